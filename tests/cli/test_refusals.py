@@ -98,7 +98,7 @@ REFUSALS = {
     f"{FIT} --max-error 1,1": "one per joint",
     f"{FIT} --max-error 1,1,-1": "positive",
     f"{FIT} --ridge -1": "--ridge",
-    f"{FIT} --ridge inf": "--ridge",
+    f"{FIT} --ridge inf": "ridge: expected a number",
     f"{FIT} --seed -1": "--seed",
     f"{FIT} --seed 4294967296": "--seed",
     f"{FIT} --robot raven3": 'did you mean "raven2"',

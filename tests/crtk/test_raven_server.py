@@ -6,11 +6,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import pose_message, pose_of
-from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import message_class, stamp_of
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import JointState, ServedRobot, shoulder
+from served_robot import ServedRobot, shoulder
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
 UP = np.array([0.0, 0.0, 1.0])
@@ -68,17 +67,6 @@ def test_a_message_moves_at_most_one_clamped_step(robot, verb, values, moved):
     robot.joints(verb, values)
     robot.tick(20)
     assert_allclose(robot.setpoint - before, moved, atol=EXACT)
-
-
-def test_two_clients_increments_add_up(robot):
-    before = robot.setpoint
-    other = Loopback("other", robot.network).publisher("/arm1/servo_jr", "sensor_msgs/JointState")
-    for _ in range(50):
-        robot.joints("servo_jr", shoulder(STEP))
-        other.publish(JointState(position=shoulder(2 * STEP)))
-        robot.tick()
-    robot.tick(5)
-    assert_allclose(robot.setpoint - before, shoulder(150 * STEP), atol=EXACT)
 
 
 def test_a_servo_jp_moves_one_clamped_step_a_message(robot):

@@ -51,7 +51,7 @@ class TerminalGuide:
 
 
 @contextmanager
-def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]":
+def ros_transport(version: int, name: str) -> "Iterator[Transport]":
     """Open a transport on ROS 1 or 2."""
     from catenary.crtk.network import make_transport
 
@@ -62,8 +62,9 @@ def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]"
 
 
 @contextmanager
-def robot_of(project: "Project", access: RobotAccess) -> "Iterator[ProjectRobot]":
-    """Open the robot that a project is about: its simulated one, or one on ROS."""
+def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator[ProjectRobot]":
+    """Open the robot that a project is about, for a command: its simulated one, or one on ROS."""
+    from catenary.crtk.node_name import node_name
     from catenary.workflows.project.ros_robot import RosRobot
     from catenary.workflows.project.simulated_robot import SimulatedRobot
     from catenary.workflows.robot.guide import AnswerYes
@@ -75,7 +76,7 @@ def robot_of(project: "Project", access: RobotAccess) -> "Iterator[ProjectRobot]
         yield SimulatedRobot()
         return
     guide = AnswerYes(announce) if access.yes else TerminalGuide()
-    with ros_transport(int(connection.removeprefix("ros"))) as transport:
+    with ros_transport(int(connection.removeprefix("ros")), node_name(command)) as transport:
         yield RosRobot(transport, guide, simulated=access.simulated)
 
 
@@ -83,6 +84,7 @@ def record_others(
     project: "Project", name: str, seconds: float, *, simulated: bool, progress: Callable[[float], None]
 ) -> list[dict[str, Any]]:
     """Record a robot that somebody else moves."""
+    from catenary.crtk.node_name import node_name
     from catenary.recording.journal import About
     from catenary.recording.synchronise import ROBOT
     from catenary.recording.topics import raven_topics
@@ -98,7 +100,8 @@ def record_others(
     about = About(robot=ROBOT[arm], simulated=simulated, configuration={"motion": "not ours"})
 
     def work() -> None:
-        with ros_transport(int(project.settings.connection.removeprefix("ros"))) as transport:
+        version = int(project.settings.connection.removeprefix("ros"))
+        with ros_transport(version, node_name("record")) as transport:
             counts[:] = record_topics(
                 transport, folder, topics, seconds, about=about, progress=progress,
                 required=[topic.name for topic in required(topics)],
@@ -114,6 +117,7 @@ def deploy_beside(
     model: Path,
     ros: int,
     *,
+    name: str | None = None,
     arm: str,
     seconds: float,
     rate_hz: float,
@@ -123,7 +127,8 @@ def deploy_beside(
 ) -> None:
     """Correct a robot's messages as they come, and publish them corrected."""
     from catenary.calibration.files import load_model
-    from catenary.crtk.client import CrtkClient
+    from catenary.crtk.node_name import node_name
+    from catenary.crtk.reader import CrtkReader
     from catenary.nodes.deploy import CalibratedTopics
 
     if arm not in ("gold", "green"):
@@ -134,8 +139,8 @@ def deploy_beside(
     if gravity_torque and imu is None:
         print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
     with (
-        ros_transport(ros) as transport,
-        CrtkClient(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
+        ros_transport(ros, node_name("deploy", name)) as transport,
+        CrtkReader(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
         end, was_silent, told = transport.steady() + seconds * 1e9, False, 0

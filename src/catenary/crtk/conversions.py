@@ -3,6 +3,7 @@
 The RAVEN-II's own `raven_state` is in `raven_conversions`.
 """
 
+from functools import lru_cache
 from math import hypot
 from typing import cast, get_args
 
@@ -47,8 +48,9 @@ def joint_state_message(
 def joint_values(message: Message, names: tuple[str, ...], field: str = "position") -> Floats:
     """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
 
-    With names, each number goes to the joint of its name, in whatever order they come. Without names the first n count,
-    in our order, as the RAVEN-II takes them.
+    With names, each number goes to the joint of its name, in whatever order they come; a RAVEN-II's own names, such as
+    gold_ins, are understood, whichever arm's they are: it publishes the green arm under gold names. Without names the
+    first n count, in our order, as the RAVEN-II takes them.
 
     Args:
         message: What came.
@@ -60,6 +62,8 @@ def joint_values(message: Message, names: tuple[str, ...], field: str = "positio
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
+    if given and given != names and len(given) <= 2 * len(names):
+        given = _own_names(given, names)
     if len(given) > 2 * len(names):  # no need to compare so many one by one
         raise InputError(f"JointState.name: {len(given)} names, expected {', '.join(names)}")
     if not given:
@@ -83,6 +87,17 @@ def joint_values(message: Message, names: tuple[str, ...], field: str = "positio
         text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
         raise InputError(f"JointState.name: {text}; the joints are {', '.join(names)}")
     return np.array([by_name[name] for name in names])
+
+
+@lru_cache(maxsize=64)
+def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names of a message as ours where they are a RAVEN-II's: gold_ins for insertion, whichever arm's it is."""
+    own = []
+    for name in given:
+        short = name.removeprefix("gold_").removeprefix("green_")
+        short = "insertion" if short == "ins" else short
+        own.append(short if name not in names and short in names else name)
+    return tuple(own)
 
 
 def joint_state(

@@ -145,11 +145,7 @@ def find_topic(
     Raises:
         InputError: There is no such topic or dialect, or the dialect has no namespaces.
     """
-    listed = topics(dialect)
-    if namespace is not None:
-        if dialect == "raven":
-            raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
-        listed = crtk_topics(namespace, arm)
+    listed = _listed(dialect, arm, namespace)
     found = next((topic for topic in listed if topic.verb == verb and topic.arm == arm), None)
     if found is None:
         verbs = sorted({topic.verb for topic in listed if topic.arm == arm})
@@ -158,6 +154,19 @@ def find_topic(
             f"there are {', '.join(verbs) or 'none'}"
         )
     return found
+
+
+def topics_of(dialect: Dialect, arm: Arm, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
+    """Return the topics of one arm; arguments and errors as `find_topic`."""
+    return tuple(topic for topic in _listed(dialect, arm, namespace) if topic.arm == arm)
+
+
+def _listed(dialect: Dialect, arm: Arm | None, namespace: str | None) -> tuple[CrtkTopic, ...]:
+    if namespace is None:
+        return topics(dialect)
+    if dialect == "raven":
+        raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
+    return crtk_topics(namespace, arm)
 
 
 def topic_name(dialect: Dialect, verb: str, arm: Arm | None = None) -> str:

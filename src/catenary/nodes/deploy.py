@@ -24,10 +24,10 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.upkeep.watch import DriftFlag, DriftWatch, WatchResult
 from catenary.control.realtime import Durations, Timing
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received
 from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
+from catenary.crtk.reader import CrtkReader
 from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages
@@ -87,7 +87,7 @@ class CalibratedTopics:
 
     def __init__(
         self,
-        client: CrtkClient,
+        client: CrtkReader,
         model: CalibrationModel,
         *,
         rate_hz: float = 1000.0,

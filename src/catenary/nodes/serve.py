@@ -30,7 +30,6 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
 
-NODE = "catenary_robot"
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
 MODELS: dict[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
 

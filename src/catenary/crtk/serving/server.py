@@ -187,10 +187,15 @@ class Server:
             if topic.type == COMMAND:
                 self._state_command(topic, message.string, now)
             else:
+                moved = self.arms if topic.arm is None else (topic.arm,)
+                if source.moves and topic.verb != "hold":  # which anybody may say
+                    for name in moved:
+                        is_busy = self.arms[name].state.is_busy
+                        self._commanders[name].require_free(source.process, now, is_moving=is_busy)
                 self._dialect.obey(topic, message)
                 if topic.verb in STOPS and topic.arm is not None:
                     self._forget_others(self.arms[topic.arm], now)
-                for name in self.arms if topic.arm is None else (topic.arm,):
+                for name in moved if source.moves else ():
                     self._commanders[name].commands(topic.name, source.process, now)
         except CatenaryError as error:  # whatever a client sends, the robot goes on
             self._refuse(topic, str(error), now)

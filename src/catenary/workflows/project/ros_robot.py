@@ -1,4 +1,4 @@
-"""A RAVEN-II on ROS in a project: homed, driven, recorded and deployed on, with a person beside it where one is needed.
+"""A robot on ROS in a project: homed, driven, recorded and deployed on, with a person beside it where one is needed.
 
 What a person has to do is asked for, and done when the robot's own topics show it: encoders when their readings come,
 the start button when it is homed, the pedal when it is ENABLED. Whatever ends a step, the robot holds and is paused.
@@ -20,6 +20,7 @@ from catenary.recording.topics import EXT_JPOS, Topic, raven_topics
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, set_aside
 from catenary.workflows.robot.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
@@ -78,11 +79,13 @@ class RosRobot(ProjectRobot):
     def drive(self, project: Project, take: Take) -> None:
         """Record over the robot's topics; a recording that was interrupted is begun anew."""
         with self._connected(project) as client:
-            check_motion(client, take.trajectory, joints=CALIBRATED)
+            joints = kind_of(project.settings).joints
+            check_motion(client, take.trajectory, joints=joints)
             self._make_homed(client)
+            client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
-                move_to(client, take.trajectory(0.0).q, joints=CALIBRATED)
+                move_to(client, take.trajectory(0.0).q, joints=joints)
                 set_aside(project, take.name)
                 self._record(client, project, take)
 
@@ -92,13 +95,14 @@ class RosRobot(ProjectRobot):
         """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
         with self._connected(project) as client:
             self._make_homed(client)
+            client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
                 found = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
         return found.as_data()
 
     def _connected(self, project: Project) -> CrtkClient:
-        return CrtkClient(self._transport, arm=arm_of(project), simulated=self._simulated)
+        return kind_of(project.settings).client(self._transport, simulated=self._simulated)
 
     def _make_homed(self, client: CrtkClient) -> None:
         """Home it if it is not, with encoders whose readings come."""

@@ -8,6 +8,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
+from catenary.crtk.reader import CrtkReader
 from catenary.errors import CatenaryError, NotReadyError, TransportError
 from catenary.plant import OperatingState, Plant
 from catenary.workflows.robot.guide import AnswerYes, Guide, clear_workspace, have_done
@@ -145,7 +146,7 @@ def _stop(client: CrtkClient, error: BaseException) -> None:
 
 
 def _external_encoders(plant: Plant) -> Floats | None:
-    if isinstance(plant, CrtkClient):
+    if isinstance(plant, CrtkReader):
         found = plant.external_encoders()
         return found if np.isfinite(found).any() else None
     telemetry = plant.telemetry()
