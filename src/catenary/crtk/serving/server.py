@@ -82,6 +82,8 @@ class Server:
         self._encoders = encoders
         self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
         self._watched = beginning.time
+        for service in dialect.services:
+            transport.service(service.name, service.type, service.answer)
         self.button: str | None = None
         if button:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
@@ -98,6 +100,9 @@ class Server:
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
+        settled = self._dialect.settle()
+        if settled is not None:
+            self.reports.say("robot: stopped", settled, now, to=tuple(self.arms))
         for name, line in self.reports.take_told():
             self.outlets[WARNING, name].publish(_String(line))
         if self.ticks % self._every == 0:
@@ -239,9 +244,9 @@ class Server:
             self.reports.say(f"{arm.arm}: paused", f"{gone} moved it and is gone", now)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
-        if topic.arm is None:
+        if topic.arm is None or self._dialect.is_one_robot:
             arms = [arm for arm in self.arms.values() if arm.machine.can_change]
-            if topic.verb != "state_command":
+            if topic.verb != "state_command" and not self._dialect.is_one_robot:
                 arms = []  # arms that the robot does not have
         else:
             arms = [self.arms[topic.arm]]
