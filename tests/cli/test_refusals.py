@@ -161,6 +161,7 @@ REFUSALS = {
     "hold two_link --q 0,0 --seconds 0": "seconds: expected more than 0",
     "hold two_link --report none/hold.html": "folder none does not exist",
     "regressor planar_3": 'did you mean "planar_3r"',
+    f"gravity {POSE} --latex": "--latex goes without --q",
     "regressor planar_3r --json --latex": "give one of --latex and --json",
     "fk raven2": "give its 3 joints with --q (rad, m) or --q-deg (deg, mm): shoulder [rad]",
     "fk raven2 --q 1,1,0.4 --q-deg 1,1,1": "give its 3 joints with --q",
