@@ -119,6 +119,15 @@ def ros_master(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Master]":
 
 
 @pytest.fixture(scope="session")
+def dds_domain() -> Iterator[int]:
+    """DDS domain of the process of the tests and of those that it starts; skips where there is no DDS."""
+    from dds import dds_domain
+
+    with dds_domain() as domain:
+        yield domain
+
+
+@pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a project with a short zig-zag and a short test motion, recorded and extracted; not to be written."""
     from simulated_project import record_short

@@ -79,7 +79,7 @@ def test_architecture_page_names_the_files_of_every_room_and_no_others(room: str
 
 # packages that are imported by another name than they are installed by, or that come with ROS
 IMPORTED = {"sklearn": "scikit_learn", "serial": "pyserial"}
-OF_ROS = {"rospy", "rosgraph", "genpy", "rclpy"}
+OF_ROS = {"rospy", "rosgraph", "genpy"}
 
 
 def _declared(requirements: list[str]) -> set[str]:

@@ -41,6 +41,7 @@ from catenary.plant import JointState as JointState
 from catenary.plant import MotionLog as MotionLog
 from catenary.recording.logs import read_log as read_log
 from catenary.recording.logs import write_parquet as write_parquet
+from catenary.reports.robot_plot import plot as plot
 from catenary.robots.catalog import load_robot as load_robot
 from catenary.robots.model import RobotModel as RobotModel
 from catenary.simulation.base_motion import FixedBase as FixedBase

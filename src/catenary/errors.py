@@ -79,6 +79,10 @@ class NotReadyError(CatenaryError):
     """A robot that is not homed or not enabled was asked to move."""
 
 
+class RobotHeldError(NotReadyError):
+    """Another program moves the robot; the message says which, and that one is left alone."""
+
+
 class LimitError(CatenaryError, ValueError):
     """A motion leaves the joint limits, or runs into a stop, and was refused before anything moved."""
 

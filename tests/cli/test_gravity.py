@@ -57,6 +57,12 @@ def test_gravity_takes_degrees_and_millimetres() -> None:
     assert_allclose(shown["tau"], [1.5120, -0.1962, 2.1879], atol=1e-4)  # published for the mechanism
 
 
+def test_gravity_is_written_as_formulas_of_the_joints() -> None:
+    # two rods of 1 kg, 1 and 0.5 m long: 9.81 (0.5 + 1) and 9.81 0.25
+    lines = catenary("gravity", "two_link", "--latex").out.splitlines()
+    assert lines == ["g_{1} = 14.715 c_{1} + 2.4525 c_{12}", "g_{2} = 2.4525 c_{12}"]
+
+
 def test_table_shows_the_difference_to_a_level_base() -> None:
     out = catenary("gravity", *POSE, "--base-tilt-deg", "0,20").out
     shoulder = next(line for line in out.splitlines() if "shoulder" in line).split()
@@ -110,6 +116,7 @@ def test_any_other_robot_is_held_as_rigid_bodies(tmp_path: Path) -> None:
     line = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0,90")
     assert str(page) in catenary(*line, "--report", page).out
     assert "Distance of every joint from where it began" in page.read_text()
+    assert "The arm where it was put, and, paler, at the end" in page.read_text()
     assert "0, 90" in page.read_text()  # the base's tilt
     assert max(joint["drift"] for joint in catenary(*line, "--json").json["joints"]) < 1e-3
 

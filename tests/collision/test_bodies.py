@@ -5,12 +5,12 @@ from hypothesis import strategies as st
 
 from catenary.collision.bodies import bodies_of, capsule_about
 from catenary.errors import MissingPackageError
-from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Mesh, Shape
+from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Shape, TriangleMesh
 from catenary.spatial import Pose, rotation_from_vector
 
 POSE = Pose(rotation_from_vector([0.3, -0.5, 0.2]), np.array([0.1, 0.2, -0.3]))
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
-TETRAHEDRON = Mesh(
+TETRAHEDRON = TriangleMesh(
     np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 )
 

@@ -13,8 +13,10 @@ from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
+from catenary.simulation.psm.plant import PsmPlant
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback
+from oracles.psm_arms import homed_psm
 
 
 def behind_topics(plant: Plant, dialect: Dialect, arm: str) -> CrtkClient:
@@ -41,6 +43,7 @@ def unhomed_mujoco(robot: str) -> MujocoPlant:
 
 
 PLANTS = {
+    "psm": (homed_psm, PsmPlant),
     "cable left": (lambda: homed_plant("left"), lambda: CablePlant(side="left")),
     "cable right": (lambda: homed_plant("right"), lambda: CablePlant(side="right")),
     "mujoco raven2": (lambda: homed_mujoco("raven2"), lambda: MujocoPlant(load_robot("raven2"))),
@@ -113,7 +116,12 @@ def test_arrays_are_the_receivers_own(ready, arrays):
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: CablePlant(base=ROCKING), lambda: homed_mujoco("two_link", ROCKING)]
+    "make",
+    [
+        lambda: CablePlant(base=ROCKING),
+        lambda: PsmPlant(base=ROCKING),
+        lambda: homed_mujoco("two_link", ROCKING),
+    ],
 )
 def test_joint_state_holds_what_an_inertial_unit_on_a_moving_base_reads(make):
     plant = make()

@@ -32,7 +32,7 @@ def test_every_robots_inertias_are_those_of_bodies_that_can_exist(name):
         assert (mass > 0.0) == (moments[2] > 0.0)
 
 
-@pytest.mark.parametrize("name", ["dvrk_psm", "dvrk_mtm", "dvrk_mtm_joint", "tiago"])
+@pytest.mark.parametrize("name", ["dvrk_psm", "dvrk_psm_joint", "dvrk_mtm", "dvrk_mtm_joint", "tiago"])
 def test_robots_without_published_inertia_are_kinematics_only(name):
     model = load_robot(name)
     assert model.missing_inertia == model.link_names
@@ -131,7 +131,7 @@ def test_a_file_is_read_by_what_it_holds(tmp_path, file, text, name):
 @pytest.mark.parametrize(
     ("file", "text", "said"),
     [
-        ("r.sdf", "<sdf/>", 'ending ".sdf": expected .toml, .urdf, .xml or .mjcf'),
+        ("r.sdf", "<sdf/>", 'ending ".sdf": expected .toml, .urdf, .xml, .mjcf or .npz'),
         ("r.urdf.xacro", "<robot/>", "is a xacro file: expand it first"),
         ("r.xml", "<sdf/>", "root element <sdf>: expected <robot> (URDF) or <mujoco> (MJCF)"),
         ("r.xml", "", "cannot be read as XML: no element found"),

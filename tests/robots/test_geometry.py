@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.robots.geometry import Ball, Box, Capsule, Mesh, capsule_between, check_form, shape_on
+from catenary.robots.geometry import Ball, Box, Capsule, TriangleMesh, capsule_between, check_form, shape_on
 from catenary.spatial import identity_pose
 from colliding_arm import PANDA
 
@@ -23,7 +23,7 @@ def test_a_capsule_between_two_points_ends_there(numbers):
 
 @pytest.mark.parametrize(
     "form",
-    [Ball(0.0), Ball(np.nan), Box(1, -1, 1), Capsule(0.1, -0.1), Capsule(2e3, 1), Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))],
+    [Ball(0.0), Ball(np.nan), Box(1, -1, 1), Capsule(0.1, -0.1), Capsule(2e3, 1), TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))],
 )  # fmt: skip
 def test_forms_that_nothing_has_are_refused(form):
     with pytest.raises(InputError, match=r"^shape: "):

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.kinematics import link_poses
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.robots.catalog import load_robot
-from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, HalfSpace, Mesh, MeshFile
+from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, HalfSpace, MeshFile, TriangleMesh
 from catenary.robots.shapes import load_geometry
 from colliding_arm import write_arm
 
@@ -104,7 +104,7 @@ def test_an_mjcf_gives_the_geoms_that_collide_where_mujoco_has_them(tmp_path):
     path.write_text(MJCF)
     model = load_robot(path)
     found = load_geometry(path, model)
-    assert [type(shape.form) for shape in found.shapes] == [HalfSpace, Capsule, Box, Mesh]
+    assert [type(shape.form) for shape in found.shapes] == [HalfSpace, Capsule, Box, TriangleMesh]
     assert found.shapes[2].form == Box(0.2, 0.4, 0.6)
     theirs = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(theirs)

@@ -7,17 +7,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.simulation.cable_parameters import load_cable_arm, right_arm
-from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cabled.arm_state import ArmState
 from catenary.simulation.firmware import (
-    OFF,
-    POSITION,
-    TORQUE,
     ControlState,
     control_motors,
     read_encoders,
     register,
 )
+from catenary.simulation.records import OFF, POSITION, TORQUE
 from catenary.transmission.coupling import joint_forces
 from oracles.cable_arms import homed_plant, linear_arm
 

@@ -15,8 +15,9 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.firmware import POSITION, ControlState
+from catenary.simulation.firmware import ControlState
 from catenary.simulation.own_gravity import NOMINAL, grav_dir_of, gravity_of, own_gravity, weigh
+from catenary.simulation.records import POSITION
 from catenary.transmission.coupling import tensions_for
 from oracles.cable_arms import homed_plant, smooth_motion, with_linear_cables
 

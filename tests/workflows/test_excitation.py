@@ -12,7 +12,7 @@ from catenary.identification.motion_limits import room_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
 from catenary.workflows.excitation import (
-    Surroundings,
+    MotionSurroundings,
     comparison_table,
     design_excitation,
     write_excitation,
@@ -28,7 +28,7 @@ LEVEL = np.array([0.0, 0.0, -9.81])
 
 def design(around=None, model=PANDA, room=ROOM, **options):
     shape = {"trials": 4, "rate": 50.0} if "static" not in options else {}
-    around = Surroundings(GEOMETRY, (floor_at(0.0),)) if around is None else around
+    around = MotionSurroundings(GEOMETRY, (floor_at(0.0),)) if around is None else around
     return design_excitation(model, room, around, np.random.default_rng(0), gravity=LEVEL, **shape, **options)
 
 
@@ -60,7 +60,7 @@ def test_it_tells_what_it_shows_beside_other_motions(motion):
 
 
 def test_without_shapes_it_says_loudly_that_collisions_are_unchecked():
-    found = design(Surroundings(None, unchecked="no shapes"))
+    found = design(MotionSurroundings(None, unchecked="no shapes"))
     assert found.notes[0] == "warning: COLLISIONS ARE UNCHECKED: no shapes"
     assert "collisions: UNCHECKED" in found.kept()
     assert found.summary()["collisions"] == {"checked": False}
@@ -69,14 +69,14 @@ def test_without_shapes_it_says_loudly_that_collisions_are_unchecked():
 def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
     raven = load_robot("raven2")
     room = room_of(raven, velocity=[1.0, 1.0, 0.1])
-    found = design(Surroundings(load_geometry("raven2", raven)), raven, room)
+    found = design(MotionSurroundings(load_geometry("raven2", raven)), raven, room)
     assert any("torques are unchecked: raven2 has no limits of them" in note for note in found.notes)
     assert any("kept from hitting itself alone" in note for note in found.notes)
     bare = load_robot("dvrk_psm")
     room = room_of(
         bare, lower=-np.full(7, 0.5), upper=np.full(7, 0.5), velocity=np.ones(7), effort=np.ones(7)
     )
-    found = design(Surroundings(None, unchecked="no shapes"), bare, room)
+    found = design(MotionSurroundings(None, unchecked="no shapes"), bare, room)
     assert any("torques are unchecked: dvrk_psm has no masses" in note for note in found.notes)
 
 
@@ -90,7 +90,7 @@ def test_poses_are_free_and_their_ways_said_to_be_unchecked():
 def test_a_urdf_with_all_kinds_of_shapes_is_kept_clear(tmp_path):
     path = write_arm(tmp_path)
     model = load_robot(path)
-    around = Surroundings(load_geometry(path, model), (floor_at(-0.2),))
+    around = MotionSurroundings(load_geometry(path, model), (floor_at(-0.2),))
     found = design(around, model, room_of(model))
     assert found.design.checked.clearance.measured > 0  # by Coal
     assert not found.limits.scene.assumed

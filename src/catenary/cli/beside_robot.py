@@ -15,7 +15,9 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
+    from catenary.crtk.reader import CrtkReader
     from catenary.crtk.transport import Transport
+    from catenary.nodes.deploy import CalibratedTopics, WireReport
     from catenary.workflows.project.folder import Project
     from catenary.workflows.project.robot import ProjectRobot
 
@@ -51,7 +53,7 @@ class TerminalGuide:
 
 
 @contextmanager
-def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]":
+def ros_transport(version: int, name: str) -> "Iterator[Transport]":
     """Open a transport on ROS 1 or 2."""
     from catenary.crtk.network import make_transport
 
@@ -62,8 +64,9 @@ def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]"
 
 
 @contextmanager
-def robot_of(project: "Project", access: RobotAccess) -> "Iterator[ProjectRobot]":
-    """Open the robot that a project is about: its simulated one, or one on ROS."""
+def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator[ProjectRobot]":
+    """Open the robot that a project is about, for a command: its simulated one, or one on ROS."""
+    from catenary.crtk.node_name import node_name
     from catenary.workflows.project.ros_robot import RosRobot
     from catenary.workflows.project.simulated_robot import SimulatedRobot
     from catenary.workflows.robot.guide import AnswerYes
@@ -75,14 +78,21 @@ def robot_of(project: "Project", access: RobotAccess) -> "Iterator[ProjectRobot]
         yield SimulatedRobot()
         return
     guide = AnswerYes(announce) if access.yes else TerminalGuide()
-    with ros_transport(int(connection.removeprefix("ros"))) as transport:
+    with ros_transport(int(connection.removeprefix("ros")), node_name(command)) as transport:
         yield RosRobot(transport, guide, simulated=access.simulated)
 
 
 def record_others(
-    project: "Project", name: str, seconds: float, *, simulated: bool, progress: Callable[[float], None]
+    project: "Project",
+    name: str,
+    seconds: float,
+    *,
+    ros: int,
+    simulated: bool,
+    progress: Callable[[float], None],
 ) -> list[dict[str, Any]]:
     """Record a robot that somebody else moves."""
+    from catenary.crtk.node_name import node_name
     from catenary.recording.journal import About
     from catenary.recording.synchronise import ROBOT
     from catenary.recording.topics import raven_topics
@@ -98,7 +108,7 @@ def record_others(
     about = About(robot=ROBOT[arm], simulated=simulated, configuration={"motion": "not ours"})
 
     def work() -> None:
-        with ros_transport(int(project.settings.connection.removeprefix("ros"))) as transport:
+        with ros_transport(ros, node_name("record")) as transport:
             counts[:] = record_topics(
                 transport, folder, topics, seconds, about=about, progress=progress,
                 required=[topic.name for topic in required(topics)],
@@ -114,6 +124,7 @@ def deploy_beside(
     model: Path,
     ros: int,
     *,
+    name: str | None = None,
     arm: str,
     seconds: float,
     rate_hz: float,
@@ -123,7 +134,8 @@ def deploy_beside(
 ) -> None:
     """Correct a robot's messages as they come, and publish them corrected."""
     from catenary.calibration.files import load_model
-    from catenary.crtk.client import CrtkClient
+    from catenary.crtk.node_name import node_name
+    from catenary.crtk.reader import CrtkReader
     from catenary.nodes.deploy import CalibratedTopics
 
     if arm not in ("gold", "green"):
@@ -134,24 +146,53 @@ def deploy_beside(
     if gravity_torque and imu is None:
         print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
     with (
-        ros_transport(ros) as transport,
-        CrtkClient(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
+        ros_transport(ros, node_name("deploy", name)) as transport,
+        CrtkReader(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
-        end, was_silent, told = transport.steady() + seconds * 1e9, False, 0
+        failure: BaseException | None = None
         try:
-            while (left := (end - transport.steady()) * 1e-9) > 0.0:
-                topics.run(min(0.5, left))
-                if topics.is_silent != was_silent:
-                    was_silent = topics.is_silent
-                    announce("the robot is silent" if was_silent else "the robot is back")
-                for flag in topics.drift_flags[told:]:
-                    announce(f"drift? {flag.reason}")
-                told = len(topics.drift_flags)
+            _tell_while_deployed(topics, client, seconds)
         except KeyboardInterrupt:
             pass  # the usual end
+        except BaseException as error:
+            failure = error
         report = topics.report()
         topics.close()
+    _show_deployment(model, arm, report, as_json=as_json)
+    if failure is not None:
+        raise failure  # behind the report, which is there whatever ended it
+
+
+_OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": "the input is back"}
+
+
+def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", seconds: float) -> None:
+    """Run a deployed model, and say what changes: the robot's silence, its faults, stale inputs, signs of drift."""
+    transport = client.transport
+    end, said, told = transport.steady() + seconds * 1e9, dict[str, str](), 0
+    while (left := (end - transport.steady()) * 1e-9) > 0.0:
+        topics.run(min(0.5, left))
+        now = {
+            "silence": "the robot is silent" if topics.is_silent else "",
+            "fault": f"the robot is in FAULT: {client.fault_reason}" if client.fault_reason else "",
+            "stale": f"stale input: {topics.stale[0].partition(':')[0]}" if topics.stale else "",
+        }
+        for kind, text in now.items():
+            if text != said.get(kind, ""):
+                announce(
+                    text
+                    or {"silence": "the robot is back", "fault": "its fault is over"}.get(
+                        kind, "its inputs are back"
+                    )
+                )
+        said = now
+        for flag in topics.drift_flags[told:]:
+            announce(f"drift? {flag.reason}")
+        told = len(topics.drift_flags)
+
+
+def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bool) -> None:
     if as_json:
         print_json({"model": str(model), "arm": arm, **report.as_data()})
         return
@@ -159,7 +200,7 @@ def deploy_beside(
     print(
         f"{report.published} of {report.messages} messages corrected in {report.seconds:.1f} s, {rate}; "
         f"{report.late} late, {report.missed} missed, {report.not_homed} while not homed, "
-        f"{report.unreadable} unreadable"
+        f"{report.unreadable} unreadable, {report.stale} with a stale input"
     )
     print(f"silences: {report.silences}, the longest {report.longest_silence:.2f} s")
     if report.latency is not None:

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.conditions import Conditions
-from catenary.cli.gravity_source import ImuReading, SensingOptions, gravity_of_reading
+from catenary.cli.gravity_source import GivenGravity, SensingOptions
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, BaseTilt, MountingFile, robots_beginning
+from catenary.cli.options import AsJsonNotTables, robots_beginning
 from catenary.cli.out_files import PAGE, Report, refuse_outputs
 from catenary.cli.robots import DescriptionOptions, Robot
 from catenary.cli.terminal import (
-    base_tilt,
-    numbers,
     print_json,
     print_notes,
     print_table,
@@ -23,10 +21,11 @@ from catenary.cli.terminal import (
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
+    from catenary.arrays import Floats
     from catenary.control.measures import Holding, Tracking
+    from catenary.robots.model import RobotModel
 
+SHOWN_POSES = 9  # of a motion, in its report
 Simulated = Annotated[
     str,
     Argument(
@@ -39,16 +38,13 @@ Simulated = Annotated[
 
 def gravity(
     robot: Robot,
+    given: GivenGravity,
     description: DescriptionOptions,
     q: Q = None,
     q_deg: QDeg = None,
-    base_tilt_deg: BaseTilt = None,
-    vector: Annotated[
-        str | None,
-        Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, z up, in m/s2."),
-    ] = None,
-    imu_reading: ImuReading = None,
-    mounting: MountingFile = None,
+    latex: Annotated[
+        bool, Option("--latex", help="Print the torques as formulas of the joints, for LaTeX, without --q.")
+    ] = False,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
@@ -57,32 +53,25 @@ def gravity(
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
-    import numpy as np
-
-    from catenary.arrays import as_array
     from catenary.gravity.torque import gravity_torque
-    from catenary.sensing.vector import gravity_doubts, tilted_gravity
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    if sum(given is not None for given in (base_tilt_deg, vector, imu_reading)) > 1:
-        raise InputError("gravity: give one of --base-tilt-deg, --gravity and --imu-reading")
-    if mounting is not None and imu_reading is None:
-        raise InputError("gravity: --mounting corrects --imu-reading; give one")
+    gravity = given.told("gravity")
     model = description.load(robot)
     model.require_masses()
+    if latex:
+        if as_json or q is not None or q_deg is not None:
+            raise InputError("gravity: --latex goes without --q, --q-deg and --json")
+        from catenary.gravity.formula import gravity_latex
+
+        print_notes(given.doubts(gravity))
+        print(gravity_latex(model, gravity))
+        return
     values = joint_values(model, q, q_deg)
-    down: ArrayLike = LEVEL if vector is None else numbers("--gravity", vector, 3)
-    if imu_reading is not None:
-        down = gravity_of_reading(imu_reading, mounting)
-    if base_tilt_deg is not None:
-        roll, pitch = np.deg2rad(base_tilt(base_tilt_deg))
-        down = tilted_gravity(float(roll), float(pitch))
-    gravity = as_array("gravity", down, (3,))
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
-    turned = base_tilt_deg is not None
-    print_notes([*beyond_limits(model, values), *gravity_doubts(gravity, hanging=turned)])
+    print_notes([*beyond_limits(model, values), *given.doubts(gravity)])
     if as_json:
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level})
@@ -160,11 +149,14 @@ def track(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
         q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
     )  # fmt: skip
-    source = conditions.gravity(arm, sensing)
+    source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
     settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}
     title = f"{robot} (simulated), controller {controller}, {motion}"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json)
+    times = np.linspace(0.0, chosen.trajectory.duration, SHOWN_POSES)
+    poses = np.array([chosen.trajectory(time).q for time in times])
+    shown = arm.model, poses, felt, "at the beginning of the motion, and at times along it"
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
 
 
 def hold(
@@ -196,19 +188,30 @@ def hold(
     law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
+    felt = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing))
     settings = {"robot": robot, "controller": controller}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json)
+    shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
 
 
 def _conclude(
-    title: str, result: "Tracking | Holding", settings: Mapping[str, Any], report: Path | None, as_json: bool
+    title: str,
+    result: "Tracking | Holding",
+    settings: Mapping[str, Any],
+    report: Path | None,
+    as_json: bool,
+    shown: "tuple[RobotModel, Floats, Floats, str]",
 ) -> None:
     from catenary.reports.gravity import gravity_table, write_gravity_report
 
     if report is not None:
-        write_gravity_report(report, result, settings)
+        from catenary.reports.robot_plot import robot_picture
+
+        model, poses, felt, when = shown
+        caption = f"The arm {when}, under gravity as its base felt it when it was homed; bars by the model's masses."
+        write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=felt))
     if as_json:
         print_json({**settings, **result.as_data()})
         return

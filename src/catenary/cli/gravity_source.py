@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from catenary.cli.options import Hanging, MountingFile
-from catenary.cli.terminal import numbers
+from catenary.cli.options import BaseTilt, Hanging, MountingFile
+from catenary.cli.terminal import base_tilt, numbers
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,6 +45,54 @@ def gravity_of_reading(reading: str, mounting: Path | None = None) -> "Floats":
     told = Mounting() if mounting is None else load_mounting(mounting)
     force = as_array("--imu-reading", numbers("--imu-reading", reading, 3), (3,))
     return told.gravity(force, Kind.SPECIFIC_FORCE)
+
+
+@dataclass(frozen=True)
+class GivenGravity:
+    """Options that say which way gravity points in an arm's base at rest; down on a level one without any."""
+
+    base_tilt_deg: BaseTilt = None
+    vector: Annotated[
+        str | None,
+        Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, z up, in m/s2."),
+    ] = None
+    imu_reading: ImuReading = None
+    mounting: MountingFile = None
+
+    def told(self, command: str) -> "Floats":
+        """Return gravity, (3,) in base axes.
+
+        Args:
+            command: Which opens what is refused.
+
+        Raises:
+            InputError: Several that say it, or no finite numbers.
+            ConfigError: A mounting file that is none.
+        """
+        import numpy as np
+
+        from catenary.arrays import as_array
+        from catenary.sensing.vector import tilted_gravity
+        from catenary.spatial import LEVEL
+
+        if sum(given is not None for given in (self.base_tilt_deg, self.vector, self.imu_reading)) > 1:
+            raise InputError(f"{command}: give one of --base-tilt-deg, --gravity and --imu-reading")
+        if self.mounting is not None and self.imu_reading is None:
+            raise InputError(f"{command}: --mounting corrects --imu-reading; give one")
+        if self.imu_reading is not None:
+            return gravity_of_reading(self.imu_reading, self.mounting)
+        if self.base_tilt_deg is not None:
+            roll, pitch = np.deg2rad(base_tilt(self.base_tilt_deg))
+            return tilted_gravity(float(roll), float(pitch))
+        return (
+            LEVEL if self.vector is None else as_array("gravity", numbers("--gravity", self.vector, 3), (3,))
+        )
+
+    def doubts(self, gravity: "Floats") -> list[str]:
+        """Return in words why this gravity may not be the one that was meant."""
+        from catenary.sensing.vector import gravity_doubts
+
+        return gravity_doubts(gravity, hanging=self.base_tilt_deg is not None)
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def monitor(
             from catenary.workflows.robot.watch import watch_robot
 
             announce("preparing the robot ...")
-            opened = stack.enter_context(open_robot(robot, moves=False, imu=source))
+            opened = stack.enter_context(open_robot(robot, "monitor", moves=False, imu=source))
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name
             observe = stack.enter_context(recorded(opened, record))

@@ -53,7 +53,7 @@ def goto(
     if position_mm is not None and joints is not None:
         raise InputError("goto: --joints goes with --q-deg or --q")
     place = None if position_mm is None else np.array(numbers("--position-mm", position_mm, 3)) / 1000.0
-    with open_robot(robot) as opened:
+    with open_robot(robot, "goto") as opened:
         names = None if joints is None else words(joints)
         if place is not None:
             goal = joints_at(opened, place, rng=np.random.default_rng(0))
@@ -84,7 +84,7 @@ def random(
 
     from catenary.workflows.robot.operator_motion import run_random
 
-    with open_robot(robot) as opened, progress_bar("random") as tell:
+    with open_robot(robot, "random") as opened, progress_bar("random") as tell:
         summary = run_random(opened, seconds, rng=np.random.default_rng(seed), progress=tell)
     _say(summary, as_json, "done")
 
@@ -122,7 +122,7 @@ def follow(
     away = motion.leaves_rows(motion.trajectory(blend), blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
-    with open_robot(robot) as opened, progress_bar("follow") as tell:
+    with open_robot(robot, "follow") as opened, progress_bar("follow") as tell:
         summary = follow_file(
             opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell
         )

@@ -32,6 +32,10 @@ Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="ROS that carr
 Duration = Annotated[
     float | None, Option("--duration", metavar="S", min=0.0, help="How long to run. [default: until Ctrl-C]")
 ]
+NodeName = Annotated[
+    str | None,
+    Option("--name", metavar="NAME", help="On ROS: this program's. [default: catenary_COMMAND_PID]"),
+]
 Record = Annotated[Path | None, Option("--record", metavar="FOLDER", help="Also record a RAVEN-II's topics.")]
 Baud = Annotated[int, Option("--baud", min=300, help="Speed of the serial line.")]
 MountingFile = Annotated[Path | None, Option("--mounting", metavar="FILE", help="Sensor's mounting file.")]

@@ -146,6 +146,12 @@ def _is_log(path: Path) -> bool:
         return False
 
 
+def _is_picture(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    return head.startswith((b"\x89PNG", b"%PDF")) or b"<svg" in head
+
+
 _is_designed = _has_arrays("t", "q", "dq", "ddq", without="tau")
 
 
@@ -162,6 +168,7 @@ MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
 GRAPH = FileKind("an ONNX graph", (".onnx",), _holds(b"catenary"))
 URDF = FileKind("a URDF", (".urdf", ".xml"), _holds(b"<robot"))
+PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), _is_picture)
 PAGE = FileKind("a page", (".html", ".htm"), _holds(b"<!doctype html>"))
 
 NAMED_AS_TYPED = "The name is taken as typed; an older file is replaced, another kind of file never."

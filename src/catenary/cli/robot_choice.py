@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from catenary.cli import beside_robot
-from catenary.cli.options import robots_beginning
+from catenary.cli.options import NodeName, robots_beginning
 from catenary.cli.terminal import base_tilt, print_notes
 from catenary.errors import InputError
 
@@ -37,6 +37,7 @@ class WatchedRobot:
     namespace: Annotated[
         str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None
+    name: NodeName = None
     simulated: Annotated[
         bool,
         Option("--simulated", help="With --ros: that robot is simulated, so there is no workspace to clear."),
@@ -68,15 +69,22 @@ class PacedRobot(MovedRobot):
 
 @contextmanager
 def open_robot(
-    chosen: WatchedRobot, *, moves: bool = True, homed: bool = True, imu: "ImuTopic | None" = None
+    chosen: WatchedRobot,
+    command: str,
+    *,
+    moves: bool = True,
+    homed: bool = True,
+    imu: "ImuTopic | None" = None,
 ) -> "Iterator[OperatedRobot]":
-    """Open a robot: simulated in this process, enabled and homed, or one on ROS, as it is.
+    """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is.
 
     Raises:
         InputError: Options that do not go together.
-        NotReadyError: Nobody said that the workspace is clear.
+        NotReadyError: Nobody said that the workspace is clear, or another program moves the robot.
         TransportError: The robot is not there.
     """
+    from catenary.crtk.client import CrtkClient
+    from catenary.crtk.node_name import node_name
     from catenary.workflows.robot.guide import clear_workspace
     from catenary.workflows.robot.operated_robot import robot_over, simulated_robot
 
@@ -84,22 +92,26 @@ def open_robot(
     yes = isinstance(chosen, MovedRobot) and chosen.yes
     fast = isinstance(chosen, PacedRobot) and chosen.fast
     if chosen.ros is None:
-        if chosen.namespace is not None or simulated or yes or chosen.dialect != "raven":
+        named = chosen.namespace is not None or chosen.name is not None
+        if named or simulated or yes or chosen.dialect != "raven":
             raise InputError(
-                "--dialect, --namespace, --simulated and --yes go with --ros; this robot is simulated here"
+                "--dialect, --namespace, --name, --simulated and --yes go with --ros; this robot is simulated here"
             )
         angles = base_tilt(tilt)
         yield simulated_robot(robot, seed=seed, base_tilt_deg=angles, homed=homed, real_time=not fast)
         return
     if tilt is not None or seed is not None or fast:
         raise InputError("--base-tilt-deg, --robot-seed and --fast go with a simulated robot, not with --ros")
-    with beside_robot.ros_transport(chosen.ros) as transport:
+    with beside_robot.ros_transport(chosen.ros, node_name(command, chosen.name)) as transport:
         opened, client = robot_over(
-            transport, robot, dialect=chosen.dialect, namespace=chosen.namespace, simulated=simulated, imu=imu
-        )
+            transport, robot, dialect=chosen.dialect, namespace=chosen.namespace, simulated=simulated, imu=imu,
+            only_read=not isinstance(chosen, MovedRobot),
+        )  # fmt: skip
         with client:
             if moves and not simulated and not yes:
                 clear_workspace(beside_robot.TerminalGuide())
+            if isinstance(client, CrtkClient):
+                client.require_free()
             yield opened
 
 

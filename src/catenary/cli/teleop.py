@@ -29,7 +29,7 @@ def teleop(
 
     terminal = RawTerminal()
     announce("preparing the robot ...")
-    with open_robot(robot, homed=not not_homed) as opened:
+    with open_robot(robot, "teleop", homed=not not_homed) as opened:
         with recorded(opened, record) as observe, terminal:
             session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
             why = session.run(time.monotonic)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.collision.scene import Names, PlacedBodies, Scene
+from catenary.collision.scene import CollisionScene, Names, PlacedBodies
 
 FIRST = 128  # intervals that a motion is cut into before any is halved
 FINEST = 2e-5  # [m] of motion in an interval: closer to the margin than this counts as within it
@@ -49,7 +49,7 @@ class Clearance:
 
 @dataclass
 class _Looks:
-    scene: Scene
+    scene: CollisionScene
     margin: float
     times: Floats
     placed: PlacedBodies
@@ -76,7 +76,7 @@ class _Looks:
         return False
 
 
-def clearance_of(scene: Scene, path: JointPath, margin: float) -> Clearance:
+def clearance_of(scene: CollisionScene, path: JointPath, margin: float) -> Clearance:
     """Return whether all pairs of a scene stay farther apart than a margin [m] at every instant of a motion."""
     times = np.linspace(0.0, path.duration, FIRST + 1)
     search = _look(scene, path, margin, times)
@@ -95,7 +95,7 @@ def clearance_of(scene: Scene, path: JointPath, margin: float) -> Clearance:
         search, open_ = _halved(search, path, open_)
 
 
-def _look(scene: Scene, path: JointPath, margin: float, times: Floats) -> _Looks:
+def _look(scene: CollisionScene, path: JointPath, margin: float, times: Floats) -> _Looks:
     q, qd, _ = path.sample(times)
     placed = scene.place(q)
     known = scene.lower_bounds(placed)
@@ -164,7 +164,7 @@ def _halved(search: _Looks, path: JointPath, open_: Intervals) -> tuple[_Looks, 
     )
 
 
-def _nearest(scene: Scene, path: JointPath, times: Floats) -> tuple[float, float, int]:
+def _nearest(scene: CollisionScene, path: JointPath, times: Floats) -> tuple[float, float, int]:
     """Return the smallest distance of a motion at some instants, when it is, and of which pair."""
     placed = scene.place(path.sample(times)[0])
     known = scene.lower_bounds(placed)

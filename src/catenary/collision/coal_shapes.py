@@ -7,7 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, MissingPackageError
-from catenary.robots.geometry import Box, Cylinder, Ellipsoid, Mesh, MeshFile
+from catenary.robots.geometry import Box, Cylinder, Ellipsoid, MeshFile, TriangleMesh
 from catenary.spatial import Pose
 
 MOST_TRIANGLES = 2_000_000
@@ -31,7 +31,7 @@ def primitive(form: Box | Cylinder | Ellipsoid) -> Any:
     return kind(*form)
 
 
-def mesh_of(name: str, form: Mesh | MeshFile) -> tuple[Any, Any, Floats]:
+def mesh_of(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any, Floats]:
     """Return a mesh's convex hull, the mesh itself, and its vertices (V, 3) [m].
 
     Raises:
@@ -61,7 +61,7 @@ def mesh_of(name: str, form: Mesh | MeshFile) -> tuple[Any, Any, Floats]:
     return surface.convex, surface, vertices
 
 
-def _surface(coal: Any, mesh: Mesh) -> Any:
+def _surface(coal: Any, mesh: TriangleMesh) -> Any:
     surface = coal.BVHModelOBBRSS()
     surface.beginModel(len(mesh.triangles), len(mesh.vertices))
     surface.addVertices(np.asarray(mesh.vertices, dtype=float))

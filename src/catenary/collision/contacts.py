@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.collision.scene import Names, Scene
+from catenary.collision.scene import CollisionScene, Names
 from catenary.errors import InputError
 
 POSES = 60  # at which it is looked for pairs that always touch, and for a pose where nothing does
 
 
-def touching(scene: Scene, q: Floats, margin: float) -> NDArray[np.bool_]:
+def touching(scene: CollisionScene, q: Floats, margin: float) -> NDArray[np.bool_]:
     """Return which pairs (N, P) are closer than a margin [m] at configurations (N, n)."""
     placed = scene.place(q)
     known = scene.lower_bounds(placed)
@@ -22,7 +22,7 @@ def touching(scene: Scene, q: Floats, margin: float) -> NDArray[np.bool_]:
     return np.asarray(close)
 
 
-def is_free(scene: Scene, q: Floats, margin: float) -> NDArray[np.bool_]:
+def is_free(scene: CollisionScene, q: Floats, margin: float) -> NDArray[np.bool_]:
     """Return at which configurations (N, n) no pair is closer than a margin [m]; the likeliest pairs come first."""
     placed = scene.place(q)
     known = scene.lower_bounds(placed)
@@ -34,7 +34,9 @@ def is_free(scene: Scene, q: Floats, margin: float) -> NDArray[np.bool_]:
     return np.asarray(free)
 
 
-def without_constant_contacts(scene: Scene, q: Floats, margin: float) -> tuple[Scene, tuple[Names, ...]]:
+def without_constant_contacts(
+    scene: CollisionScene, q: Floats, margin: float
+) -> tuple[CollisionScene, tuple[Names, ...]]:
     """Return a scene without the pairs of links that are within the margin at all configurations (N, n), and these.
 
     Links that touch in every pose do so by their make, or by the coarseness of their shapes; they say nothing about
@@ -53,7 +55,7 @@ def without_constant_contacts(scene: Scene, q: Floats, margin: float) -> tuple[S
     return replace(scene, pairs=scene.pairs[~always], _tools={}), names
 
 
-def require_free_pose(scene: Scene, q: Floats, margin: float) -> Floats:
+def require_free_pose(scene: CollisionScene, q: Floats, margin: float) -> Floats:
     """Return which of configurations (N, n) are free, (M, n); at least one is.
 
     Raises:
@@ -73,7 +75,7 @@ def require_free_pose(scene: Scene, q: Floats, margin: float) -> Floats:
     )
 
 
-def keep_apart(scene: Scene, q: Floats, margin: float) -> bool:
+def keep_apart(scene: CollisionScene, q: Floats, margin: float) -> bool:
     """Return whether no pair is closer than a margin [m] at any of configurations (N, n); the likeliest come first."""
     placed = scene.place(q)
     known = scene.lower_bounds(placed)

@@ -35,7 +35,7 @@ class PlacedBodies:
 
 
 @dataclass(frozen=True)
-class Scene:
+class CollisionScene:
     """A robot, what stands about it, and the pairs of bodies that must keep apart."""
 
     model: RobotModel
@@ -159,7 +159,7 @@ def scene_of(
     obstacles: Sequence[Shape] = (),
     *,
     ignored: Sequence[Names] = (),
-) -> Scene:
+) -> CollisionScene:
     """Return a robot among obstacles, with all pairs of its bodies that are not neighbours.
 
     Bodies of one link, and of a link and the one that carries it, are not compared: their joint holds them together. A
@@ -195,7 +195,7 @@ def scene_of(
     ]
     if not pairs:
         raise InputError(f'robot "{model.name}": no two bodies that could collide')
-    return Scene(
+    return CollisionScene(
         model,
         tuple(bodies),
         np.array([(j, i) for i, j in pairs]),

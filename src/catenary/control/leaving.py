@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import InputError, NotFiniteError
+from catenary.errors import InputError, NotFiniteError, RobotHeldError
 from catenary.plant import Plant
 
 GIVE_UP_AFTER = 20  # ticks in a row
@@ -97,8 +97,11 @@ def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
 def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
     """Do things to a robot one after the other, such as holding and pausing it, while an error is under way.
 
-    One that fails is told with the error and keeps no other from being done; neither does a second Ctrl-C.
+    One that fails is told with the error and keeps no other from being done; neither does a second Ctrl-C. A robot
+    that another program moves is left to that one.
     """
+    if isinstance(error, RobotHeldError):
+        return
     for name, action in actions.items():
         try:
             action()

@@ -3,6 +3,7 @@
 The RAVEN-II's own `raven_state` is in `raven_conversions`.
 """
 
+from functools import lru_cache
 from math import hypot
 from typing import cast, get_args
 
@@ -44,22 +45,33 @@ def joint_state_message(
     return message_class("sensor_msgs/JointState")(header(stamp), names, *values)
 
 
-def joint_values(message: Message, names: tuple[str, ...], field: str = "position") -> Floats:
+def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return which of our joints a sensor_msgs/JointState names, in its order."""
+    return tuple(name for name in _own_names(tuple(message.name[: 2 * len(names)]), names) if name in names)
+
+
+def joint_values(
+    message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
+) -> Floats:
     """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
 
-    With names, each number goes to the joint of its name, in whatever order they come. Without names the first n count,
-    in our order, as the RAVEN-II takes them.
+    With names, each number goes to the joint of its name, in whatever order they come; a RAVEN-II's own names, such as
+    gold_ins, are understood, whichever arm's they are: it publishes the green arm under gold names. Without names the
+    first n count, in our order, as the RAVEN-II takes them.
 
     Args:
         message: What came.
         names: Our joints.
         field: "position", "velocity" or "effort".
+        rest: (n,) numbers of joints that are not named; None refuses a message that lacks some.
 
     Raises:
         InputError: A name is unknown, missing or given twice, numbers and names differ in count, or one is not finite.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
+    if given and given != names and len(given) <= 2 * len(names):
+        given = _own_names(given, names)
     if len(given) > 2 * len(names):  # no need to compare so many one by one
         raise InputError(f"JointState.name: {len(given)} names, expected {', '.join(names)}")
     if not given:
@@ -76,13 +88,26 @@ def joint_values(message: Message, names: tuple[str, ...], field: str = "positio
         return values
     by_name = dict(zip(given, values, strict=True))
     unknown = [name for name in given if name not in names]
-    absent = [name for name in names if name not in by_name]
+    absent = [] if rest is not None else [name for name in names if name not in by_name]
     twice = sorted({name for name in given if given.count(name) > 1})
     if unknown or absent or twice:
         faults = [("unknown", unknown), ("missing", absent), ("given twice", twice)]
         text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
         raise InputError(f"JointState.name: {text}; the joints are {', '.join(names)}")
+    if rest is not None:
+        by_name = dict(zip(names, rest, strict=True)) | by_name
     return np.array([by_name[name] for name in names])
+
+
+@lru_cache(maxsize=64)
+def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names of a message as ours where they are a RAVEN-II's: gold_ins for insertion, whichever arm's it is."""
+    own = []
+    for name in given:
+        short = name.removeprefix("gold_").removeprefix("green_")
+        short = "insertion" if short == "ins" else short
+        own.append(short if name not in names and short in names else name)
+    return tuple(own)
 
 
 def joint_state(

@@ -34,6 +34,7 @@ class Arrival(NamedTuple):
     process: str  # of the publisher, as in `Origin`; empty where the transport does not tell
     is_first: bool  # the first over a connection to a latching publisher
     is_renewed: bool  # and that publisher has been heard over an earlier connection
+    sent: int | None = None  # [ns] by the publisher's clock of the day, where the transport tells
 
 
 Callback = Callable[[Received], None]
@@ -157,8 +158,11 @@ class Subscription:
         with self._inbox.lock:
             self.oversized += 1
 
-    def push(self, data: Any, time: int, origin: Origin | None = None) -> None:
-        """Take in a message as ROS 1's bytes, at `time` [ns]; transports call this, from any thread."""
+    def push(self, data: Any, time: int, origin: Origin | None = None, sent: int | None = None) -> None:
+        """Take in a message's bytes at `time` [ns], ROS 1's where it has bounds; transports call this.
+
+        `sent` [ns] is the publisher's time of the day, where the transport tells. Any thread may call.
+        """
         if self.largest is not None and not self.has_room_for(len(data)):
             return
         if self._has_few_names is not None and not self._has_few_names(data):
@@ -178,7 +182,7 @@ class Subscription:
                     if last is not None and renewed and self._is_same(data, last[1]):
                         self.repeated += 1
                         return
-            self._waiting.append(Arrival(data, time, process, first, renewed))
+            self._waiting.append(Arrival(data, time, process, first, renewed, sent))
             if len(self._waiting) > self.depth:
                 # the job that was put for the oldest now stands for the newest
                 self._waiting.popleft()

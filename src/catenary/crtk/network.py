@@ -1,7 +1,7 @@
 """Joining a network of messages by its name."""
 
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError
+from catenary.errors import InputError, MissingPackageError
 
 
 def make_transport(ros: str, name: str) -> Transport:
@@ -17,9 +17,13 @@ def make_transport(ros: str, name: str) -> Transport:
 
         return Ros1Transport(name)
     if ros == "2":
-        from catenary.crtk.ros2.transport import Ros2Transport
-
-        return Ros2Transport(name)
+        try:
+            from catenary.crtk.dds.transport import DdsTransport
+        except ImportError as error:
+            raise MissingPackageError(
+                f'ROS 2 is spoken by cyclonedds: pip install "catenary[ros2]" ({error})'
+            ) from error
+        return DdsTransport(name)
     if ros == "none":
         from catenary.crtk.loopback import Loopback
 

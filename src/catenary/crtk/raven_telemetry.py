@@ -6,14 +6,30 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.latest import Latest
+from catenary.crtk.message import Message
 from catenary.crtk.raven_conversions import arm_channels, raven_state_column, raven_state_columns
 from catenary.crtk.transport import Transport
-from catenary.plant import Column
+from catenary.plant import Column, OperatingState
 from catenary.recording.raven_transmission import COUPLING
 from catenary.recording.synchronise import CALIBRATED, JOINT_TORQUE
-from catenary.recording.topics import EXT_JPOS, JOINT_ENC, JOINTS, RAVENSTATE, Arm, TopicColumn
+from catenary.recording.topics import (
+    EXT_JPOS,
+    JOINT_ENC,
+    JOINTS,
+    RAVENSTATE,
+    RAVENSTATE_100HZ,
+    Arm,
+    TopicColumn,
+)
 from catenary.transmission.coupling import joint_forces
 
+# state that a run level stands for: emergency stop, init, pedal up, pedal down
+_RUN_LEVELS = {
+    0: OperatingState("DISABLED", False, False),
+    1: OperatingState("ENABLED", False, True),
+    2: OperatingState("PAUSED", True, False),
+    3: OperatingState("ENABLED", True, False),
+}
 _TORQUE_RATIO = np.array([JOINT_TORQUE[name] for name in JOINTS])
 
 
@@ -30,6 +46,7 @@ class RavenTelemetry:
     def __init__(self, transport: Transport, arm: Arm, stale_after: float) -> None:
         """Begin to receive; encoders that nobody publishes now are left out of the columns."""
         self.latest = Latest(transport, RAVENSTATE.name, RAVENSTATE.type)
+        self._throttled = Latest(transport, RAVENSTATE_100HZ.name, RAVENSTATE_100HZ.type)  # as in recordings
         self._arm: Arm = arm
         self._stale_after = stale_after
         self._encoders = {
@@ -41,15 +58,35 @@ class RavenTelemetry:
         self._declared = tuple(column.name for column in encoders)
         self.columns = tuple(Column(c.name, _unit(c), c.width) for c in (*RAVENSTATE.columns, *encoders))
 
+    def message(self) -> Message:
+        """Return the newest raven_state, None before the first; a recording holds the throttled ones."""
+        message = self.latest.message()
+        return self._throttled.message() if message is None else message
+
+    @property
+    def topic(self) -> str:
+        """Topic that raven_state has come on."""
+        return (self._throttled if self.latest.message() is None else self.latest).topic
+
+    def age(self) -> float:
+        """Return the seconds since the newest raven_state came in."""
+        return min(self.latest.age(), self._throttled.age())
+
+    def operating_state(self) -> OperatingState:
+        """Return the operating state that the run level stands for; one in FAULT reads DISABLED."""
+        message = self.message()
+        state = _RUN_LEVELS.get(int(message.runlevel), _RUN_LEVELS[0])
+        # the robot's sublevel says whether all joints are homed [raven2, branch crtk: publish_ravenstate_ros]
+        is_homed = state.is_homed or (state.state == "DISABLED" and message.sublevel == 1)
+        return state._replace(is_homed=is_homed)
+
     def arm_values(self, name: str) -> Floats:
         """Return the arm's seven numbers in a field of 16 channels."""
-        return arm_channels(raven_state_column(self.latest.message(), name), self._arm)
+        return arm_channels(raven_state_column(self.message(), name), self._arm)
 
     def sample(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column, in arrays of the receiver's own."""
-        return raven_state_columns(self.latest.message()) | {
-            name: self.encoder(name) for name in self._declared
-        }
+        return raven_state_columns(self.message()) | {name: self.encoder(name) for name in self._declared}
 
     def encoder(self, name: str) -> Floats:
         """Return the latest reading of an encoder column (3,); NaN where nothing has come for too long."""
@@ -60,7 +97,7 @@ class RavenTelemetry:
 
     def close(self) -> None:
         """Receive no more."""
-        for latest in (self.latest, *self._encoders.values()):
+        for latest in (self.latest, self._throttled, *self._encoders.values()):
             latest.close()
 
 

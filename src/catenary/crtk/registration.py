@@ -3,8 +3,8 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.raven_conversions import arm_channels
+from catenary.crtk.reader import CrtkReader
 from catenary.errors import TransportError
 from catenary.plant import Plant
 from catenary.recording.raven_transmission import RATIO, shift_of
@@ -26,7 +26,7 @@ def registration_of(plant: Plant) -> Floats | None:
     offsets = plant.telemetry().get(COLUMN)
     if offsets is None:
         return None
-    arm: Arm = plant.arm if isinstance(plant, CrtkClient) else "gold"
+    arm: Arm = plant.arm if isinstance(plant, CrtkReader) else "gold"
     own = arm_channels(offsets, arm) if len(offsets) == BOTH_ARMS else offsets
     shift = shift_of(own[: len(RATIO)])
     return shift if np.isfinite(shift).all() else None

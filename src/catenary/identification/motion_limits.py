@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.collision.clearance import Clearance, clearance_of
 from catenary.collision.contacts import is_free, keep_apart
-from catenary.collision.scene import Scene
+from catenary.collision.scene import CollisionScene
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError
 from catenary.identification.fourier_series import FourierSeries
@@ -84,7 +84,7 @@ class MotionLimits:
     model: RobotModel
     room: Room
     gravity: Floats  # (3,) [m/s2] in base axes
-    scene: Scene | None = None  # None: collisions are unchecked
+    scene: CollisionScene | None = None  # None: collisions are unchecked
     margin: float = 0.01  # [m]
 
     @property

@@ -1,21 +1,18 @@
 """The arm in space with its tip's path, by measured, reported and corrected joints."""
 
-from typing import Any
-
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.kinematics import frame_poses, link_poses
+from catenary.reports.arm_in_space import draw_links, equal_axes
 from catenary.reports.joint_picture import MODEL, RAW, wrapped
 from catenary.reports.page import Picture, picture
 from catenary.reports.tip import TipErrors
 
-MEASURED, LINK = "#1c2430", "#4b6b94"
+MEASURED = "#1c2430"
 MOST_POINTS = 3_000  # of a path
 STRETCH = 120  # rows of the path that are drawn close up
 LEAST_ROWS = 6  # of them
 FARTHEST = 12.0  # times the raw error: how far the tip goes in them
-LEAST_EXTENT = 1.0  # [mm] of a picture
 
 
 def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
@@ -35,8 +32,8 @@ def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
     path = 1e3 * np.insert(tip.true[kept], np.searchsorted(kept, row_breaks), np.nan, axis=0)
     arm.plot(*path.T, color=MEASURED, linewidth=0.5, alpha=0.6)
     middle = int(np.argmin(np.linalg.norm(tip.true - tip.true.mean(axis=0), axis=1)))
-    points = _draw_arm(arm, tip, middle)
-    _equal(arm, np.vstack([points, path[np.isfinite(path).all(axis=1)]]))
+    points = draw_links(arm, tip.robot, tip.q[middle])
+    equal_axes(arm, np.vstack([points, path[np.isfinite(path).all(axis=1)]]))
     arm.set_title("arm and path of its tip", fontsize=9)
 
     rows = _stretch(tip, row_breaks)
@@ -49,7 +46,7 @@ def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
         near = 1e3 * points[rows]
         close.plot(*near.T, color=color, linewidth=1.4, linestyle=style, label=wrapped(label))
         drawn.append(near)
-    _equal(close, np.vstack(drawn))
+    equal_axes(close, np.vstack(drawn))
     close.set_title(f"close up: {rows.stop - rows.start} rows of the path", fontsize=9)
     figure.legend(
         *close.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9
@@ -64,25 +61,6 @@ def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
     )
 
 
-def _draw_arm(axes: Any, tip: TipErrors, row: int) -> Floats:
-    """Draw the links of the arm at one row as lines between their frames; return its points in mm, (P, 3)."""
-    robot = tip.robot
-    origins = link_poses(robot, tip.q[row])[1]
-    ends = [frame_poses(robot, tip.q[row])[1]]
-    frame = robot.frame()
-    for link, parent in enumerate(robot.tree.parent):
-        start = np.zeros(3) if parent < 0 else origins[parent]
-        axes.plot(
-            *(1e3 * np.vstack([start, origins[link]])).T, color=LINK, linewidth=2.5, marker="o", markersize=3
-        )
-    start = origins[frame.link] if frame.link >= 0 else np.zeros(3)
-    axes.plot(*(1e3 * np.vstack([start, ends[0]])).T, color=LINK, linewidth=2.5)
-    points: Floats = 1e3 * np.vstack([np.zeros((1, 3)), origins, ends])
-    axes.plot(*points[0][:, None], "s", color=LINK, markersize=6)
-    axes.plot(*points[-1][:, None], "o", color=MODEL, markersize=6)
-    return points
-
-
 def _stretch(tip: TipErrors, row_breaks: Floats) -> slice:
     """Return rows without a gap, so short that the raw error can be seen beside the way that the tip goes."""
     starts = np.concatenate([[0], row_breaks, [len(tip.true)]]).astype(int)
@@ -92,28 +70,3 @@ def _stretch(tip: TipErrors, row_breaks: Floats) -> slice:
     far = np.flatnonzero(away > FARTHEST * tip.raw.rmse)
     least = min(first + LEAST_ROWS, end)
     return slice(int(first), int(max(least, first + far[0])) if len(far) else int(end))
-
-
-def _equal(axes: Any, points: Floats) -> None:
-    """Show a millimetre as long along every axis, and name the axes."""
-    middle = (points.max(axis=0) + points.min(axis=0)) / 2.0
-    half = max(LEAST_EXTENT, float(np.ptp(points, axis=0).max())) * 0.52
-    for limits, label, name, at in zip(
-        (axes.set_xlim, axes.set_ylim, axes.set_zlim),
-        (axes.set_xlabel, axes.set_ylabel, axes.set_zlabel),
-        "xyz",
-        middle,
-        strict=True,
-    ):
-        limits(at - half, at + half)
-        label(f"{name} [mm]", fontsize=8)
-    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.88)
-    axes.tick_params(labelsize=7)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(_few())
-
-
-def _few() -> Any:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(4)

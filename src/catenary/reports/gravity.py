@@ -46,18 +46,28 @@ def gravity_table(result: Tracking | Holding) -> Table:
     return Table(header, rows)
 
 
-def write_gravity_report(path: Path, result: Tracking | Holding, settings: Mapping[str, Any]) -> None:
+def write_gravity_report(
+    path: Path, result: Tracking | Holding, settings: Mapping[str, Any], *, arm: Picture | None = None
+) -> None:
     """Write a page with the table, a picture over time and the settings, one of which is the controller's name.
+
+    Args:
+        path: The HTML file.
+        result: What happened.
+        settings: Of the run.
+        arm: A picture of the arm.
 
     Raises:
         FileFormatError: The file cannot be written.
     """
     title, lead, text = HOLDING if isinstance(result, Holding) else TRACKING
     drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)
+    pictured: list[Block] = [] if arm is None else [Heading("The arm"), arm]
     blocks: list[Block] = [
         gravity_table(result),
         drawn,
         Text(text),
+        *pictured,
         Heading("Settings"),
         settings_facts(settings),
     ]
@@ -75,7 +85,7 @@ def holding_picture(result: Holding) -> Picture:
         low, high = axes.get_ylim()
         # rounding that fills a whole picture would look like a drift
         axes.set_ylim(min(low, -LEAST_RANGE), max(high, LEAST_RANGE))
-        axes.set_ylabel(f"{result.joint_names[j]} [{unit}]")
+        axes.set_ylabel(f"{result.joint_names[j]}\n[{unit}]")
     rows[0][0].legend(frameon=False, fontsize=8, ncols=2)
     return picture(figure, "Distance of every joint from where it began.")
 
@@ -87,7 +97,7 @@ def tracking_picture(result: Tracking) -> Picture:
     for j, (left, right) in enumerate(rows):
         unit, scale = DISPLAY[result.joint_units[j]]
         left.plot(t, scale * result.error[shown, j], color=ERROR, linewidth=0.8)
-        left.set_ylabel(f"{result.joint_names[j]}: error [{unit}]")
+        left.set_ylabel(f"{result.joint_names[j]}\nerror [{unit}]")
         right.plot(t, result.torque[shown, j], color=TORQUE, linewidth=1.2, label="torque")
         right.plot(t, result.feedback[shown, j], color=PD, linewidth=0.8, label="PD term")
         right.set_ylabel(f"[{TORQUE_UNIT[result.joint_units[j]]}]")

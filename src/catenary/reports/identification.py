@@ -23,9 +23,11 @@ from catenary.reports.page import (
     picture,
     write_page,
 )
+from catenary.reports.robot_plot import robot_picture
 from catenary.units import TORQUE_UNIT
 
 SHOWN = 3000  # rows a picture draws; more are not seen
+SHOWN_POSES = 9  # of a recording
 
 
 def write_identification_report(
@@ -55,6 +57,7 @@ def write_identification_report(
         *([Remarks(notes)] if notes else []),
         Heading("Excitation"),
         Facts(excitation_facts(found)),
+        *poses_picture(found, shown[:1]),
     ]
     for samples in shown:
         blocks += [Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
@@ -108,19 +111,25 @@ def excitation_facts(found: Identification) -> list[tuple[str, str]]:
     ]
 
 
+def poses_picture(found: Identification, shown: Sequence[Samples]) -> list[Picture]:
+    """Draw the robot in poses of each recording, with the masses that were found where these are each link's."""
+    robot = found.model if found.phi is None else found.robot()
+    pictures = []
+    for samples in shown:
+        rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
+        caption = f"The robot in {SHOWN_POSES} poses of {samples.name}, the first of them whole."
+        pictures.append(robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity))
+    return pictures
+
+
 def torque_picture(found: Identification, samples: Samples) -> Picture:
     """Draw measured and predicted torque of every axis over time."""
     from matplotlib.figure import Figure
 
     n = found.model.n
-    gravity = np.array(found.options.gravity)
     every = max(1, len(samples) // SHOWN)
-    motion = samples.q[::every], samples.qd[::every], samples.qdd[::every]
-    tau, time, predicted = (
-        samples.tau[::every],
-        samples.time[::every],
-        found.predict_unknown(*motion, gravity),
-    )
+    tau, time = samples.tau[::every], samples.time[::every]
+    predicted = found.predict_samples(samples)[::every]
     figure = Figure(figsize=(10.0, 1.7 * n), layout="constrained")
     axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
     for i, axis in enumerate(axes):

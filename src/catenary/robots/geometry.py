@@ -56,7 +56,7 @@ class HalfSpace(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Mesh:
+class TriangleMesh:
     """A surface of triangles."""
 
     vertices: Floats  # (V, 3) [m]
@@ -70,7 +70,7 @@ class MeshFile(NamedTuple):
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
-Form = Ball | Capsule | Cylinder | Box | Ellipsoid | HalfSpace | Mesh | MeshFile
+Form = Ball | Capsule | Cylinder | Box | Ellipsoid | HalfSpace | TriangleMesh | MeshFile
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def check_form(what: str, form: Form) -> None:
     """
     if isinstance(form, MeshFile):
         sizes: tuple[float, ...] = tuple(abs(float(s)) for s in form.scale)
-    elif isinstance(form, Mesh):
+    elif isinstance(form, TriangleMesh):
         _check_mesh(what, form)
         return
     elif isinstance(form, Capsule):
@@ -127,7 +127,7 @@ def check_form(what: str, form: Form) -> None:
             raise InputError(f"{what}: size {size:g}, expected above zero and at most {FARTHEST:g}")
 
 
-def _check_mesh(what: str, mesh: Mesh) -> None:
+def _check_mesh(what: str, mesh: TriangleMesh) -> None:
     if len(mesh.vertices) < 3 or len(mesh.triangles) < 1:
         raise InputError(f"{what}: a mesh without triangles")
     if not np.isfinite(mesh.vertices).all():

@@ -14,8 +14,8 @@ from catenary.robots.geometry import (
     Form,
     Geometry,
     HalfSpace,
-    Mesh,
     Shape,
+    TriangleMesh,
     links_without_shape,
     shape_on,
 )
@@ -79,4 +79,4 @@ def _form(c: CompiledMjcf, geom: int) -> Form | None:
     mesh = int(m.geom_dataid[geom])
     v, f = int(m.mesh_vertadr[mesh]), int(m.mesh_faceadr[mesh])
     vertices = np.array(m.mesh_vert[v : v + int(m.mesh_vertnum[mesh])], dtype=float)
-    return Mesh(vertices, np.array(m.mesh_face[f : f + int(m.mesh_facenum[mesh])], dtype=np.int64))
+    return TriangleMesh(vertices, np.array(m.mesh_face[f : f + int(m.mesh_facenum[mesh])], dtype=np.int64))

@@ -16,12 +16,14 @@ MOST = 1e12  # of any of its numbers
 Parameters = TypeVar("Parameters", bound=Record)
 
 
-class Cable(Record):
-    """The arm as it really is: three positioning joints behind cables, four tool rotors. Read by compiled code."""
+class CableDrive(Record):
+    """Motors, gears and cables as they really are, one of each per joint. Read by compiled code.
+
+    Units are a RAVEN-II's: [rad, rad, m] stands for those of an arm's own joints.
+    """
 
     ratio: PerJoint  # nominal motor turns per joint [rad/rad, rad/rad, rad/m]
     ratio_error: PerJoint  # true ratio over nominal, minus 1
-    coupling: PerJoint  # true c01, c02, c12
     gearbox: PerJoint  # motor turns per capstan turn
     stiffness: PerJoint  # [Nm/rad, Nm/rad, N/m]
     damping: PerJoint  # [Nm s/rad, Nm s/rad, N s/m]
@@ -45,6 +47,12 @@ class Cable(Record):
     reference_tension: PerJoint  # [Nm, Nm, N]
     rotor_inertia: PerJoint  # [kg m2] at the shaft
     rotor_damping: PerJoint  # [Nm s] at the shaft
+
+
+class Cable(CableDrive):
+    """A RAVEN-II's arm as it really is: three positioning joints behind cables, four tool rotors."""
+
+    coupling: PerJoint  # true c01, c02, c12
     stop_position: PerJoint  # where the joint meets its stop [rad, rad, m]
     stop_side: PerJoint  # -1 for a stop below, 1 above
     stop_stiffness: PerJoint  # [Nm/rad, Nm/rad, N/m]
@@ -130,14 +138,19 @@ def load_cable_arm(path: Path | None = None) -> CableArm:
     content = load_toml(path, CableFile)
     return CableArm(
         content.name,
-        _parameters(path, "cable", content.cable, Cable),
-        _parameters(path, "firmware", content.firmware, Firmware),
-        _parameters(path, "rig", content.rig, Rig),
+        parameters_of(path, "cable", content.cable, Cable),
+        parameters_of(path, "firmware", content.firmware, Firmware),
+        parameters_of(path, "rig", content.rig, Rig),
         content,
     )
 
 
-def _parameters(path: Path, table: str, entries: dict[str, Entry], kind: type[Parameters]) -> Parameters:
+def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[Parameters]) -> Parameters:
+    """Return the parameters of a table of a data file, checked.
+
+    Raises:
+        ConfigError: One is missing, unknown, of the wrong length or too large; the message names it.
+    """
     missing = [name for name in kind.fields if name not in entries]
     unknown = [name for name in entries if name not in kind.fields]
     if missing or unknown:

@@ -1,59 +1,27 @@
 """One step of a cable-driven arm: rotors, cables, links. Compiled; every array is the caller's."""
 
-import math
 from typing import Annotated
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.recursion import composite_body_recursion, newton_euler_recursion, place_joints
 from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable
-from catenary.simulation.records import PerAxis, PerJoint, Record
+from catenary.simulation.cabled.arm_state import ArmState
+from catenary.simulation.cabled.cable_drive import pull_cable, turn_rotor
+from catenary.simulation.cabled.tree_dynamics import TreeWork, invert_symmetric, tree_dynamics
+from catenary.simulation.records import PerJoint
 from catenary.transmission.coupling import joint_forces, winding_of
-from catenary.transmission.drift import loss_rate, set_rate
-from catenary.transmission.elasticity import beyond_backlash, bouc_wen_step, maxwell_step, tension_of
 from catenary.transmission.friction import coulomb, coulomb_coupled
 
 FRICTION_SWEEPS = 4
 
 
-class ArmState(Record):
-    """What changes while an arm moves. Positioning joints come first among the seven rotors."""
-
-    rotor: PerAxis  # motor shafts [rad]
-    rotor_velocity: PerAxis  # [rad/s]
-    q: PerJoint  # where the joints really are [rad, rad, m]
-    qd: PerJoint  # [rad/s, rad/s, m/s]
-    hysteresis: PerJoint  # Bouc-Wen states, -1 to 1
-    slow_stretch: PerJoint  # Maxwell branches [rad, rad, m]
-    slack: PerJoint  # permanent set of the cables [rad, rad, m]
-    loss: PerJoint  # share of the stiffness that is lost
-    tension: PerJoint  # of the last step [Nm, Nm, N]
-    friction: PerJoint  # impulses of the last step, where the next one's search starts
-
-
-class Work(Record):
+class Work(TreeWork):
     """Scratch for `link_dynamics`, whose results are `bias` and `inverse`, and for `physics_step`."""
 
-    sine: PerJoint
-    cosine: PerJoint
-    rotation: Annotated[Floats, "f8", (3, 3, 3)]
-    position: Annotated[Floats, "f8", (3, 3)]
-    # the recursions' rows are the links', then the base's
-    omega: Annotated[Floats, "f8", (4, 3)]
-    alpha: Annotated[Floats, "f8", (4, 3)]
-    acceleration: Annotated[Floats, "f8", (4, 3)]
-    force: Annotated[Floats, "f8", (4, 3)]
-    moment: Annotated[Floats, "f8", (4, 3)]
-    mass: Annotated[Floats, "f8", (4,)]
-    first_moment: Annotated[Floats, "f8", (4, 3)]
-    inertia: Annotated[Floats, "f8", (4, 3, 3)]
-    matrix: Annotated[Floats, "f8", (3, 3)]  # mass matrix [kg m2, kg m, kg]
-    inverse: Annotated[Floats, "f8", (3, 3)]  # of the mass matrix
-    bias: PerJoint  # torques of velocity, gravity and a moving base [Nm, Nm, N]
-    zero: PerJoint  # accelerations at which the bias is taken: stays zero
+    inverse: Annotated[Floats, "f8", ("joint", "joint")]  # of the mass matrix
     push: PerJoint
     impulse: PerJoint
 
@@ -83,8 +51,8 @@ def physics_step(
     for t in range(4):
         _turn_tool(cable, state, t, shaft_torque[3 + t], braked, step)
     for j in range(3):
-        _pull(cable, state, j, winding[j], rate[j], step)
-        _turn(cable, state, j, shaft_torque[j], braked, step)
+        pull_cable(cable, state, j, winding[j], rate[j], step)
+        turn_rotor(cable, state, j, shaft_torque[j], braked, step)
 
     force = joint_forces(cable.coupling, (state.tension[0], state.tension[1], state.tension[2]))
     for j in range(3):
@@ -119,66 +87,6 @@ def unstretched_rotors(cable: Cable, q: Floats) -> Floats:
 
 
 @inlined
-def _pull(cable: Cable, state: ArmState, j: int, winding: float, winding_rate: float, step: float) -> None:
-    """Stretch cable j and write its tension; update its hysteresis, creep, set and wear."""
-    true_ratio = cable.ratio[j] * (1.0 + cable.ratio_error[j])
-    runout = cable.capstan_runout[j] * math.sin(
-        state.rotor[j] / cable.gearbox[j] + cable.capstan_phase[j]
-    ) + cable.pulley_runout[j] * math.sin(state.q[j] + cable.pulley_phase[j])
-    pulled = state.rotor[j] / true_ratio - winding + runout - state.slack[j]
-    stretch = beyond_backlash(pulled, cable.backlash[j])
-    # run-out moves slowly: it enters the stretch, not its rate
-    rate = state.rotor_velocity[j] / true_ratio - winding_rate
-    # of the travel since the last step only what lay outside the backlash stretched the cable
-    stretched = stretch - beyond_backlash(pulled - rate * step, cable.backlash[j])
-    if stretch == 0.0:
-        rate = 0.0
-    state.hysteresis[j] = bouc_wen_step(state.hysteresis[j], stretched, cable.hysteresis_width[j])
-    state.slow_stretch[j] = maxwell_step(state.slow_stretch[j], stretch, step, cable.slow_time[j])
-    tension = tension_of(
-        stretch,
-        rate,
-        state.hysteresis[j],
-        state.slow_stretch[j],
-        cable.stiffness[j] * (1.0 - state.loss[j]),
-        cable.elastic_share[j],
-        cable.hysteresis_width[j],
-        cable.slow_share[j],
-        cable.damping[j],
-    )
-    state.tension[j] = tension
-    speed = abs(state.qd[j])
-    if speed > 0.0:
-        state.slack[j] += step * set_rate(
-            tension,
-            cable.reference_tension[j],
-            cable.set_side[j],
-            speed,
-            state.slack[j],
-            cable.set_rate[j],
-            cable.largest_set[j],
-        )
-        state.loss[j] += step * loss_rate(
-            tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j]
-        )
-
-
-@inlined
-def _turn(cable: Cable, state: ArmState, j: int, torque: float, braked: bool, step: float) -> None:
-    """Turn positioning motor j against its cable."""
-    if braked:
-        state.rotor_velocity[j] = 0.0
-        return
-    load = state.tension[j] / (cable.ratio[j] * (1.0 + cable.ratio_error[j]))
-    velocity = state.rotor_velocity[j]
-    free = velocity + step / cable.rotor_inertia[j] * (torque - load - cable.rotor_damping[j] * velocity)
-    friction = cable.rotor_friction[j] + cable.rotor_load_friction[j] * abs(load)
-    velocity = coulomb(free, step * friction / cable.rotor_inertia[j])
-    state.rotor_velocity[j] = velocity
-    state.rotor[j] += step * velocity
-
-
-@inlined
 def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: bool, step: float) -> None:
     """Turn tool motor t: its cables are taken as rigid, its joint meets a stop."""
     if braked:
@@ -208,49 +116,5 @@ def link_dynamics(tree: Tree, state: ArmState, gravity: Floats, base_motion: Flo
         base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
         work: Scratch; `bias` and `inverse` are the result.
     """
-    for j in range(3):
-        work.sine[j] = math.sin(state.q[j])
-        work.cosine[j] = math.cos(state.q[j])
-    place_joints(tree, state.q, work.sine, work.cosine, work.rotation, work.position)
-    for r in range(3):
-        work.omega[3, r] = base_motion[0, r]
-        work.alpha[3, r] = base_motion[1, r]
-        work.acceleration[3, r] = base_motion[2, r] - gravity[r]
-    newton_euler_recursion(
-        tree,
-        work.rotation,
-        work.position,
-        state.qd,
-        work.zero,
-        work.omega,
-        work.alpha,
-        work.acceleration,
-        work.force,
-        work.moment,
-        work.bias,
-    )
-    composite_body_recursion(
-        tree,
-        work.rotation,
-        work.position,
-        work.mass,
-        work.first_moment,
-        work.inertia,
-        work.matrix,
-    )
-    _invert(work.matrix, work.inverse)
-
-
-@inlined
-def _invert(m: Floats, inverse: Floats) -> None:
-    """Invert a symmetric 3 x 3 matrix by its cofactors."""
-    a = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
-    b = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
-    c = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
-    scale = 1.0 / (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
-    inverse[0, 0] = scale * a
-    inverse[0, 1] = inverse[1, 0] = scale * b
-    inverse[0, 2] = inverse[2, 0] = scale * c
-    inverse[1, 1] = scale * (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2])
-    inverse[1, 2] = inverse[2, 1] = scale * (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2])
-    inverse[2, 2] = scale * (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1])
+    tree_dynamics(tree, state.q, state.qd, gravity, base_motion, work)
+    invert_symmetric(work.matrix, work.inverse)

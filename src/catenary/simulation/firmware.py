@@ -11,12 +11,11 @@ from catenary.arrays import Floats
 from catenary.kernels.compiled import inlined
 from catenary.recording.raven_transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import Firmware
-from catenary.simulation.cable_physics import ArmState
-from catenary.simulation.records import AXES, CodePerAxis, PerAxis, PerJoint, Record
+from catenary.simulation.cabled.arm_state import ArmState
+from catenary.simulation.records import AXES, POSITION, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of
 
-OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, PD on its setpoint, joint torque as commanded
 SEEKING, FOUND = 1, 2
 STOP_DAC = 20_000.0  # beyond: software e-stop
 DAC_RANGE = (-32_768.0, 32_767.0)  # the board takes 16 bits
@@ -113,7 +112,10 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
     wanted = np.zeros(AXES)
-    if control.mode[0] == TORQUE:  # the positioning joints are whenever any is
+    pushed = False
+    for j in range(7):
+        pushed = pushed or control.mode[j] == TORQUE
+    if pushed:
         _bound_torques(firmware, control, wanted)
     cable = tensions_for(firmware.coupling, wanted)
     for j in range(7):
@@ -165,9 +167,11 @@ def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) ->
         per_motor = firmware.ratio[j] / firmware.gearbox[j]
         slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
         damping = slowness * firmware.kp[j] * firmware.ratio[j] * per_motor
-        most = damping * (_approach(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity[j])
+        most = damping * (
+            approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity[j]
+        )
         least = -damping * (
-            _approach(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity[j]
+            approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity[j]
         )
         limit = firmware.dac_limit[j] if firmware.dac_limit[j] > 0.0 else STOP_DAC
         strongest = (
@@ -178,7 +182,7 @@ def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) ->
 
 
 @inlined
-def _approach(distance: float, slowness: float, braking: float) -> float:
+def approach_speed(distance: float, slowness: float, braking: float) -> float:
     """Return the speed at which a joint may come to a limit; beyond it, at which it comes back."""
     held = distance / slowness
     return min(held, math.sqrt(2.0 * braking * distance)) if distance > 0.0 else held

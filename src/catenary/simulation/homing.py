@@ -13,7 +13,8 @@ from catenary.arrays import Floats
 from catenary.errors import NotReadyError
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.external_encoders import ExternalEncoders
-from catenary.simulation.firmware import FOUND, OFF, POSITION, SEEKING, ControlState, register
+from catenary.simulation.firmware import FOUND, SEEKING, ControlState, register
+from catenary.simulation.records import OFF, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 
 # [rad/s, rad/s, m/s, rad/s...] towards the stops: shoulder down, elbow up, insertion out, tools up

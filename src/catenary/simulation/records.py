@@ -3,8 +3,13 @@
 numba looks at every array of a call, so an arm's eighty small arrays one by one would cost more than its physics. A
 record is one array for NumPy, with a structured data type, and a struct for numba: `cable.stiffness[j]` reads, and
 writes, the same memory in Python and in compiled code.
+
+Shapes are given by name, "joint" or "link"; the numbers are a RAVEN-II's unless a subclass has other `sizes`: the same
+record for another arm. Compiled code that loops over what it is given takes either.
 """
 
+from collections.abc import Mapping
+from inspect import get_annotations
 from typing import Annotated, Any, ClassVar, Self, get_args, get_type_hints
 
 import numpy as np
@@ -14,12 +19,22 @@ from catenary.arrays import Floats
 
 POSITIONING, TOOLS = 3, 4  # joints of an arm; its axes are these in this order
 AXES = POSITIONING + TOOLS
+OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, its setpoint held, joint torque as commanded
+
+# how many there are of each in a RAVEN-II's arm; "node" is a link or the base
+SIZES: Mapping[str, int] = {
+    "joint": POSITIONING,
+    "tool": TOOLS,
+    "axis": AXES,
+    "link": POSITIONING,
+    "node": POSITIONING + 1,
+}
 
 # fields by what they have a number for
-PerJoint = Annotated[Floats, "f8", (POSITIONING,)]  # positioning joint, or its cable
-PerTool = Annotated[Floats, "f8", (TOOLS,)]
-PerAxis = Annotated[Floats, "f8", (AXES,)]
-CodePerAxis = Annotated[NDArray[np.int64], "i8", (AXES,)]
+PerJoint = Annotated[Floats, "f8", ("joint",)]  # joint behind a cable, or its cable
+PerTool = Annotated[Floats, "f8", ("tool",)]
+PerAxis = Annotated[Floats, "f8", ("axis",)]
+CodePerAxis = Annotated[NDArray[np.int64], "i8", ("axis",)]
 # fields of records that come in rows: a number in one of them, an array (N,) in all
 Number = Annotated[Any, "f8", ()]
 Index = Annotated[Any, "i8", ()]
@@ -47,11 +62,13 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
 
     fields: ClassVar[tuple[str, ...]]
     layout: ClassVar[np.dtype[Any]]
+    sizes: ClassVar[Mapping[str, int]] = SIZES
 
     def __init_subclass__(cls) -> None:
         hints = get_type_hints(cls, include_extras=True)
-        cls.fields = tuple(cls.__annotations__)
-        cls.layout = np.dtype([(name, *_storage(hints[name])) for name in cls.fields], align=True)
+        above = (base for base in reversed(cls.__mro__) if issubclass(base, Record) and base is not Record)
+        cls.fields = tuple(name for base in above for name in get_annotations(base))
+        cls.layout = np.dtype([(name, *_storage(hints[name], cls.sizes)) for name in cls.fields], align=True)
         hidden = [name for name in cls.fields if hasattr(np.ndarray, name)]
         if hidden:
             raise TypeError(
@@ -83,9 +100,9 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
         return copy
 
 
-def _storage(hint: Any) -> tuple[str, tuple[int, ...]]:
+def _storage(hint: Any, sizes: Mapping[str, int]) -> tuple[str, tuple[int, ...]]:
     """Return NumPy's name of a field's type, and the field's shape."""
     if hint in _SCALARS:
         return _SCALARS[hint], ()
     _, kind, shape = get_args(hint)
-    return kind, shape
+    return kind, tuple(sizes.get(length, length) for length in shape)

@@ -6,7 +6,8 @@ from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, Firmware
-from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step
+from catenary.simulation.cable_physics import Work, link_dynamics, physics_step
+from catenary.simulation.cabled.arm_state import ArmState
 from catenary.simulation.firmware import (
     ControlState,
     TickLog,

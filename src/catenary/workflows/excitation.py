@@ -23,7 +23,7 @@ from catenary.robots.model import RobotModel
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class MotionSurroundings:
     """What a robot's motion must not hit."""
 
     geometry: Geometry | None  # the robot's own shapes; None: collisions are unchecked
@@ -102,7 +102,7 @@ class DesignedMotion:
 def design_excitation(
     model: RobotModel,
     room: Room,
-    around: Surroundings,
+    around: MotionSurroundings,
     rng: np.random.Generator,
     *,
     gravity: Floats,
@@ -139,7 +139,7 @@ def design_excitation(
 
 
 def _limits(
-    model: RobotModel, room: Room, around: Surroundings, gravity: Floats, rng: np.random.Generator
+    model: RobotModel, room: Room, around: MotionSurroundings, gravity: Floats, rng: np.random.Generator
 ) -> tuple[MotionLimits, list[str]]:
     """Return what the motion must keep, and notes on what is not looked at or only assumed."""
     notes: list[str] = []

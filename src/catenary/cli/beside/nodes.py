@@ -9,7 +9,7 @@ import typer
 from typer import Option
 
 from catenary.cli.gravity_source import SensingOptions
-from catenary.cli.options import Baud, Carrier, Duration, JsonLines, MountingFile
+from catenary.cli.options import Baud, Carrier, Duration, JsonLines, MountingFile, NodeName
 from catenary.cli.terminal import numbers, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 def encoders(
     port: Annotated[str, Option(metavar="PORT", help="Serial port, as /dev/ttyUSB0.")],
     ros: Carrier = "1",
+    name: NodeName = None,
     bits: Annotated[int, Option(metavar="16|24|32", help="Width of the board's counters.")] = 32,
     direction: Annotated[
         str, Option(metavar="D,D,D", help="-1 for an encoder that counts against its joint.")
@@ -44,12 +45,16 @@ def encoders(
     import numpy as np
 
     from catenary.crtk.network import make_transport
+    from catenary.crtk.node_name import node_name
     from catenary.devices.encoder_board import EncoderBoard
     from catenary.devices.encoder_rig import EncoderRig
     from catenary.nodes.encoders import EncoderNode, publish_encoders
 
     rig = EncoderRig(bits=bits, direction=np.array(numbers("--direction", direction)))
-    with make_transport(ros, "catenary_encoders") as transport, EncoderBoard(port, rig, baud=baud) as board:
+    with (
+        make_transport(ros, node_name("encoders", name)) as transport,
+        EncoderBoard(port, rig, baud=baud) as board,
+    ):
         board.wait_ready()
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
@@ -68,6 +73,7 @@ def gravity_node(
     port: Annotated[str | None, Option(metavar="PORT", help="Serial port of an accelerometer board.")] = None,
     mounting: MountingFile = None,
     ros: Carrier = "1",
+    name: NodeName = None,
     rate: Annotated[float, Option(metavar="HZ", help="Rate at which gravity is published.")] = 100.0,
     topic: Annotated[str, Option(metavar="TOPIC", help="Topic that gravity is published on.")] = "/gravity",
     frame: Annotated[str, Option(metavar="NAME", help="frame_id of the published gravity.")] = "base",
@@ -87,6 +93,7 @@ def gravity_node(
     """
     from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
     from catenary.crtk.network import make_transport
+    from catenary.crtk.node_name import node_name
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.gravity import GravityNode, publish_gravity
     from catenary.sensing.mailbox import Mailbox
@@ -98,7 +105,7 @@ def gravity_node(
         raise InputError("gravity-node: --points-down goes with a topic; a board sends specific force")
     told, mailbox = Mounting() if mounting is None else load_mounting(mounting), Mailbox()
     with ExitStack() as stack:
-        transport = stack.enter_context(make_transport(ros, "catenary_gravity"))
+        transport = stack.enter_context(make_transport(ros, node_name("gravity", name)))
         feed: Callable[[float], None] | None = None
         counts: Any
         if port is not None:

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed, robots_beginning
+from catenary.cli.options import (
+    AsJson,
+    Carrier,
+    Duration,
+    JsonLines,
+    NodeName,
+    SimulatedSeed,
+    robots_beginning,
+)
 from catenary.cli.terminal import base_tilt, print_json, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -26,6 +34,9 @@ def serve(
         str, Option(metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",
     ros: Carrier = "1",
+    name: Annotated[
+        str, Option("--name", metavar="NAME", help="Of the robot's node; two cannot have one.")
+    ] = "catenary_robot",
     rate: Annotated[float, Option(metavar="HZ", help="Rate at which its state is published.")] = 1000.0,
     seed: SimulatedSeed = None,
     base_tilt_deg: Annotated[
@@ -62,7 +73,8 @@ def serve(
     Example: catenary serve --ros none --homed --duration 2
     """
     from catenary.crtk.network import make_transport
-    from catenary.nodes.serve import NODE, Serving, make_server
+    from catenary.crtk.node_name import node_name
+    from catenary.nodes.serve import Serving, make_server
     from catenary.nodes.serve import serve as run
 
     if dialect not in ("raven", "crtk"):
@@ -72,12 +84,14 @@ def serve(
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders, by)  # type: ignore[arg-type]
-    with make_transport(ros, NODE) as transport:
+    with make_transport(ros, node_name("robot", name)) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         commands = deque(["start"] if start else [])
         print_notes([_greeting(server, dialect, ros)])
         _listen(commands)
         final = run(server, commands=commands, show=_show_json if as_json else _show, duration=duration)
+    arms = ", ".join(f"{name} {text}" for name, text in final.states.items())
+    print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
     if as_json:
         _show_json(final, final=True)
     else:
@@ -87,12 +101,13 @@ def serve(
         )
 
 
-def button(ros: Carrier = "1", as_json: AsJson = False) -> None:
+def button(ros: Carrier = "1", name: NodeName = None, as_json: AsJson = False) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.names import BUTTON, BUTTON_TYPE
     from catenary.crtk.network import make_transport
+    from catenary.crtk.node_name import node_name
 
-    with make_transport(ros, "catenary_button") as transport:
+    with make_transport(ros, node_name("button", name)) as transport:
         answer = transport.call(BUTTON, BUTTON_TYPE)
     if as_json:
         print_json({"success": answer.success, "message": answer.message})

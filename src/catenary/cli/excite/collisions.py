@@ -12,7 +12,7 @@ from catenary.errors import InputError
 if TYPE_CHECKING:
     from catenary.robots.geometry import Shape
     from catenary.robots.model import RobotModel
-    from catenary.workflows.excitation import Surroundings
+    from catenary.workflows.excitation import MotionSurroundings
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,10 @@ class CollisionOptions:
         bool, Option("--no-collision-check", help="Design without looking at what the robot hits.")
     ] = False
 
-    def around(self, robot: str, model: "RobotModel") -> "Surroundings":
+    def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":
         """Return what a robot must not hit."""
         from catenary.robots.shapes import load_geometry
-        from catenary.workflows.excitation import Surroundings
+        from catenary.workflows.excitation import MotionSurroundings
 
         if not 0.0 < self.margin_mm <= 1000.0:
             raise InputError(f"--margin-mm: expected above 0 and at most 1000 mm, got {self.margin_mm:g}")
@@ -69,10 +69,10 @@ class CollisionOptions:
                 raise InputError(
                     "--no-collision-check: expected none of --floor-m, --box and --mesh beside it"
                 )
-            return Surroundings(None, unchecked="as --no-collision-check says")
+            return MotionSurroundings(None, unchecked="as --no-collision-check says")
         radius = None if self.link_radius_mm is None else 1e-3 * self.link_radius_mm
         geometry = load_geometry(robot, model, packages=self.package_dir or (), link_radius=radius)
-        return Surroundings(
+        return MotionSurroundings(
             geometry,
             obstacles,
             1e-3 * self.margin_mm,

@@ -5,7 +5,8 @@ living client sent to a robot that has since been restarted, come at once when t
 without a stamp (CRTK's Python client and the RAVEN-II's latch and do not stamp). So a topic that somebody published
 before the server began is not obeyed until a second after the connection, unless a stamp says that the command is
 newer than the server. A program that was not among those publishers is obeyed at once, where the transport tells
-programs apart: ROS 1's master goes on listing clients that crashed. Should an old client be out of reach for longer,
+programs apart: ROS 1's master goes on listing clients that crashed. DDS tells when a message was sent: a latched one
+that comes first and was sent half a second ago or more is old. Should an old client be out of reach for longer,
 what it first says when it is back is latched too. And when a connection breaks and is made again, the publisher gives
 once more what it said last: that is dropped by the transport (`Subscription.repeated`); something else, said while
 the connection was broken, is of unknown age, and is obeyed with a fresh stamp only. `disable` and `pause` are obeyed
@@ -68,7 +69,7 @@ class CommandSource:
         self._subscription = transport.subscribe(topic.name, topic.type, bounds=LARGEST)
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)
-        self.moves = topic.type != COMMAND and topic.verb != "use_gravity_compensation"
+        self.moves = topic.type not in (COMMAND, "std_msgs/Bool")  # what is switched moves nothing
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
     def __len__(self) -> int:
@@ -129,8 +130,11 @@ class CommandSource:
             if stamp > self._begin:
                 return True
         waits = self._waits and not self._is_newcomer(arrival.process)
+        sent = now if arrival.sent is None else arrival.sent
         if waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
             kind, reason = "from before", "its client was there before this server"
+        elif arrival.is_first and now - sent > OLDEST:
+            kind, reason = "old", f"sent {(now - sent) / SECOND:.2f} s before it came"
         elif arrival.is_renewed:
             kind, reason = "after a break", "said while its client was not connected"
         else:

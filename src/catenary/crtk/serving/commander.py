@@ -1,9 +1,10 @@
 """Who moves a served arm, and what becomes of the arm when that program is gone: it holds, and is paused."""
 
 from catenary.crtk.clock import SECOND
+from catenary.crtk.holder import UNDER_WAY, held_by
 from catenary.crtk.transport import Transport
+from catenary.errors import RobotHeldError
 
-UNDER_WAY = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm
 GONE = 3 * SECOND  # [ns] without its connection: one that breaks is made again within a second or two
 
 
@@ -13,7 +14,7 @@ class Commander:
     One that goes in the middle of a motion, killed or ended, leaves an arm that nobody moves: its setpoint stays, by
     the watchdog of its commands, and after three seconds the arm is to be paused. A program that let its arm rest
     before it went, and one that is still connected and says nothing, change nothing; neither does one that another has
-    followed.
+    followed. While one moves the arm, and for half a second after its last command, what others command is refused.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -27,6 +28,23 @@ class Commander:
         """Note a motion command that was obeyed, at `now` [ns]; `process` as in `Arrival.process`."""
         self._topic, self._process = topic, tuple(process.split())
         self._commanded, self._gone = now, None
+
+    def require_free(self, process: str, now: int, *, is_moving: bool) -> None:
+        """Refuse the command of a program while another one moves the arm.
+
+        Args:
+            process: As in `Arrival.process`; one that is not known is never refused.
+            now: [ns].
+            is_moving: Whether a move of the arm's own is under way.
+
+        Raises:
+            RobotHeldError: The message has both names.
+        """
+        name = process.partition(" ")[0]  # a network has one program of a name
+        if self._topic is None or not self._process or name in ("", self._process[0]):
+            return
+        if is_moving or 0 <= now - self._commanded < UNDER_WAY:
+            raise RobotHeldError(held_by(name, self._process[0], self._topic))
 
     def forget(self) -> None:
         """Know of nobody, as when the arm is not enabled."""

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.raven_conversions import CHANNELS
+from catenary.crtk.reader import CrtkReader
 from catenary.errors import InputError, RecordingError
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
@@ -48,7 +48,7 @@ class BesideRecorder:
         topics = raven_topics(self._arm)
         about = About(robot=robot.name, simulated=robot.plant.simulated, configuration={"motion": "by hand"})
         self._recorder: TopicRecorder | Recorder
-        if isinstance(robot.plant, CrtkClient):
+        if isinstance(robot.plant, CrtkReader):
             self._recorder = TopicRecorder(robot.plant.transport, folder, topics, about=about)
         else:
             available = [*_PER_AXIS, *_ENCODERS, *_MEASURED, "runlevel", "type", "dt"]

@@ -13,6 +13,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.joints import model_joints, raven_joints
 from catenary.crtk.latest import ImuTopic
 from catenary.crtk.names import Dialect
+from catenary.crtk.reader import CrtkReader
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.transport import Transport
 from catenary.dynamics.kinematics import forward_kinematics
@@ -191,8 +192,9 @@ def robot_over(
     namespace: str | None = None,
     simulated: bool = False,
     imu: ImuTopic | None = None,
-) -> tuple[OperatedRobot, CrtkClient]:
-    """Reach a robot behind a transport; the client is the caller's to close.
+    only_read: bool = False,
+) -> tuple[OperatedRobot, CrtkReader]:
+    """Reach a robot behind a transport; the client is the caller's to close, a `CrtkClient` where it may be moved.
 
     Args:
         transport: Brings and takes messages; stays open.
@@ -201,6 +203,7 @@ def robot_over(
         namespace: In front of the verbs of a robot that speaks `crtk`.
         simulated: What is behind the topics, which do not say it.
         imu: What gravity is read from; nominal gravity when None.
+        only_read: Nothing is advertised, and nobody has to take commands.
 
     Raises:
         TransportError: The robot is not there; the message names the topics.
@@ -215,7 +218,7 @@ def robot_over(
     model = load_robot(robot)
     arm: Arm = "green" if robot == "raven2_right" else "gold"
     joints = None if robot in RAVEN_SIDES else model_joints(model)
-    client = CrtkClient(
+    client = (CrtkReader if only_read else CrtkClient)(
         transport, dialect=dialect, arm=arm, namespace=namespace, joints=joints, simulated=simulated, imu=imu
     )
     return OperatedRobot(model.name, client, model, lambda: client.late), client

@@ -13,10 +13,10 @@ from catenary.calibration.files import load_model
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
 from catenary.crtk.names import JOINT_STATE, calibrated_namespace
+from catenary.crtk.reader import CrtkReader
 from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.monitor.snapshot import EventRate, Snapshot
@@ -65,7 +65,7 @@ class _Calibrated:
 class _Deployed:
     """Reads what `catenary deploy` publishes beside a robot, where it runs."""
 
-    def __init__(self, client: CrtkClient) -> None:
+    def __init__(self, client: CrtkReader) -> None:
         place = calibrated_namespace(client.arm)
         self._names, self._patience = client.joint_names, client.stale_after
         self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
@@ -104,7 +104,7 @@ def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | 
     """Return a model that runs here, or the one that is deployed beside a RAVEN-II."""
     if model is not None:
         return _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
-    if isinstance(plant, CrtkClient) and plant.dialect == "raven":
+    if isinstance(plant, CrtkReader) and plant.dialect == "raven":
         return _Deployed(plant)
     return None
 
@@ -151,6 +151,8 @@ def watch_robot(
             begun += plant.period
             state = plant.measured_js()
             setpoint: Floats | None = plant.setpoint_js().q
+            if setpoint is not None and np.isnan(setpoint).all():
+                setpoint = None  # of a recording that is played back
             operating = plant.operating_state()
         except TransportError as error:
             silent = str(error)

@@ -1,0 +1,1 @@
+"""Commands that show a robot's model: as pictures, as formulas."""

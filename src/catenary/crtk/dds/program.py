@@ -1,0 +1,159 @@
+"""This program's part of a DDS domain: one node of ROS 2, its readers and writers, and the thread that receives.
+
+One thread waits for whatever comes, and nothing of DDS's calls into Python: Cyclone's listeners would wait for Python's
+lock with locks of their own held, which its Python's `write` waits for while it holds Python's.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from cyclonedds.core import DDSException, DDSStatus, WaitSet
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from catenary.crtk.dds.directory import MANY, Directory, Endpoint
+from catenary.crtk.dds.discovery import discovery_profile, discovery_type, presence
+from catenary.crtk.dds.distributions import Distribution
+from catenary.crtk.dds.domain import enter_domain
+from catenary.crtk.dds.names import DISCOVERY
+from catenary.crtk.dds.qualities import Quality, profile
+from catenary.errors import TransportError
+
+_LOOK = 100_000_000  # [ns] between looks where nothing comes
+_logger = logging.getLogger(__name__)
+Came = Callable[[Endpoint], None]
+
+
+class Program:
+    """A participant of DDS with one node; `lock` is held while anything is received, made or ended."""
+
+    def __init__(self, node: str, namespace: str, distribution: Distribution, came: Came) -> None:
+        """Join the domain; `came` hears of each end of a topic that comes, with the lock held.
+
+        Raises:
+            InputError: A variable of the environment is none of ROS 2's.
+            TransportError: DDS cannot be set up.
+        """
+        self.lock = threading.RLock()
+        self.distribution, self._namespace, self._node = distribution, namespace, node
+        self._came = came
+        self._takers: dict[int, Callable[[], None]] = {}
+        self._stopped = False
+        self.each_look: Callable[[], None] | None = None  # what else is to be done, by the receiver
+        try:
+            self._participant = DomainParticipant(enter_domain(), Qos(Policy.Userdata(b"enclave=/;")))
+            self.gid: bytes = self._participant.guid.bytes
+            topic = Topic(self._participant, DISCOVERY, discovery_type(distribution.gid))
+            self._presence = DataWriter(self._participant, topic, discovery_profile())
+            self.directory = Directory(
+                self._participant,
+                DataReader(self._participant, topic, discovery_profile(MANY)),
+                (self.gid, f"{namespace.rstrip('/')}/{node}"),
+            )
+            self._waitset = WaitSet(self._participant)
+        except DDSException as error:
+            raise TransportError(f"DDS: {error}") from error
+        for reader in self.directory.readers:
+            self._waitset.attach(reader)
+        self._ends: dict[Any, bytes] = {}  # readers and writers, and their numbers
+        self._is_told = False  # of the ends, to other programs
+        self._thread = threading.Thread(target=self._receive, name=f"{node} receiver", daemon=True)
+        self._thread.start()
+
+    def writer(
+        self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str
+    ) -> DataWriter[Any]:
+        """Begin to publish; `end` ends it."""
+        with self.lock:
+            topic = self._topic(dds_name, kind)
+            made = DataWriter(self._participant, topic, profile(quality, depth, user_data))
+            self._ends[made] = made.guid.bytes
+            self._tell()
+        return made
+
+    def reader(
+        self,
+        dds_name: str,
+        kind: Any,
+        quality: Quality,
+        depth: int,
+        user_data: str,
+        taker: Callable[[DataReader[Any]], None],
+    ) -> DataReader[Any]:
+        """Begin to receive: `taker` takes, in the receiver's thread; `end` ends it."""
+        with self.lock:
+            topic = self._topic(dds_name, kind)
+            made = DataReader(self._participant, topic, profile(quality, depth, user_data))
+            made.set_status_mask(DDSStatus.DataAvailable)
+            self._ends[made] = made.guid.bytes
+            self._takers[id(made)] = lambda: taker(made)
+            self._waitset.attach(made)
+            self._tell()
+        return made
+
+    def end(self, reader_or_writer: Any) -> None:
+        """End a reader or a writer, which DDS does when nobody refers to it any more."""
+        with self.lock:
+            if self._ends.pop(reader_or_writer, None) is None:
+                return
+            if self._takers.pop(id(reader_or_writer), None) is not None:
+                self._waitset.detach(reader_or_writer)
+            self._tell()
+
+    def look(self) -> None:
+        """Take in who is there, and all that has come."""
+        with self.lock:
+            if self._stopped:
+                return
+            for end in self.directory.refresh():
+                self._came(end)
+            for take in tuple(self._takers.values()):
+                take()
+            if self.each_look is not None:
+                self.each_look()
+            if not self._is_told:
+                self._is_told = True
+                ends: tuple[list[bytes], list[bytes]] = ([], [])
+                for one, gid in self._ends.items():
+                    ends[isinstance(one, DataWriter)].append(gid)
+                self._presence.write(
+                    presence(self.distribution.gid, self.gid, self._namespace, self._node, *ends)
+                )
+
+    def close(self) -> None:
+        """Leave the domain."""
+        with self.lock:
+            if self._stopped:
+                return
+            self._stopped = True
+            self._waitset.set_trigger(True)
+        self._thread.join()
+        for reader in (*self.directory.readers, *(one for one in self._ends if id(one) in self._takers)):
+            self._waitset.detach(reader)
+        self._ends.clear()
+        self._takers.clear()
+        del self._waitset, self._presence, self.directory, self._participant
+
+    def _topic(self, dds_name: str, kind: Any) -> Topic[Any]:
+        try:
+            return Topic(self._participant, dds_name, kind)
+        except DDSException as error:
+            raise TransportError(f"DDS topic {dds_name}: {error}") from error
+
+    def _tell(self) -> None:
+        self._is_told = False
+        self._waitset.set_trigger(True)
+
+    def _receive(self) -> None:
+        while not self._stopped:
+            self._waitset.wait(_LOOK)
+            self._waitset.set_trigger(False)
+            try:
+                self.look()
+            except Exception:  # one message, or one program, must not end it
+                _logger.exception("receiver of %s", self._node)

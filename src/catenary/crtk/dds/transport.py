@@ -1,0 +1,204 @@
+"""ROS 2 behind the transport protocol, by DDS alone: no ROS has to be installed.
+
+Messages pass DDS as ROS 2's bytes (CDR).
+What differs from ROS 1: headers have no `seq`; two programs may have the same name; DDS does not count what a peer
+misses, so `overflowed` of a publisher counts only what was not sent at all; a service that fails says so in its
+response.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from cyclonedds.core import DDSException
+
+from catenary.crtk.bounds import Bounds
+from catenary.crtk.dds.cdr import cdr_decoder, cdr_encoder
+from catenary.crtk.dds.directory import HANDLES, Endpoint
+from catenary.crtk.dds.distributions import distribution, message_hash
+from catenary.crtk.dds.listening import ListenedTopic
+from catenary.crtk.dds.mismatches import Mismatches
+from catenary.crtk.dds.names import dds_topic
+from catenary.crtk.dds.program import Program
+from catenary.crtk.dds.qualities import Quality
+from catenary.crtk.dds.services import Services
+from catenary.crtk.dds.types import message_type
+from catenary.crtk.inbox import Subscription
+from catenary.crtk.message import Message
+from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, other_type
+from catenary.errors import TransportError
+from catenary.recording.messages import current_name
+
+SETTLE = 0.5  # [s] without news of other programs, until those that are there count as known
+_LONGEST = 3.0  # [s] to wait for that
+
+
+class DdsPublisher(Publisher):
+    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
+
+    def __init__(self, program: Program, topic: str, type_name: str, quality: Quality, queue: int) -> None:
+        super().__init__(topic, type_name)
+        self.quality, self._program = quality, program
+        self._missed = 0
+        self._kind = message_type(type_name)
+        self._encode_cdr = cdr_encoder(type_name)
+        user_data = f"typehash={message_hash(type_name)};" if program.distribution.has_hashes else ""
+        self._writer: Any = program.writer(dds_topic(topic), self._kind, quality, queue, user_data)
+
+    @property
+    def overflowed(self) -> int:
+        """Messages that were not sent, since DDS had no room for them."""
+        return self._missed
+
+    def subscribers(self) -> list[int]:
+        """Return Cyclone's handles of those that listen."""
+        if self.is_closed:
+            return []
+        return [handle % HANDLES for handle in self._writer.get_matched_subscriptions()]
+
+    def _send(self, message: Message) -> None:
+        if not (self.quality.is_latched or self._writer.get_publication_matched_status().current_count):
+            return
+        data = self._encode_cdr(message)
+        try:
+            self._writer.write(self._kind(data))
+        except DDSException as error:
+            if error.code != DDSException.DDS_RETCODE_TIMEOUT:
+                raise TransportError(f"topic {self.topic}: {error}") from error
+            self._missed += 1
+
+    def _end(self) -> None:
+        self._program.end(self._writer)
+        self._writer = None
+
+
+class DdsTransport(Transport):
+    """A node of ROS 2, in a program of DDS; a thread of its own receives."""
+
+    def __init__(self, name: str, *, distro: str | None = None, settle: float = SETTLE) -> None:
+        """Join the domain that ROS_DOMAIN_ID names, and wait until those who are there are known.
+
+        Args:
+            name: Node's name; ROS 2 permits two of one name.
+            distro: Distribution of ROS 2 that the others are of; ROS_DISTRO's, else jazzy's, when None.
+            settle: [s] without news of other programs that end the waiting.
+
+        Raises:
+            InputError: The name is none, there is no such distribution, or a variable of the environment is wrong.
+            TransportError: DDS cannot be set up.
+        """
+        super().__init__(name)
+        self._topics: dict[str, ListenedTopic] = {}
+        self.program = Program(name, "/", distribution(distro), self._come)
+        self._services = Services(self.program, self.inbox)
+        self._mismatches = Mismatches(self.program.directory, self.program.gid, f"/{name}")
+        self.program.each_look = self._look
+        self._wait_for_others(settle)
+
+    def _wait_for_others(self, settle: float) -> None:
+        begin = last = time.monotonic()
+        changes = -1
+        while (now := time.monotonic()) - last < settle and now - begin < _LONGEST:
+            if self.program.directory.changes != changes:
+                changes, last = self.program.directory.changes, now
+            time.sleep(0.02)
+
+    def _look(self) -> None:
+        self._services.send_answers()
+        published = {
+            topic: (one.type_name, one.quality)
+            for topic, one in tuple(self._publishers.items())
+            if isinstance(one, DdsPublisher) and not one.is_closed
+        }
+        self._mismatches.look(
+            published, {topic: (one.type_name, Quality()) for topic, one in self._topics.items()}
+        )
+
+    def _come(self, end: Endpoint) -> None:
+        """Listen to a publisher that has come."""
+        for topic in self._topics.values():
+            topic.hear(end)
+
+    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> DdsPublisher:
+        self._refuse_other_type(topic, type_name)
+        return DdsPublisher(self.program, topic, type_name, Quality(is_latched=latch), queue)
+
+    def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
+        return cdr_decoder(type_name) if bounds is None else super()._decoder(type_name, bounds)
+
+    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
+        topic = subscription.topic
+        self.program.look()
+        with self.program.lock:
+            found = self._topics.get(topic)
+            if found is None:
+                self._refuse_other_type(topic, type_name)
+                found = self._topics[topic] = ListenedTopic(self.program, topic, type_name, self.steady)
+            elif found.type_name != subscription.type_name:
+                raise other_type(topic, type_name, found.type_name)
+            found.add(subscription)
+        subscription.on_close(lambda: self._unsubscribe(topic, subscription))
+
+    def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
+        with self.program.lock:
+            if self._topics[topic].remove(subscription):
+                self._topics.pop(topic).close()
+
+    def _refuse_other_type(self, topic: str, type_name: str) -> None:
+        found = self.topics().get(topic)
+        if found is not None and found != current_name(type_name):
+            raise other_type(topic, type_name, found)
+
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+        self._services.serve(name, type_name, handler)
+
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
+        return self._services.call(name, type_name, request, timeout)
+
+    def connections(self, topic: str) -> Connections:
+        """Return the peers over a topic that DDS has brought together with this program."""
+        topic = absolute(topic)
+        self.program.look()
+        with self.program.lock:
+            publisher, received = self._publishers.get(topic), self._topics.get(topic)
+            known = self.program.directory.subscriptions
+            handles = publisher.subscribers() if isinstance(publisher, DdsPublisher) else []
+            return Connections(
+                () if received is None else received.publishers(),
+                self.program.directory.names(known[handle] for handle in handles if handle in known),
+            )
+
+    def topics(self) -> Mapping[str, str]:
+        """Return the topics that anyone publishes, with their types."""
+        self.program.look()
+        return {
+            topic: kind
+            for topic, kind, _ in sorted(self.program.directory.published(), key=lambda one: one[0])
+        }
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Return the processes that publish each topic."""
+        self.program.look()
+        found: dict[str, set[str]] = {}
+        for topic, _, end in self.program.directory.published():
+            found.setdefault(topic, set()).add(self.program.directory.process(end))
+        return {topic: frozenset(processes) for topic, processes in found.items()}
+
+    def is_up(self) -> bool:
+        """Return whether it is open; ROS 2 has no master."""
+        return not self.inbox.closed
+
+    def close(self) -> None:
+        """End the node."""
+        if self.inbox.closed:
+            return
+        super().close()
+        for publisher in self._publishers.values():
+            publisher.close()
+        self.program.each_look = None
+        self._services.close()
+        with self.program.lock:
+            for topic in self._topics.values():
+                topic.close()
+            self._topics.clear()
+        self.program.close()

@@ -1,0 +1,297 @@
+"""A robot behind CRTK's topics, only listened to: nothing is advertised, and nobody has to take commands.
+
+So any number of programs look at one robot, and a recording that is played back (`rosbag play`) is as good as a robot.
+A RAVEN-II that publishes no operating state, as in a recording, tells it by the run level of its raven_state; a robot
+without setpoints has NaN for them.
+
+What came from the robot is read when it is asked for. Neither a robot that publishes slowly nor one that has died can
+hold a loop up: its silence shows in `measured_js`, which refuses a state older than `stale_after`.
+"""
+
+from collections.abc import Mapping
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats
+from catenary.crtk.clock import SECOND
+from catenary.crtk.conversions import joint_state, joint_values
+from catenary.crtk.conversions import operating_state as operating_state_of
+from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
+from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity
+from catenary.crtk.message import Message
+from catenary.crtk.names import DIAGNOSTICS, DIAGNOSTICS_TYPE, Dialect, find_topic
+from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
+from catenary.crtk.transport import Transport
+from catenary.errors import InputError, TransportError, UnsupportedCommandError
+from catenary.plant import Column, JointState, OperatingState, StateCommand
+from catenary.recording.topics import Arm
+from catenary.spatial import LEVEL
+
+STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
+CONNECT_TIMEOUT = 5.0  # [s] that CRTK's own client allows
+_READS = ("measured_js", "setpoint_js", "operating_state")
+
+
+class CrtkReader:
+    """One arm of a robot that speaks CRTK, over any transport; arrays are in the order of `joint_names`."""
+
+    supports: frozenset[str] = frozenset()
+
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        dialect: Dialect = "raven",
+        arm: Arm = "gold",
+        namespace: str | None = None,
+        joints: RobotJoints | None = None,
+        period: float = 0.001,
+        imu: ImuTopic | None = None,
+        stale_after: float = STALE_AFTER,
+        connect_timeout: float = CONNECT_TIMEOUT,
+        simulated: bool = False,
+    ) -> None:
+        """Connect to a robot; nothing is sent.
+
+        Args:
+            transport: Carries the messages; stays open when the client is closed.
+            dialect: `raven`, the public RAVEN-II software's, or `crtk`, the present convention.
+            arm: Which one; the swap of the arms' topics is seen to.
+            namespace: In front of the verbs, such as /PSM1, of a robot that speaks `crtk`; a RAVEN-II's when None.
+            joints: Names as in its messages, units and limits; a RAVEN-II's when None.
+            period: Of a tick [s].
+            imu: Topic that gravity is read from; nominal gravity when None.
+            stale_after: Age [s] at which a state is refused.
+            connect_timeout: [s].
+            simulated: The robot behind the topics is a simulation, which they do not say.
+
+        Raises:
+            TransportError: Topics are missing, or nothing comes, within `connect_timeout`; the message names them. Or
+                they carry another type, or this transport has a client of this arm already.
+            InputError: An argument is out of range, or the robot's joints have other names.
+        """
+        if not 0.0 < period < np.inf or not 0.0 < stale_after < np.inf or not connect_timeout >= 0.0:
+            raise InputError(
+                f"client: expected positive times, got period {period}, stale_after {stale_after}, "
+                f"connect_timeout {connect_timeout}"
+            )
+        found = checked_joints(raven_joints(arm) if joints is None else joints)
+        self.joint_names, self.joint_units = found.names, found.units
+        self._lower, self._upper = found.lower, found.upper
+        self.transport, self.dialect, self.arm, self.namespace = transport, dialect, arm, namespace
+        self.period, self.stale_after, self.simulated = period, stale_after, simulated
+        self._origin: int | None = None  # [ns] stamp of the first state
+        self._latest: dict[str, Latest] = {}
+        self._state: RavenTelemetry | None = None
+        self._diagnostics: Latest | None = None
+        # what is in front of the arm's commands, /arm1 or /PSM1: by it /diagnostics names the arm
+        self.command_place = find_topic(dialect, "setpoint_js", arm, namespace).name.rpartition("/")[0]
+        self._gravity: MeasuredGravity | None = None
+        # of telemetry: raven_state's fields, and encoders that were published when this began
+        self.columns: tuple[Column, ...] = ()
+        try:
+            for verb in _READS:
+                topic = find_topic(dialect, verb, arm, namespace)
+                self._latest[verb] = Latest(transport, topic.name, topic.type)
+            if dialect == "raven":
+                self._state = RavenTelemetry(transport, arm, stale_after)
+                self.columns = self._state.columns
+            self._diagnostics = Latest(transport, DIAGNOSTICS, DIAGNOSTICS_TYPE)
+            self._gravity = None if imu is None else MeasuredGravity(transport, imu)
+            self._begin()
+            self._connect(connect_timeout)
+            self._position(self._latest["measured_js"].message())  # refuses other joints here and now
+        except BaseException:
+            self.close()
+            raise
+        self.measured_topic = self._latest["measured_js"].topic
+        self._rate = transport.rate(1.0 / period)
+
+    def _begin(self) -> None:
+        """Prepare what is to be connected besides."""
+
+    # what it says
+
+    @property
+    def lower(self) -> Floats:
+        """Lower joint limits (n,) [rad|m]."""
+        return self._lower.copy()
+
+    @property
+    def upper(self) -> Floats:
+        """Upper joint limits (n,) [rad|m]."""
+        return self._upper.copy()
+
+    def measured_js(self) -> JointState:
+        """Return the latest joint state; its time is the robot's, since the client's first message.
+
+        Torques are those at the joints, from raven_state where there is one, as a motion log has them.
+
+        Raises:
+            TransportError: It is older than `stale_after`.
+        """
+        return self.state_of(self._fresh())
+
+    def state_of(self, message: Message) -> JointState:
+        """Return the joint state of a message of measured_js, with the latest torques and gravity."""
+        gravity, age = (LEVEL.copy(), np.inf) if self._gravity is None else self._gravity.now()
+        state = joint_state(message, self.joint_names, gravity=gravity, gravity_age=age)
+        tau, q_motor = state.tau, state.q_motor
+        if self._state is not None:
+            tau, q_motor = joint_torques(self._state.arm_values("tau")), self._state.arm_values("mpos")
+        if self._origin is None:
+            self._origin = message.header.stamp
+        time = (message.header.stamp - self._origin) / SECOND
+        return state._replace(
+            time=time, q=np.array(state.q), qd=np.array(state.qd), tau=np.array(tau), q_motor=q_motor
+        )
+
+    def setpoint_js(self) -> JointState:
+        """Return the latest joint setpoint that the robot reports; at rest where it reports no velocity.
+
+        NaN where no setpoint has come, as of a recording.
+
+        Raises:
+            TransportError: The robot's state is older than `stale_after`.
+        """
+        state = self.measured_js()
+        message = self._latest["setpoint_js"].message()
+        if message is None:
+            unknown = np.full(len(self.joint_names), np.nan)
+            return state._replace(q=unknown, qd=unknown.copy())
+        qd = np.zeros(len(self.joint_names))
+        if len(message.velocity):
+            qd[:] = joint_values(message, self.joint_names, "velocity")
+        return state._replace(q=np.array(self._position(message)), qd=qd)
+
+    def operating_state(self) -> OperatingState:
+        """Return the operating state; where none has come, that which a RAVEN-II's run level stands for.
+
+        Raises:
+            TransportError: Nothing has come from the robot for `stale_after`.
+        """
+        self._fresh()
+        message = self._latest["operating_state"].message()
+        if message is None and self._state is not None:
+            return self._state.operating_state()
+        return operating_state_of(message)
+
+    @property
+    def fault_reason(self) -> str:
+        """Why the arm is in FAULT, as /diagnostics tells; empty where nobody tells."""
+        message = None if self._diagnostics is None else self._diagnostics.message()
+        place = self.command_place
+        for status in () if message is None else message.status:
+            if status.hardware_id == place and status.message.startswith("FAULT: "):
+                return str(status.message.removeprefix("FAULT: "))
+        return ""
+
+    def stale_inputs(self) -> tuple[str, ...]:
+        """Return topics beside measured_js from which nothing has come for `stale_after`, with their ages."""
+        heard = [] if self._state is None else [(self._state.topic, self._state.age())]
+        if self._gravity is not None:
+            heard.append((self._gravity.latest.topic, self._gravity.latest.age()))
+        return tuple(f"{topic}: {age:.2f} s old" for topic, age in heard if age > self.stale_after)
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Return the latest sample of every declared column; NaN for an encoder that fell silent."""
+        return {} if self._state is None else self._state.sample()
+
+    def external_encoders(self) -> Floats:
+        """Return the external encoders' reading of the joints (3,) [rad, rad, m]; NaN where there is none."""
+        return np.full(3, np.nan) if self._state is None else self._state.encoder("ext_jpos")
+
+    @property
+    def age(self) -> float:
+        """Seconds since the latest state came in."""
+        return self._latest["measured_js"].age()
+
+    # what only a client that commands obeys
+
+    def servo_jp(self, q: ArrayLike) -> None:
+        """Refuse."""
+        raise self._only_read("servo_jp")
+
+    def servo_jr(self, dq: ArrayLike) -> None:
+        """Refuse."""
+        raise self._only_read("servo_jr")
+
+    def servo_jf(self, tau: ArrayLike) -> None:
+        """Refuse."""
+        raise self._only_read("servo_jf")
+
+    def state_command(self, command: StateCommand) -> None:
+        """Refuse."""
+        raise self._only_read(command)
+
+    @staticmethod
+    def _only_read(verb: str) -> UnsupportedCommandError:
+        return UnsupportedCommandError(f"{verb}: this robot is only read")
+
+    def wait(self) -> None:
+        """Sleep until the next tick, on a grid of the client's own."""
+        self._rate.sleep()
+
+    @property
+    def late(self) -> int:
+        """Ticks that began a whole period late or more."""
+        return self._rate.late
+
+    def close(self) -> None:
+        """End its topics; the transport stays open."""
+        for part in (*self._latest.values(), self._state, self._diagnostics, self._gravity):
+            if part is not None:
+                part.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _position(self, message: Message) -> Floats:
+        return joint_values(message, self.joint_names)
+
+    def _fresh(self) -> Message:
+        """Return the latest measured_js, or refuse it as too old."""
+        latest = self._latest["measured_js"]
+        age = latest.age()
+        if age > self.stale_after:
+            raise TransportError(
+                f"{latest.topic}: nothing has come from the robot for {age:.2f} s, expected at most "
+                f"{self.stale_after:g} s"
+            )
+        return latest.message()
+
+    def _connect(self, timeout: float) -> None:
+        begin = self.transport.steady()
+        while True:
+            missing = self._missing()
+            if not missing:
+                return
+            if (self.transport.steady() - begin) / SECOND >= timeout:
+                raise TransportError(
+                    f"the robot ({self.dialect}, {self.arm} arm) is not there after {timeout:g} s: "
+                    + "; ".join(missing)
+                )
+            self.transport.sleep(0.01)
+
+    def _missing(self) -> list[str]:
+        """Say which topics lack messages."""
+        needed = [self._latest["measured_js"]]
+        if self._state is None:
+            needed.append(self._latest["operating_state"])
+        faults = [self._silence(latest) for latest in needed if latest.message() is None]
+        measured = self._latest["measured_js"].message()
+        if measured is not None and not np.isfinite(measured.position).all():
+            faults.append(f"{self._latest['measured_js'].topic}: holds NaN or infinity")
+        if self._state is not None and self._state.message() is None:
+            faults.append(self._silence(self._state.latest))
+        return faults
+
+    def _silence(self, latest: Latest) -> str:
+        """Say who is expected to send on a topic of which nothing came."""
+        senders = ", ".join(self.transport.connections(latest.topic).publishers)
+        return f"{latest.topic}: {senders + ' sends nothing' if senders else 'nobody publishes it'}"

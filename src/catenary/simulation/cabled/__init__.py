@@ -1,0 +1,1 @@
+"""What simulated arms behind cables share, whatever robot they are of."""

@@ -1,0 +1,1 @@
+"""A simulated da Vinci PSM: seven motors, a wrist on long cables, the dVRK's position control."""

@@ -1,0 +1,167 @@
+"""The numbers of a simulated PSM: what the arm is, what its controller believes, what a tracker sees."""
+
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.config import Settings, load_toml
+from catenary.errors import ConfigError
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import Tree
+from catenary.simulation.cable_parameters import CableDrive, Entry, Origin, parameters_of
+from catenary.simulation.records import AXES, POSITIONING, SIZES, PerAxis, PerTool, Record
+
+ARM_JOINTS = AXES - 1  # all but the jaw
+LINKS = 8  # that turn or slide, of the parallelogram and the insertion
+# seven joints behind cables, in place of a RAVEN-II's three
+PSM_SIZES = {**SIZES, "joint": AXES, "link": LINKS, "node": LINKS + 1}
+
+_PerArmJoint = Annotated[Floats, "f8", (ARM_JOINTS,)]
+_ToolMatrix = Annotated[Floats, "f8", ("tool", "tool")]
+
+
+class PsmDrive(CableDrive):
+    """Motors, gears, cables and joints of a PSM as they really are. Read by compiled code.
+
+    Cables are in the dVRK's actuator coordinates: the joints' own for the first three, the instrument's discs for the
+    other four.
+    """
+
+    sizes = PSM_SIZES
+
+    coupling: _ToolMatrix  # true: turns of the discs per turn of the tool's joints
+    stop_lower: PerAxis  # joint positions of the stops [rad, rad, m, rad...]
+    stop_upper: PerAxis
+    stop_stiffness: PerAxis  # [Nm/rad, Nm/rad, N/m, Nm/rad...]
+    stop_damping: PerAxis
+    tool_inertia: PerTool  # of what the tool's joints move [kg m2]
+    joint_damping: PerAxis  # [Nm s/rad, Nm s/rad, N s/m, Nm s/rad...]
+
+
+class PsmController(Record):
+    """The dVRK's control of a PSM, and what it believes of it. Read by compiled code."""
+
+    sizes = PSM_SIZES
+
+    ratio: PerAxis  # motor turns per actuator's [rad/rad, rad/rad, rad/m, rad/rad...]
+    counts: PerAxis  # of an encoder per turn of its motor
+    joints: _ToolMatrix  # tool's joints at its discs' positions; the inverse is the discs' at the joints'
+    discs: _ToolMatrix
+    kp: PerAxis  # [Nm/rad, Nm/rad, N/m, Nm/rad...] of the joints
+    kd: PerAxis
+    tolerance: PerAxis  # error of a joint beyond which the controller stops [rad, rad, m, rad...]
+    torque_constant: PerAxis  # [Nm/A] at the shaft
+    current_limit: PerAxis  # [A]
+    dac_per_ampere: PerAxis
+    registration: PerAxis  # reported less true actuator positions after homing [rad, rad, m, rad...]
+    home_value: PerAxis
+    lower: PerAxis  # joint limits
+    upper: PerAxis
+    step_limit: PerAxis  # most that a setpoint moves in 1 ms [rad, rad, m, rad...]
+
+
+class Tracker(Record):
+    """What sees the arm's joints from outside, by a camera or encoders."""
+
+    resolution: _PerArmJoint  # [rad, rad, m, rad, rad, rad]
+    noise: _PerArmJoint  # standard deviation of a reading
+
+
+class LinkEntry(Settings):
+    """Mass of one link of the data file."""
+
+    mass_kg: float
+    com_m: list[float]
+    inertia_kg_m2: list[float]  # xx xy xz yy yz zz about the centre of mass
+    origin: Origin
+
+
+class PsmFile(Settings):
+    """The data file."""
+
+    name: str
+    sources: list[str]
+    drive: dict[str, Entry]
+    controller: dict[str, Entry]
+    tracker: dict[str, Entry]
+    links: dict[str, LinkEntry]
+
+
+class PsmArm(NamedTuple):
+    """A PSM as its data file has it."""
+
+    name: str
+    drive: PsmDrive
+    controller: PsmController
+    tracker: Tracker
+    links: Tree  # of robot dvrk_psm, in its own coordinates, with masses
+    coupling: Floats  # (LINKS, 3) the links' coordinates per yaw, pitch, insertion
+    file: PsmFile
+
+
+def load_psm(path: Path | None = None) -> PsmArm:
+    """Load the package's PSM, or another of the kind from a file.
+
+    Raises:
+        ConfigError: A parameter or link is missing, unknown, or of the wrong length; the message names it.
+    """
+    if path is None:
+        with as_file(files("catenary.simulation") / "data" / "dvrk_psm.toml") as packaged:
+            return load_psm(packaged)
+    content = load_toml(path, PsmFile)
+    model = load_robot("dvrk_psm")
+    if set(content.links) != set(model.link_names):
+        raise ConfigError(
+            f"{path}: [links]: expected {', '.join(model.link_names)}, got {', '.join(content.links)}"
+        )
+    links = [content.links[name] for name in model.link_names]
+    inertia = np.array(
+        [_symmetric(path, name, link) for name, link in zip(model.link_names, links, strict=True)]
+    )
+    tree = model.tree._replace(
+        mass=np.array([link.mass_kg for link in links]),
+        com=np.array([link.com_m for link in links]),
+        inertia=inertia,
+    )
+    return PsmArm(
+        content.name,
+        parameters_of(path, "drive", content.drive, PsmDrive),
+        parameters_of(path, "controller", content.controller, PsmController),
+        parameters_of(path, "tracker", content.tracker, Tracker),
+        # writable ones: compiled code is compiled once more for another kind of array
+        Tree._make(np.array(part) for part in tree),
+        np.array(model.coupling[:, :POSITIONING]),
+        content,
+    )
+
+
+def varied_psm(arm: PsmArm, rng: np.random.Generator) -> PsmArm:
+    """Draw another arm of the kind: gears by 0.5 %, stiffness, backlash and friction by 15 %, registration by 30 %."""
+    d, c = arm.drive, arm.controller
+
+    def by(values: Floats, share: float) -> Floats:
+        return values * np.exp(share * rng.standard_normal(len(values)))
+
+    drive = d.replace(
+        ratio_error=d.ratio_error + 0.005 * rng.standard_normal(AXES),
+        stiffness=by(d.stiffness, 0.15),
+        backlash=by(d.backlash, 0.15),
+        rotor_friction=by(d.rotor_friction, 0.15),
+        link_friction=by(d.link_friction, 0.15),
+        capstan_runout=by(d.capstan_runout, 0.2),
+        pulley_runout=by(d.pulley_runout, 0.2),
+        capstan_phase=rng.uniform(-np.pi, np.pi, AXES),
+        pulley_phase=rng.uniform(-np.pi, np.pi, AXES),
+    )
+    return arm._replace(drive=drive, controller=c.replace(registration=by(c.registration, 0.3)))
+
+
+def _symmetric(path: Path, name: str, link: LinkEntry) -> Floats:
+    if len(link.com_m) != 3 or len(link.inertia_kg_m2) != 6:
+        raise ConfigError(f"{path}: [links.{name}]: expected 3 numbers of com_m and 6 of inertia_kg_m2")
+    inertia = np.zeros((3, 3))
+    inertia[np.triu_indices(3)] = link.inertia_kg_m2
+    return inertia + np.triu(inertia, 1).T

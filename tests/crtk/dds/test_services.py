@@ -1,0 +1,81 @@
+from typing import Any
+
+import pytest
+
+from catenary.crtk.dds.transport import DdsTransport
+from catenary.crtk.message import message_class
+from catenary.crtk.transport import Spinner
+from catenary.errors import TransportError
+from patience import PATIENCE, until
+
+TRIGGER = "std_srvs/Trigger"
+RESPONSE = message_class("std_srvs/TriggerResponse")
+
+
+def test_a_client_like_rmw_cyclonedds_gets_its_own_answers(robot: Any, peer: Any) -> None:
+    from oracles.cyclone_peer import TriggerRequest, TriggerResponse
+
+    pressed: list[int] = []
+
+    def press(_: Any) -> Any:
+        pressed.append(1)
+        return RESPONSE(True, f"pressed {len(pressed)} times")
+
+    robot.service("/button", TRIGGER, press)
+    requests = peer.writer("rq/buttonRequest", TriggerRequest)
+    answers = peer.reader("rr/buttonReply", TriggerResponse)
+    until(lambda: requests.get_matched_subscriptions() and answers.get_matched_publications())
+    client = requests.instance_handle % 2**64
+    with Spinner(robot):
+        for number in (7, 8):
+            requests.write(TriggerRequest(client, number))
+            got = answers.take_one(timeout=round(PATIENCE * 1e9))
+            assert (got.guid, got.seq, got.success) == (client, number, True)
+    assert got.message == "pressed 2 times"
+
+
+def test_a_service_like_rmw_cyclonedds_is_called(robot: Any, peer: Any) -> None:
+    from threading import Thread
+
+    from oracles.cyclone_peer import TriggerRequest, TriggerResponse
+
+    requests = peer.reader("rq/buttonRequest", TriggerRequest)
+    answers = peer.writer("rr/buttonReply", TriggerResponse)
+
+    def serve() -> None:
+        asked = requests.take_one(timeout=round(PATIENCE * 1e9))
+        answers.write(TriggerResponse(asked.guid + 1, asked.seq, True, "another's"))
+        answers.write(TriggerResponse(asked.guid, asked.seq - 1, True, "another one"))
+        answers.write(TriggerResponse(asked.guid, asked.seq, True, "this one"))
+
+    server = Thread(target=serve, daemon=True)
+    server.start()
+    assert robot.call("/button", TRIGGER, timeout=PATIENCE) == (True, "this one")
+    server.join()
+
+
+def test_a_service_between_two_programs_is_found_offered_once_and_forgotten(
+    robot: Any, dds_domain: int
+) -> None:
+    with DdsTransport("client", settle=0.05) as client:
+        robot.service("/button", TRIGGER, lambda _: RESPONSE(True, "yes"))
+        with Spinner(robot):
+            assert client.call("/button", TRIGGER, timeout=PATIENCE) == (True, "yes")
+        with pytest.raises(TransportError, match="offered already"):
+            client.service("/button", TRIGGER, print)
+        with pytest.raises(TransportError, match=r"no answer within 0\.2 s"):
+            client.call("/button", TRIGGER, timeout=0.2)
+        robot.close()
+        with pytest.raises(TransportError, match="nobody offers it"):
+            client.call("/button", TRIGGER, timeout=0.5)
+        client.service("/button", TRIGGER, print)
+
+
+def test_a_server_that_is_late_answers_nobody_who_has_gone(robot: Any, dds_domain: int) -> None:
+    with DdsTransport("client", settle=0.05) as client:
+        robot.service("/button", TRIGGER, lambda _: RESPONSE(True, "late"))
+        with pytest.raises(TransportError, match="no answer"):
+            client.call("/button", TRIGGER, timeout=0.3)
+        until(lambda: robot.poll(0.05))
+        with Spinner(robot):
+            assert client.call("/button", TRIGGER, timeout=PATIENCE).success
