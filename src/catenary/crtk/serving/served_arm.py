@@ -65,6 +65,7 @@ class ServedArm:
         self.names = plant.joint_names
         self.machine = StateMachine(plant, dialect)
         self.lower, self.upper = plant.lower, plant.upper
+        self.place = ""  # namespace of its commands
         self.obeys = ""  # topic of the command that it obeyed last
         self.most = plant.period * np.array([FASTEST[unit] for unit in plant.joint_units])
         self.increments = Increments(self.most, plant.period)
