@@ -42,6 +42,10 @@ class SimulatedPlant(ABC):
         """What the robot stands on."""
         return self._base.base
 
+    def stand_on(self, base: MovingBase) -> None:
+        """Stand on another base from now on; one that goes on where the last one is moves the arm without a jolt."""
+        self._base = self._base.of(base)
+
     @property
     def time(self) -> float:
         """Time since power-on [s]."""
