@@ -53,6 +53,7 @@ MODULES = {
     "beyond-memory": "papers.beyond.memory",
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
+    "beyond-rules": "papers.beyond.rules",
     "beyond-few-minutes": "papers.beyond.few_minutes",
 }
 
