@@ -55,6 +55,7 @@ MODULES = {
     "beyond-advice": "papers.beyond.advice",
     "beyond-rules": "papers.beyond.rules",
     "beyond-few-minutes": "papers.beyond.few_minutes",
+    "beyond-prior-control": "papers.beyond.prior_control",
 }
 
 
