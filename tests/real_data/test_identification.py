@@ -160,10 +160,8 @@ def test_a_panda_whose_torques_are_all_turned_names_all_joints(recordings: Path)
         sign = np.ones(7)
         sign[list(joints)] = -1.0
         assert log.tau is not None
-        samples = prepare(replace(log, tau=sign * log.tau), panda, IdentifyOptions())
-        findings = torque_findings(
-            identify_samples([samples], panda, IdentifyOptions()), samples, fitted=True
-        )
+        samples = prepare(replace(log, tau=sign * log.tau), panda, PUBLISHED)
+        findings = torque_findings(identify_samples([samples], panda, PUBLISHED), samples, fitted=True)
         assert [(f.name, f.joints) for f in findings] == [("sign", (panda.joint_names[j],)) for j in joints]
 
 

@@ -29,7 +29,7 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
     """Find torques of the wrong sign, of swapped axes, or in another unit.
 
     Args:
-        result: What was identified.
+        result: What was identified; where the recording was fitted, by a free fit: friction of a wrong sign tells.
         samples: A recording.
         fitted: It is one of those that were fitted.
     """
