@@ -53,7 +53,7 @@ def gravity(
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
-    from catenary.gravity.torque import gravity_torque
+    from catenary.gravity.torque import gravity_torque, unseen_torque
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
@@ -71,10 +71,11 @@ def gravity(
     values = joint_values(model, q, q_deg)
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
-    print_notes([*beyond_limits(model, values), *given.doubts(gravity)])
+    open_to = unseen_torque(model, values, gravity)
+    print_notes([*beyond_limits(model, values), *given.doubts(gravity), *_unseen(model, open_to)])
     if as_json:
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
-        print_json({**found, "tau": torques, "unit": units, "level": on_level})
+        print_json({**found, "tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()})
         return
     rows = [
         [name, f"{tau:.4f}", f"{level:.4f}", f"{tau - level:+.4f}", unit]
@@ -86,6 +87,24 @@ def gravity(
         ["joint", "torque", "level base", "difference", "unit"],
         rows,
     )
+
+
+def _unseen(model: "RobotModel", open_to: "Floats") -> list[str]:
+    """Return a note on torques that the recordings of an identified robot did not show, with their size."""
+    from catenary.units import TORQUE_UNIT
+
+    sizes = [
+        f"{name} by up to {size:.2g} {TORQUE_UNIT[unit]}"
+        for name, unit, size in zip(model.joint_names, model.joint_units, open_to, strict=True)
+        if size > 0.005
+    ]
+    if not sizes:
+        return []
+    hidden = ", ".join(each.name for each in model.unseen)
+    return [
+        f"{model.name} was identified on one base, which does not show {hidden}: under this gravity torques may be "
+        f"off, {', '.join(sizes)}; recordings on a tilted base show it"
+    ]
 
 
 def track(

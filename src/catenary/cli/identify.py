@@ -112,7 +112,7 @@ def identify(
     """
     from catenary.identification.files import save_identification
     from catenary.identification.options import FRICTION_PARTS, IdentifyOptions
-    from catenary.reports.identification import absolute_table, excitation_facts, residual_table
+    from catenary.reports.identification import absolute_table, excitation_facts, mass_table, residual_table
     from catenary.workflows.identify import identify_files
 
     options = IdentifyOptions(
@@ -159,6 +159,8 @@ def identify(
         print_notes(result.notes)
         print_table("Residual over torque (RMS) per axis", *residual_table(found))
         print_table("RMS residual", *absolute_table(found))
+        if (masses := mass_table(found)) is not None:
+            print_table("Links beside the robot's file; single masses are plausible, not measured", *masses)
         for name, text in excitation_facts(found)[:2]:
             print(f"{name}: {text}")
         print(f"parameters: {out}\ncard:  {card_path(out)}")
@@ -239,9 +241,10 @@ def payload(
         print(f"no payload (confidence {best.confidence:.3f} that there is one)")
     if best.detected and len(best.likely) > 1:
         print(f"if it is on {best.link}:")
-    if best.mass is not None:
+    told = best.detected or at is not None
+    if best.mass is not None and told:
         print(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
-    if best.moment is not None and best.moment_std is not None:
+    if best.moment is not None and best.moment_std is not None and told:
         print(
             f"mass times place in {best.link}: {', '.join(f'{v:.4f}' for v in best.moment)} kg m, standard deviations "
             f"{', '.join(f'{v:.4f}' for v in best.moment_std)}"

@@ -6,17 +6,18 @@ Loops hold `gravity_kernel(model)`, machine code of the robot's own.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_batch
+from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kernels import MANY, gravity_kernel, known_kernel, one_by_kernel
 from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import first_moments, gravity_recursion
+from catenary.dynamics.regressor import torque_regressor
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import LEVEL
 
-__all__ = ["gravity_delta", "gravity_kernel", "gravity_torque", "potential_energy"]
+__all__ = ["gravity_delta", "gravity_kernel", "gravity_torque", "potential_energy", "unseen_torque"]
 
 
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threads: int = 1) -> Floats:
@@ -130,3 +131,31 @@ def _first_moment_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, 
         place_tree(tree, coupling, offset, q[k], work, rotation, position)
         first_moments(tree, rotation, position, mass, moment)
         out[k] = moment[n]
+
+
+def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
+    """Return by how much torques of gravity can be off for what the recordings of an identified robot did not show.
+
+    Recordings on one base show masses as far as they have an effect there: on a level floor not the first moments about
+    an upright axis. Zero where nothing is unseen, and under the gravity that it was identified in.
+
+    Args:
+        model: The robot; `unseen` says what its recordings left open, and within which bounds.
+        q: (n,) configuration [rad or m].
+        gravity: (3,) free-fall acceleration in base axes [m/s2].
+
+    Returns:
+        (n,) [Nm or N], at most so much to either side.
+
+    Raises:
+        InputError: An argument has another shape or is not finite.
+    """
+    rows = as_array("q", q, (model.n,))[None]
+    rest, down = np.zeros_like(rows), as_array("gravity", gravity, (3,))
+    out = np.zeros(model.n)
+    if not model.unseen:
+        return out
+    Y = torque_regressor(model, rows, rest, rest, down)[0].reshape(model.n, len(model.link_names), -1)
+    for each in model.unseen:
+        out += np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], each.change)) * max(-each.low, each.high)
+    return out

@@ -20,8 +20,8 @@ from catenary.identification.base_parameters import BaseParameters
 
 LENGTH = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
 LEAST = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
-PREFER_SMALL = 1e-7  # of the squared torque per kg: what torques do not show is as little mass as may be
-LEAST_PRIOR = 1e-7  # of the squared torque: with a prior, what torques do not show is the prior's
+PREFER_SMALL = 1e-10  # of the squared torque per kg: what torques do not show is as little mass as may be
+LEAST_PRIOR = 1e-8  # of the squared torque: with a prior, what torques do not show is the prior's
 REACH = 0.5  # [m] from a link's frame to its centre of mass, at most, where no inertia tells
 
 
@@ -45,7 +45,7 @@ def consistent_fit(
         InputError: The solver found no solution.
     """
     b, k = base.combination.shape
-    scale = _scale(base)
+    scale = parameter_scale(base)
     size = float(np.linalg.norm(R[:, b]))
     fit = (R[: b + 1, :b] / size) @ (base.combination * scale)
     right = R[:, b] / size
@@ -68,7 +68,7 @@ def consistent_fit(
 
 def consistent_cones(base: BaseParameters) -> tuple[Floats, Floats, list[object]]:
     """Return A, b and cones of b - A phi / scale in cones: what parameters of bodies and friction keep."""
-    parameters, scale = base.parameters, _scale(base)
+    parameters, scale = base.parameters, parameter_scale(base)
     k = base.combination.shape[1]
     A, right, cones = [-parameters.bounds * scale], [np.zeros(len(parameters.bounds))], list[object]()
     if len(parameters.bounds):
@@ -95,7 +95,7 @@ def trace_row(base: BaseParameters) -> Floats:
     parameters, row = base.parameters, np.zeros(base.combination.shape[1])
     for place in range(len(parameters.links)):
         if parameters.per_link == PER_LINK:
-            body = _pseudo_inertia_map() @ np.diag(_scale(base)[:10])
+            body = _pseudo_inertia_map() @ np.diag(parameter_scale(base)[:10])
             row[parameters.link_columns(place)] = _triangle(np.eye(4)) @ body
         else:
             row[parameters.link_columns(place)] = [1.0, 0.0, 0.0, 0.0]
@@ -110,7 +110,7 @@ def solve_program(quadratic: Any, linear: Floats, A: Any, right: Floats, cones: 
     """
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    program = quadratic, linear, sparse.csc_matrix(A), right, cones
+    program = sparse.csc_matrix(quadratic), linear, sparse.csc_matrix(A), right, cones
     solution = clarabel.DefaultSolver(*program, settings).solve()
     if str(solution.status) not in ("Solved", "AlmostSolved"):
         raise InputError(
@@ -161,7 +161,7 @@ def pseudo_inertia(phi: Floats) -> Floats:
     return J
 
 
-def _scale(base: BaseParameters) -> Floats:
+def parameter_scale(base: BaseParameters) -> Floats:
     """Bring the unknowns to one size: links by a length, actuation by one."""
     per_link = base.parameters.per_link
     link = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])[:per_link]

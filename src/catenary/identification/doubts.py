@@ -29,7 +29,7 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
     """Find torques of the wrong sign, of swapped axes, or in another unit.
 
     Args:
-        result: What was identified.
+        result: What was identified; where the recording was fitted, by a free fit: friction of a wrong sign tells.
         samples: A recording.
         fitted: It is one of those that were fitted.
     """
@@ -141,7 +141,7 @@ def _known_torques(result: Identification, samples: Samples, fitted: bool) -> tu
     for i in range(model.n):
         # friction and offsets beside the model's own torque
         columns = np.column_stack([own[:, i], np.sign(samples.qd[:, i]), samples.qd[:, i], np.ones(len(own))])
-        if not np.ptp(own[:, i]) > 0.0:
+        if not (np.ptp(own[:, i]) > 0.0 and np.ptp(samples.tau[:, i]) > 0.0):
             continue
         ratio = float(np.linalg.lstsq(columns, samples.tau[:, i], rcond=None)[0][0])
         correlation = float(np.corrcoef(own[:, i], samples.tau[:, i])[0, 1])

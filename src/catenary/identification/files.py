@@ -21,6 +21,7 @@ from catenary.identification.columns import Parameters
 from catenary.identification.friction_choice import FrictionPart
 from catenary.identification.identification import Identification
 from catenary.identification.options import IdentifyOptions, Terms
+from catenary.identification.reasons import MovedRange
 from catenary.identification.residuals import LogResidual, Verdict
 from catenary.robots.actuation import Weighting
 from catenary.robots.identified import IDENTIFIED
@@ -57,6 +58,15 @@ class ResidualRecord(Recorded):
     relative_rms_period: Residuals | None
     rms: Residuals
     verdict: Verdict | None
+    reasons: tuple[str, ...] = ()
+
+
+class MotionRecord(Recorded):
+    """How the recordings moved that were fitted, as `MovedRange`."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    speed: tuple[float, ...]
 
 
 class FrictionPartRecord(Recorded):
@@ -79,6 +89,8 @@ class IdentificationStructure(Recorded):
     tests: tuple[ResidualRecord, ...]
     friction: tuple[FrictionPartRecord, ...] = ()
     prior_weight: float | None = None
+    moved_base: bool = False
+    seen: MotionRecord | None = None
 
 
 class IdentificationCard(Recorded):
@@ -143,6 +155,7 @@ def residual_record(result: LogResidual) -> dict[str, Any]:
         "relative_rms_period": plain(result.relative_rms_period),
         "rms": plain(result.rms),
         "verdict": result.verdict,
+        "reasons": list(result.reasons),
     }
 
 
@@ -164,6 +177,8 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
         "tests": [residual_record(r) for r in result.tests],
         "friction": [asdict(part) for part in result.friction],
         "prior_weight": result.prior_weight,
+        "moved_base": result.moved_base,
+        "seen": None if result.seen is None else {k: v.tolist() for k, v in result.seen._asdict().items()},
     }
     text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
     arrays: dict[str, Any] = {
@@ -226,6 +241,8 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             phi=arrays.get("phi"),
             friction=tuple(FrictionPart(**part.model_dump()) for part in structure.friction),
             prior_weight=structure.prior_weight,
+            moved_base=structure.moved_base,
+            seen=_motion(structure.seen, n),
         )
         card = json_table(str(arrays["card"]), "card", finite=False)
         parse_settings(card, IdentificationCard, "card")
@@ -236,6 +253,15 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
         raise FileFormatError(f"{path}: holds damaged parameters: {cut(repr(error))}") from error
 
 
+def _motion(seen: MotionRecord | None, n: int) -> MovedRange | None:
+    if seen is None:
+        return None
+    motion = MovedRange(np.array(seen.low), np.array(seen.high), np.array(seen.speed))
+    if any(values.shape != (n,) or not np.isfinite(values).all() for values in motion):
+        raise ValueError(f"seen: expected {n} finite numbers each")
+    return motion
+
+
 def _residual(entry: ResidualRecord) -> LogResidual:
     def numbers(values: Residuals) -> Floats:
         return np.array([np.nan if v is None else v for v in values], dtype=float)
@@ -243,5 +269,5 @@ def _residual(entry: ResidualRecord) -> LogResidual:
     period = entry.relative_rms_period
     return LogResidual(
         entry.log, entry.rows, numbers(entry.rms), numbers(entry.relative_rms),
-        None if period is None else numbers(period), entry.verdict,
+        None if period is None else numbers(period), entry.verdict, entry.reasons,
     )  # fmt: skip

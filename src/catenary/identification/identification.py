@@ -25,8 +25,10 @@ from catenary.identification.least_squares import (
 )
 from catenary.identification.options import IdentifyOptions, actuation_of, filter_of
 from catenary.identification.prior import prior_of, weight_of_prior
-from catenary.identification.residuals import LogResidual, judge, residual
+from catenary.identification.reasons import MovedRange, motion_of, reason_of
+from catenary.identification.residuals import LogResidual, judge, residual, unpredicted
 from catenary.identification.samples import Samples, alternate_blocks, prepare
+from catenary.identification.unseen import unseen_of
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 
@@ -49,6 +51,8 @@ class Identification:
     tests: tuple[LogResidual, ...] = ()
     phi: Floats | None = None  # (k,) all parameters, where the fit was physically consistent
     friction: tuple[FrictionPart, ...] = ()  # what held-out blocks added to the robot file's friction
+    seen: MovedRange | None = None  # how the recordings moved that were fitted
+    moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
     prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
 
     @property
@@ -115,8 +119,13 @@ class Identification:
         tests = []
         worst = np.max([r.relative_rms for r in self.training], axis=0)
         for part in samples:
-            result = self.compare(part)
-            tests.append(replace(result, verdict=judge(result, worst)))
+            predicted = self.predict_samples(part)
+            result = residual(part, predicted, filter_of(self.model, self.options).period_samples)
+            axes = [int(i) for i in unpredicted(result, worst)]
+            reasons = {i: reason_of(self.model, i, part, predicted, self.seen) for i in axes}
+            telling = [i for i in axes if not reasons[i].tells_nothing]
+            said = tuple(reason.says for reason in reasons.values())
+            tests.append(replace(result, verdict=judge(result, axes, telling), reasons=said))
         return replace(self, tests=(*self.tests, *tests))
 
     def compare(self, samples: Samples) -> LogResidual:
@@ -171,6 +180,7 @@ class Identification:
             self.model,
             tree=tree_with_parameters(self.model.tree, phi.reshape(-1)),
             actuation=replace(actuation, values=values),
+            unseen=() if self.moved_base else unseen_of(self.base, consistent),
             missing_inertia=(),
             missing_tensor=tuple(self.model.link_names[i] for i in parameters.links) if static else (),
             notes=(*self.model.notes, f"{what} identified from recordings"),
@@ -283,6 +293,8 @@ def _fit(
         condition=condition,
         training=(),
         phi=phi,
+        seen=motion_of(samples),
+        moved_base=_base_in(samples) != "still",
         prior_weight=prior_weight,
     )
     return replace(result, training=tuple(result.compare(part) for part in samples))

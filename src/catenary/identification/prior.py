@@ -13,7 +13,7 @@ from catenary.identification.folds import folds_of
 from catenary.identification.least_squares import joined, triangles
 from catenary.identification.samples import Samples
 
-WEIGHTS = (LEAST_PRIOR, 1e-6, 1e-5, 1e-4, 1e-3)  # that held-out blocks choose among
+WEIGHTS = (LEAST_PRIOR, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # that held-out blocks choose among
 BETTER = 1e-3  # least that a stronger prior takes from the sum over axes of log residual
 
 

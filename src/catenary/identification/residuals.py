@@ -1,14 +1,16 @@
 """How far torques are from what a model says, per axis, and what that says about the model."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.identification.samples import Samples
 
-Verdict = Literal["holds", "drifted", "fails"]
+Verdict = Literal["holds", "unclear", "drifted", "fails"]
 HOLDS = 2.0  # times the training residual
 FAILS = 0.9  # of the torque itself: hardly better than predicting nothing
 SMALL = 0.1  # relative residuals below this are never called drift
@@ -24,6 +26,7 @@ class LogResidual:
     relative_rms: Floats  # (n,) NaN on an axis without torque
     relative_rms_period: Floats | None  # (n,) over the first period after the cut
     verdict: Verdict | None = None  # none is given on the recordings that were fitted
+    reasons: tuple[str, ...] = ()  # why it is not "holds", for each axis that is not predicted
 
 
 def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResidual:
@@ -38,22 +41,36 @@ def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResi
     )
 
 
-def judge(test: LogResidual, training: Floats) -> Verdict:
-    """Return whether a model holds on a recording it did not see.
+def unpredicted(test: LogResidual, training: Floats) -> NDArray[np.int64]:
+    """Return the axes of a recording that are predicted clearly worse than those that were fitted.
 
-    fails: an axis is hardly better than predicting no torque, and much worse than in training. drifted: an axis has
-    more than twice the training residual (and more than a tenth of its torque), as when the arm, its load or the units
-    changed. holds: otherwise.
+    They have more than twice the training residual, and more than a tenth of their torque.
 
     Args:
         test: Residual on the recording.
-        training: (n,) relative RMS on the recordings that were fitted.
+        training: (n,) largest relative RMS on the recordings that were fitted.
     """
     with np.errstate(invalid="ignore"):
         worse = test.relative_rms > np.maximum(HOLDS * training, SMALL)
-        if (worse & (test.relative_rms > FAILS)).any():
-            return "fails"
-        return "drifted" if worse.any() else "holds"
+    return np.flatnonzero(worse)
+
+
+def judge(test: LogResidual, axes: Collection[int], telling: Collection[int]) -> Verdict:
+    """Return whether a model holds on a recording it did not see.
+
+    holds: every axis is predicted. unclear: the axes that are not were moved too little, or where nothing was fitted.
+    fails: an axis is hardly better than predicting no torque. drifted: otherwise, as when the arm or its load changed.
+
+    Args:
+        test: Residual on the recording.
+        axes: Those that are not predicted.
+        telling: Those of them whose motion can tell.
+    """
+    if not axes:
+        return "holds"
+    if not telling:
+        return "unclear"
+    return "fails" if any(test.relative_rms[i] > FAILS for i in telling) else "drifted"
 
 
 def rms(values: Floats) -> Floats:

@@ -51,7 +51,8 @@ def write_identification_report(
         Text(
             "RMS of measured less predicted torque over RMS of the torque, per axis, known torques subtracted first. "
             "On a recording that was not fitted the model holds while no axis has more than twice the training "
-            "residual, has drifted beyond that, and fails where an axis is hardly better than predicting no torque."
+            "residual, has drifted beyond that, and fails where an axis is hardly better than predicting no torque. "
+            "Where it was moved too little, or where nothing was fitted, that is unclear."
         ),
         absolute_table(found),
         *([Remarks(notes)] if notes else []),
@@ -61,6 +62,8 @@ def write_identification_report(
     ]
     for samples in shown:
         blocks += [Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
+    if (masses := mass_table(found)) is not None:
+        blocks += [Heading("Links beside the robot's file"), masses]
     blocks += [
         Heading("Base parameters"),
         parameter_table(found),
@@ -96,6 +99,23 @@ def parameter_table(found: Identification) -> Table:
         for name, unit, value, std in columns
     ]
     return Table(["parameter", "unit", "value", "std", "std / value"], rows)
+
+
+def mass_table(found: Identification) -> Table | None:
+    """Return every link's mass and centre as identified beside those of the robot's file; None where there are none."""
+    if found.prior_weight is None or found.phi is None:
+        return None
+    robot, given = found.robot(), found.model
+    rows = []
+    for i in found.base.parameters.links:
+        if not given.tree.mass[i] > 0.0:
+            continue
+        apart = 1000.0 * np.linalg.norm(robot.tree.com[i] - given.tree.com[i])
+        mass, before = float(robot.tree.mass[i]), float(given.tree.mass[i])
+        rows.append(
+            [given.link_names[i], f"{mass:.3g}", f"{before:.3g}", f"{mass / before:.2f}", f"{apart:.0f}"]
+        )
+    return Table(["link", "mass [kg]", "file's [kg]", "ratio", "centres apart [mm]"], rows)
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:

@@ -45,6 +45,15 @@ class Frame(NamedTuple):
     pose: Pose  # of the frame in the link's frame
 
 
+class Unseen(NamedTuple):
+    """A change of masses that no torque showed under the gravity in which a robot was identified."""
+
+    name: str  # of the first moment or mass that it is counted in
+    change: Floats  # (n_tree, 4) of each link's mass [kg] and first moment [kg m], per unit of it
+    low: float  # by how much bodies could have less of it [kg m or kg], zero or below
+    high: float  # by how much more
+
+
 @dataclass(frozen=True, eq=False)  # arrays have no single truth value: two models are equal if they are one
 class RobotModel:
     """One robot: a tree, and how its n coordinates move the tree's joints.
@@ -75,6 +84,7 @@ class RobotModel:
     # (n_tree, 3) axes of frame i on which link i's centre of mass may lie; all of them when none is declared
     closed_form: str | None = None  # which closed-form inverse kinematics holds, if any
     actuation: Actuation | None = None  # friction, springs, motors, if stated
+    unseen: tuple[Unseen, ...] = ()  # what recordings on one base could not show of its masses
     without_payload: "RobotModel | None" = None  # the same robot before a payload was added
     sources: tuple[str, ...] = ()  # where the numbers come from
     notes: tuple[str, ...] = ()  # what the description holds and the model leaves out
@@ -86,6 +96,8 @@ class RobotModel:
         object.__setattr__(self, "tree", Tree(*(frozen(array) for array in self.tree)))
         axes = self.axes_of_com if len(self.axes_of_com) else np.ones((len(self.tree.parent), 3), dtype=bool)
         object.__setattr__(self, "axes_of_com", frozen(axes))
+        unseen = tuple(each._replace(change=frozen(each.change)) for each in self.unseen)
+        object.__setattr__(self, "unseen", unseen)
         frames = {
             name: Frame(link, Pose(frozen(pose.rotation), frozen(pose.position)))
             for name, (link, pose) in self.frames.items()

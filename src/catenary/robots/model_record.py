@@ -21,7 +21,7 @@ from catenary.robots.actuation import (
     check_actuation,
 )
 from catenary.robots.actuation_table import FilterTable
-from catenary.robots.model import Frame, RobotModel, Tree
+from catenary.robots.model import Frame, RobotModel, Tree, Unseen
 from catenary.robots.plausible import (
     FARTHEST,
     MOST_FACTOR,
@@ -117,6 +117,15 @@ class ActuationRecord(Recorded):
     values: Annotated[tuple[float, ...], Field(max_length=10 * MOST_LINKS)] | None = None
 
 
+class UnseenRecord(Recorded):
+    """A change of masses that was not seen, as `Unseen`."""
+
+    name: str
+    change: Annotated[tuple[tuple[float, float, float, float], ...], Many]
+    low: float
+    high: float
+
+
 class RobotRecord(Recorded):
     """A robot as plain data."""
 
@@ -141,6 +150,7 @@ class RobotRecord(Recorded):
     tree: TreeRecord
     frames: dict[str, tuple[int, Matrix, Vector]]
     actuation: ActuationRecord | None
+    unseen: tuple[UnseenRecord, ...] = ()
 
 
 def robot_record(model: RobotModel) -> dict[str, Any]:
@@ -157,6 +167,7 @@ def robot_record(model: RobotModel) -> dict[str, Any]:
             name: [f.link, f.pose.rotation.tolist(), f.pose.position.tolist()]
             for name, f in model.frames.items()
         },
+        "unseen": [each._asdict() | {"change": each.change.tolist()} for each in model.unseen],
         "actuation": None if model.actuation is None else asdict(model.actuation, dict_factory=_plain),
     }
 
@@ -222,6 +233,10 @@ def _robot(content: RobotRecord) -> RobotModel:
         **limits,
         frames=_frames(content, links),
         actuation=None if content.actuation is None else _actuation(content.actuation, n),
+        unseen=tuple(
+            Unseen(each.name, _array("unseen change", each.change, links), each.low, each.high)
+            for each in content.unseen
+        ),
     )
 
 

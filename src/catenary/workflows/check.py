@@ -10,13 +10,13 @@ import numpy as np
 from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
-from catenary.errors import FileFormatError
+from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
 from catenary.identification.files import load_identification
 from catenary.identification.identification import Identification
 from catenary.identification.residuals import LogResidual
 from catenary.plant import MotionLog
-from catenary.recording.foreign.read import Reading, read_recording
+from catenary.recording.foreign.read import Reading, read_recording, read_torque_recording
 from catenary.reports.file_facts import (
     DynamicsFacts,
     FileFacts,
@@ -37,6 +37,7 @@ from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
+from catenary.workflows.check_torques import holds_torques, torque_verdict
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 FORMAT = "catenary.check.1"  # of what --json prints
@@ -47,7 +48,7 @@ LONG_GAP = 10.0  # times the median step between stamps
 class FileReport:
     """Kind, facts and faults of a file."""
 
-    kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
+    kind: str  # "robot", "calibration model", "identified dynamics" or a recording
     facts: FileFacts
     faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
     remarks: list[str] = field(default_factory=list)  # worth knowing
@@ -89,6 +90,14 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
     # a model may have any name; a recording's says what it is
     if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
         return _check_identification(path) if "combination" in arrays else _check_model(path)
+    if path.is_file() and is_zipfile(path) and holds_torques(path):
+        if robot is None:
+            raise InputError(
+                f"{path}: is a recording for identification, positions and torques without names or units: "
+                "of which robot? name it with --robot"
+            )
+        model = load_robot(robot)
+        return check_torque_recording(read_torque_recording(path, model, reading), model)
     if table_ending(path) in (".npz", ".parquet", ".csv"):
         return check_recording(read_recording(path, reading), robot=robot)
     if not path.exists():
@@ -149,6 +158,14 @@ def check_recording(log: MotionLog, *, robot: str | None = None) -> FileReport:
     found.findings = findings_of(log, robot=robot_of([log], robot))
     for finding in found.findings:
         (found.faults if finding.refuses else found.remarks).append(f"{finding.name}: {finding}")
+    return found
+
+
+def check_torque_recording(log: MotionLog, model: RobotModel) -> FileReport:
+    """Check a recording for identification: what it shows of its robot, and whether its torques are the motion's."""
+    found = FileReport("recording for identification", _recording_facts(log))
+    found.faults, remarks, found.findings = torque_verdict(log, model)
+    found.remarks = [*log.notes, *remarks]
     return found
 
 

@@ -101,7 +101,9 @@ def identify_files(
     again = [log.name for log in read_tests if log.sha256 in seen]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += filter_notes(model, options)
+    notes += [f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons]
     notes += _doubts(result, training, held_out)
+    notes += choice_notes(result)
     notes += judge(stamps, accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
@@ -137,6 +139,24 @@ def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
     signals = {key: values[first:last] for key, values in log.signals.items()}
     notes = (*log.notes, f"rows {first} to {last} of {len(log)}")
     return replace(log, **chosen, signals=signals, notes=notes)
+
+
+def choice_notes(result: Identification) -> list[str]:
+    """Return notes on what held-out blocks chose: parts of friction, and how much the file's masses count."""
+    by_kind: dict[str, list[str]] = {}
+    for part in result.friction:
+        scale = "" if part.scale is None else f" ({part.scale:.2g})"
+        by_kind.setdefault(part.kind, []).append(f"{part.friction}{scale}")
+    notes = [
+        f"friction: {kind} part added to {', '.join(names)}: held-out blocks are predicted better"
+        for kind, names in by_kind.items()
+    ]
+    if result.prior_weight is not None:
+        notes.append(
+            f"masses are drawn to those of the robot's file with weight {result.prior_weight:g}, chosen on held-out "
+            "blocks"
+        )
+    return notes
 
 
 def _findings(
