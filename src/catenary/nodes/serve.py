@@ -48,10 +48,13 @@ class Serving:
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
     # [cm/s2] of the robot's own gravity compensation; None: without
     grav_dir: tuple[int, int, int] | None = None
+    torque_arm: Arm | None = None  # dialect raven: whose servo_jp carries torques of its motors [mNm]
 
     def __post_init__(self) -> None:
         if self.robot != "raven2":
             raise InputError(f'robot "{self.robot}": expected raven2, the one robot that can be served')
+        if self.torque_arm is not None and self.dialect != "raven":
+            raise InputError("torques in place of positions go with dialect raven; crtk has servo_jf")
 
 
 class ServerStatus(NamedTuple):
@@ -101,7 +104,9 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    speaker: Speaker = RavenDialect(arms) if serving.dialect == "raven" else CrtkDialect(arms)
+    speaker: Speaker = (
+        RavenDialect(arms, torque_arm=serving.torque_arm) if serving.dialect == "raven" else CrtkDialect(arms)
+    )
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:

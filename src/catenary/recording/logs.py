@@ -13,10 +13,9 @@ from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
 from catenary.documents import cut, json_table, no_file, shortened
 from catenary.errors import FileFormatError, InputError
-from catenary.files import damage, sha256_of, written_whole
+from catenary.files import damage, sha256_of, table_ending, written_whole
 from catenary.plant import MotionLog
 from catenary.recording.importers import numbers_of, read_command_log
-from catenary.recording.table_kind import table_ending
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 
