@@ -7,8 +7,9 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from catenary.cli.options import refuse_former_spelling, with_groups_apart
+from catenary.cli.options import ROS_PARAMETERS, refuse_former_spelling, with_groups_apart
 from catenary.cli.signals import signals_interrupt
+from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
 
 # module of this package and function; in the order in which `catenary --help` lists them
 _FUNCTIONS = {
@@ -91,8 +92,14 @@ class CommandGroup(TyperGroup):
         self.commands: Any = Commands()
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that is meant, its name and its arguments, unless they are spelled as once they were."""
+        """Return the command that is meant, its name and its arguments, unless they are spelled as once they were.
+
+        What is for ROS 2, behind `--ros-args`, is kept for when the command joins it.
+        """
         name, command, rest = super().resolve_command(ctx, args)
+        if command is not None and any(option.name in ROS_PARAMETERS for option in command.params):
+            rest, said = split_ros_arguments(rest)
+            say_ros_arguments(parse_ros_arguments(said))
         refuse_former_spelling(name or "", rest)
         return name, command, rest
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from catenary.cli.terminal import without_notes
+from catenary.crtk.dds.arguments import said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,6 +30,16 @@ Units = Annotated[
 ]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]
 Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="ROS that carries the messages.")]
+RosDistro = Annotated[
+    str | None,
+    Option(
+        "--ros-distro",
+        metavar="NAME",
+        help="On ROS 2: distribution of the others, such as humble. [default: ROS_DISTRO, or jazzy]",
+    ),
+]
+# parameters of commands that may speak ROS: those that ask for it, and those of projects, which say it themselves
+ROS_PARAMETERS = {"ros", "simulated"}
 Duration = Annotated[
     float | None, Option("--duration", metavar="S", min=0.0, help="How long to run. [default: until Ctrl-C]")
 ]
@@ -224,11 +235,16 @@ def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:
     ]
     parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in own if p.name not in groups]
     parameters = sorted([*parameters, *shared], key=lambda p: 2 if p.name == "as_json" else p in shared)
+    on_ros = any(p.name in ROS_PARAMETERS for p in parameters)
+    if on_ros:
+        parameters.append(Parameter("ros_distro", Parameter.KEYWORD_ONLY, default=None, annotation=RosDistro))
     parameters.append(Parameter("no_notes", Parameter.KEYWORD_ONLY, default=False, annotation=NoNotes))
 
-    def run(*, no_notes: bool = False, **given: Any) -> None:
+    def run(*, no_notes: bool = False, ros_distro: str | None = None, **given: Any) -> None:
         for name, group in groups.items():
             given[name] = group(**{field.name: given.pop(field.name) for field in fields(group)})
+        if ros_distro is not None:
+            say_ros_arguments(replace(said_ros_arguments(), distro=ros_distro))
         with without_notes(no_notes):
             command(**given)
 

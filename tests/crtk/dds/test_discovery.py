@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
 from patience import until
@@ -25,7 +26,7 @@ def test_a_program_tells_of_its_node_and_the_ends_of_its_topics(
     reader = peer.reader(
         "ros_discovery_info", discovery_type(gid_bytes), RELIABLE, Policy.Durability.TransientLocal
     )
-    with DdsTransport("robot", distro=distro, settle=0.05) as robot:
+    with DdsTransport("robot", arguments=RosArguments(distro=distro), settle=0.05) as robot:
         publisher = robot.publisher("/said", "std_msgs/String")
         robot.subscribe("/heard", "std_msgs/String")
         gid = robot.program.gid
@@ -55,7 +56,7 @@ def test_a_program_tells_of_its_node_and_the_ends_of_its_topics(
 def test_ends_of_topics_carry_their_types_hash_from_iron_on(
     dds_domain: int, distro: str, has_hashes: bool
 ) -> None:
-    with DdsTransport("robot", distro=distro, settle=0.05) as robot:
+    with DdsTransport("robot", arguments=RosArguments(distro=distro), settle=0.05) as robot:
         robot.publisher("/said", "std_msgs/String")
         robot.topics()
         (end,) = robot.program.directory.publishers("rt/said")

@@ -3,6 +3,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from catenary.crtk.dds.distributions import DISTRIBUTIONS, distribution, half_hash, message_hash
 from catenary.errors import InputError
+from catenary.recording.messages import SERVICES
 
 STORES = {"humble": Stores.ROS2_HUMBLE, "iron": Stores.ROS2_IRON, "jazzy": Stores.ROS2_JAZZY}
 
@@ -21,8 +22,9 @@ def test_hashes_are_those_that_ros2_topic_info_prints() -> None:
     assert message_hash("sensor_msgs/JointState") == f"RIHS01_{joints}"
 
 
-def test_halves_of_a_service_have_hashes_of_their_own() -> None:
-    assert half_hash("std_srvs/Trigger", "Request") != half_hash("std_srvs/Trigger", "Response")
+def test_halves_of_services_have_hashes_of_their_own() -> None:
+    hashes = {half_hash(service, half) for service in SERVICES for half in ("Request", "Response")}
+    assert len(hashes) == 2 * len(SERVICES)
 
 
 def test_the_distribution_is_the_one_given_else_the_one_sourced_else_the_default(monkeypatch) -> None:

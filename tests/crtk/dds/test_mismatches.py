@@ -49,13 +49,9 @@ def test_programs_that_speak_of_other_types_are_named(robot: Any, peer: Any, cap
     peer.writer("rt/heard", JointState)
     until(lambda: len(caplog.records) >= 2)
     number = peer.participant.guid.hex
+    assert f"/said: participant_{number} takes sensor_msgs/JointState, /robot publishes {TEXT}" in caplog.text
     assert (
-        f"/said: participant_{number} listens for sensor_msgs/JointState, /robot publishes {TEXT}"
-        in caplog.text
-    )
-    assert (
-        f"/heard: participant_{number} publishes sensor_msgs/JointState, /robot listens for {TEXT}"
-        in caplog.text
+        f"/heard: participant_{number} publishes sensor_msgs/JointState, /robot takes {TEXT}" in caplog.text
     )
 
 

@@ -1,11 +1,12 @@
 from typing import Any
 
+import numpy as np
 import pytest
 
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
 from catenary.crtk.transport import Spinner
-from catenary.errors import TransportError
+from catenary.errors import InputError, TransportError
 from patience import PATIENCE, until
 
 TRIGGER = "std_srvs/Trigger"
@@ -79,3 +80,25 @@ def test_a_server_that_is_late_answers_nobody_who_has_gone(robot: Any, dds_domai
         until(lambda: robot.poll(0.05))
         with Spinner(robot):
             assert client.call("/button", TRIGGER, timeout=PATIENCE).success
+
+
+def test_a_service_with_messages_in_it_answers_and_says_why_it_failed(robot: Any) -> None:
+    kind, response = (
+        "crtk_msgs/QueryForwardKinematics",
+        message_class("crtk_msgs/QueryForwardKinematicsResponse"),
+    )
+    pose = message_class("geometry_msgs/Pose")
+
+    def answer(request: Any) -> Any:
+        if len(request.jp) != 3:
+            raise InputError(f"{len(request.jp)} joints")
+        point = message_class("geometry_msgs/Point")(*request.jp)
+        return response(pose(position=point), True, "here")
+
+    robot.service("/fk", kind, answer)
+    asked = message_class("crtk_msgs/QueryForwardKinematicsRequest")
+    with Spinner(robot):
+        got = robot.call("/fk", kind, asked(jp=np.array([0.25, -1.0, 4.0])), timeout=PATIENCE)
+        failed = robot.call("/fk", kind, asked(jp=np.ones(2)), timeout=PATIENCE)
+    assert (tuple(got.cp.position), got.result, got.message) == ((0.25, -1.0, 4.0), True, "here")
+    assert (failed.result, failed.message) == (False, "2 joints")

@@ -9,7 +9,7 @@ from cyclonedds.sub import DataReader
 from catenary.crtk.codec import NO_MESSAGE
 from catenary.crtk.dds.directory import HANDLES, MANY, Endpoint
 from catenary.crtk.dds.distributions import message_hash
-from catenary.crtk.dds.names import dds_topic, dds_type
+from catenary.crtk.dds.names import dds_type
 from catenary.crtk.dds.program import Program
 from catenary.crtk.dds.qualities import Quality
 from catenary.crtk.dds.types import Raw, message_type
@@ -31,17 +31,17 @@ class ListenedTopic:
     from those that offer just that.
     """
 
-    def __init__(self, program: Program, name: str, type_name: str, steady: Callable[[], int]) -> None:
+    def __init__(self, program: Program, dds_name: str, type_name: str, steady: Callable[[], int]) -> None:
         """Begin to receive."""
         self.type_name = current_name(type_name)
-        self._dds_name = dds_topic(name)
+        self.dds_name = dds_name
         self._program, self._steady = program, steady
         self._subscriptions: list[Subscription] = []
         self._latched: dict[str, tuple[bytes, int, Origin, int]] = {}  # by publisher
         self._origins: dict[int, tuple[Endpoint, Origin]] = {}  # by Cyclone's handle of the writer
         self._readers: dict[Quality, DataReader[Any]] = {}
         self._to_ros1 = partial(typestore(2).cdr_to_ros1, typename=ros2_name(type_name))
-        publishers = program.directory.publishers(self._dds_name)
+        publishers = program.directory.publishers(self.dds_name)
         for publisher in publishers:
             self.hear(publisher)
         if not self._readers:
@@ -49,7 +49,7 @@ class ListenedTopic:
 
     def hear(self, publisher: Endpoint) -> None:
         """Listen to a publisher of the topic, if it carries the type."""
-        if publisher.topic == self._dds_name and publisher.type_name == dds_type(self.type_name):
+        if publisher.topic == self.dds_name and publisher.type_name == dds_type(self.type_name):
             self._listen(_asked_of(publisher))
 
     def _listen(self, quality: Quality) -> None:
@@ -58,7 +58,7 @@ class ListenedTopic:
         program = self._program
         user_data = f"typehash={message_hash(self.type_name)};" if program.distribution.has_hashes else ""
         self._readers[quality] = program.reader(
-            self._dds_name,
+            self.dds_name,
             message_type(self.type_name),
             quality,
             _DEPTH,

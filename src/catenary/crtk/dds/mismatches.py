@@ -5,12 +5,12 @@ import time
 from collections.abc import Iterator, Mapping
 
 from catenary.crtk.dds.directory import Directory, Endpoint
-from catenary.crtk.dds.names import dds_topic, dds_type, ros_type
+from catenary.crtk.dds.names import dds_type, ros_topic, ros_type
 from catenary.crtk.dds.qualities import Quality
 
 _PATIENCE = 1.0  # [s] until a program without a ROS node is called by its number
 _logger = logging.getLogger(__name__)
-Ours = Mapping[str, tuple[str, Quality]]  # type and quality of topics
+Ours = Mapping[str, tuple[str, Quality]]  # type and quality, by DDS's names of topics
 
 
 class Mismatches:
@@ -28,25 +28,22 @@ class Mismatches:
         if self._changes == self._directory.changes and not self._seen:
             return
         self._changes = self._directory.changes
-        for topic, (kind, quality) in published.items():
-            for end in self._others(self._directory.subscribers(dds_topic(topic))):
+        for dds_name, (kind, quality) in published.items():
+            topic = ros_topic(dds_name)
+            for end in self._others(self._directory.subscribers(dds_name)):
                 if end.type_name != dds_type(kind):
                     self._say(
-                        end,
-                        f"{topic}: {{}} listens for {ros_type(end.type_name)}, {self._node} publishes {kind}",
+                        end, f"{topic}: {{}} takes {ros_type(end.type_name)}, {self._node} publishes {kind}"
                     )
                 elif missing := quality.lacks(end.quality):
-                    self._say(
-                        end,
-                        f"{topic}: {{}} hears nothing of {self._node}: it asks for {end.quality}, "
-                        f"offered is {quality} ({', '.join(missing)})",
-                    )
-        for topic, (kind, quality) in heard.items():
-            for end in self._others(self._directory.publishers(dds_topic(topic))):
+                    asked = f"it asks for {end.quality}, offered is {quality} ({', '.join(missing)})"
+                    self._say(end, f"{topic}: {{}} hears nothing of {self._node}: {asked}")
+        for dds_name, (kind, quality) in heard.items():
+            topic = ros_topic(dds_name)
+            for end in self._others(self._directory.publishers(dds_name)):
                 if end.type_name != dds_type(kind):
                     self._say(
-                        end,
-                        f"{topic}: {{}} publishes {ros_type(end.type_name)}, {self._node} listens for {kind}",
+                        end, f"{topic}: {{}} publishes {ros_type(end.type_name)}, {self._node} takes {kind}"
                     )
                 elif end.quality.is_plain is not quality.is_plain:
                     self._say(end, f"{topic}: {self._node} hears nothing of {{}}, which offers {end.quality}")

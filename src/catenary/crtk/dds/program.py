@@ -41,6 +41,7 @@ class Program:
         """
         self.lock = threading.RLock()
         self.distribution, self._namespace, self._node = distribution, namespace, node
+        self.node = f"{namespace.rstrip('/')}/{node}"  # its full name
         self._came = came
         self._takers: dict[int, Callable[[], None]] = {}
         self._stopped = False
@@ -53,7 +54,7 @@ class Program:
             self.directory = Directory(
                 self._participant,
                 DataReader(self._participant, topic, discovery_profile(MANY)),
-                (self.gid, f"{namespace.rstrip('/')}/{node}"),
+                (self.gid, self.node),
             )
             self._waitset = WaitSet(self._participant)
         except DDSException as error:

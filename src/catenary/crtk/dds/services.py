@@ -15,7 +15,7 @@ from functools import partial
 from itertools import count
 from typing import Any, NamedTuple
 
-from catenary.crtk.codec import NO_MESSAGE, codec
+from catenary.crtk.dds.cdr import FRONT, cdr_decoder, cdr_encoder
 from catenary.crtk.dds.directory import HANDLES, Endpoint
 from catenary.crtk.dds.distributions import half_hash
 from catenary.crtk.dds.names import dds_half, reply_topic, request_topic
@@ -26,9 +26,7 @@ from catenary.crtk.inbox import Inbox, Request
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.transport import Handler
 from catenary.errors import FileFormatError, TransportError
-from catenary.recording.messages import ros2_name, typestore
 
-_HEAD = 4  # bytes in front of a message that say how it is encoded
 _ASKED = struct.Struct("<Qq")  # client, number of its request
 _QUEUE = 10  # requests or answers that wait, as in ROS 2
 _PRESENT = 1.0  # [s] to wait for a service to be found
@@ -74,8 +72,7 @@ class _Offer:
             answer = _encoded(f"{self.type_name}Response", waiting.result())
         except Exception as error:  # the caller gets it, in the only way there is
             _logger.warning("service %s failed: %s", self.name, error)
-            failed = message_class(f"{self.type_name}Response")(success=False, message=str(error))
-            answer = _encoded(f"{self.type_name}Response", failed)
+            answer = _encoded(f"{self.type_name}Response", _failure(self.type_name, str(error)))
         self._services.answer(_Answer(self, client, _joined(asked, answer), time.monotonic() + _HEARD))
 
     def can_hear(self, client: str) -> bool:
@@ -223,23 +220,25 @@ def _services(ends: list[Endpoint | None]) -> set[str]:
     return {end.user_data.get("serviceid", end.participant.hex()) for end in ends if end is not None}
 
 
+def _failure(type_name: str, text: str) -> Message:
+    """Return the answer of a service that failed: whether it succeeded is False, and its text says why."""
+    kind = message_class(f"{type_name}Response")
+    return kind(message=text) if "message" in kind._fields else kind()
+
+
 def _encoded(name: str, message: Message) -> bytes:
-    """Return a half of a service as CDR, without the bytes in front."""
-    return bytes(typestore(2).ros1_to_cdr(codec(name).encode(message, 0), ros2_name(name)))[_HEAD:]
+    """Return a half of a service as CDR, without the bytes in front; who asked has 16, which changes no place."""
+    return cdr_encoder(name)(message)[len(FRONT) :]
 
 
 def _decoded(name: str, body: bytes) -> Message:
-    try:
-        data = bytes(typestore(2).cdr_to_ros1(b"\0\1\0\0" + body, ros2_name(name)))
-    except NO_MESSAGE as error:
-        raise FileFormatError(f"{name}: {len(body)} bytes are no such message ({error})") from error
-    return codec(name).decode(data)
+    return cdr_decoder(name)(FRONT + body)
 
 
 def _joined(asked: tuple[int, int], body: bytes) -> bytes:
-    return b"\0\1\0\0" + _ASKED.pack(*asked) + body
+    return FRONT + _ASKED.pack(*asked) + body
 
 
 def _split(data: bytes) -> tuple[tuple[int, int], bytes]:
-    client, number = _ASKED.unpack_from(data, _HEAD)
-    return (client, number), data[_HEAD + _ASKED.size :]
+    client, number = _ASKED.unpack_from(data, len(FRONT))
+    return (client, number), data[len(FRONT) + _ASKED.size :]

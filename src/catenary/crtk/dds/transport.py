@@ -7,12 +7,13 @@ response.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from cyclonedds.core import DDSException
 
 from catenary.crtk.bounds import Bounds
+from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.cdr import cdr_decoder, cdr_encoder
 from catenary.crtk.dds.directory import HANDLES, Endpoint
 from catenary.crtk.dds.distributions import distribution, message_hash
@@ -36,14 +37,16 @@ _LONGEST = 3.0  # [s] to wait for that
 class DdsPublisher(Publisher):
     """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
 
-    def __init__(self, program: Program, topic: str, type_name: str, quality: Quality, queue: int) -> None:
+    def __init__(
+        self, program: Program, topic: str, dds_name: str, type_name: str, quality: Quality, queue: int
+    ) -> None:
         super().__init__(topic, type_name)
-        self.quality, self._program = quality, program
+        self.dds_name, self.quality, self._program = dds_name, quality, program
         self._missed = 0
         self._kind = message_type(type_name)
         self._encode_cdr = cdr_encoder(type_name)
         user_data = f"typehash={message_hash(type_name)};" if program.distribution.has_hashes else ""
-        self._writer: Any = program.writer(dds_topic(topic), self._kind, quality, queue, user_data)
+        self._writer: Any = program.writer(dds_name, self._kind, quality, queue, user_data)
 
     @property
     def overflowed(self) -> int:
@@ -75,23 +78,31 @@ class DdsPublisher(Publisher):
 class DdsTransport(Transport):
     """A node of ROS 2, in a program of DDS; a thread of its own receives."""
 
-    def __init__(self, name: str, *, distro: str | None = None, settle: float = SETTLE) -> None:
+    def __init__(
+        self,
+        name: str,
+        *,
+        arguments: RosArguments | None = None,
+        settle: float = SETTLE,
+    ) -> None:
         """Join the domain that ROS_DOMAIN_ID names, and wait until those who are there are known.
 
         Args:
             name: Node's name; ROS 2 permits two of one name.
-            distro: Distribution of ROS 2 that the others are of; ROS_DISTRO's, else jazzy's, when None.
+            arguments: Other names, as behind `--ros-args`, and the distribution that the others are of.
             settle: [s] without news of other programs that end the waiting.
 
         Raises:
             InputError: The name is none, there is no such distribution, or a variable of the environment is wrong.
             TransportError: DDS cannot be set up.
         """
-        super().__init__(name)
+        self._arguments = arguments or RosArguments()
+        super().__init__(self._arguments.node or name)
         self._topics: dict[str, ListenedTopic] = {}
-        self.program = Program(name, "/", distribution(distro), self._come)
+        others = distribution(self._arguments.distro)
+        self.program = Program(self.name, self._arguments.namespace, others, self._come)
         self._services = Services(self.program, self.inbox)
-        self._mismatches = Mismatches(self.program.directory, self.program.gid, f"/{name}")
+        self._mismatches = Mismatches(self.program.directory, self.program.gid, self.program.node)
         self.program.each_look = self._look
         self._wait_for_others(settle)
 
@@ -106,12 +117,12 @@ class DdsTransport(Transport):
     def _look(self) -> None:
         self._services.send_answers()
         published = {
-            topic: (one.type_name, one.quality)
-            for topic, one in tuple(self._publishers.items())
+            one.dds_name: (one.type_name, one.quality)
+            for one in tuple(self._publishers.values())
             if isinstance(one, DdsPublisher) and not one.is_closed
         }
         self._mismatches.look(
-            published, {topic: (one.type_name, Quality()) for topic, one in self._topics.items()}
+            published, {one.dds_name: (one.type_name, Quality()) for one in self._topics.values()}
         )
 
     def _come(self, end: Endpoint) -> None:
@@ -121,7 +132,11 @@ class DdsTransport(Transport):
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> DdsPublisher:
         self._refuse_other_type(topic, type_name)
-        return DdsPublisher(self.program, topic, type_name, Quality(is_latched=latch), queue)
+        quality = Quality(is_latched=latch)
+        return DdsPublisher(self.program, topic, self._dds_name(topic), type_name, quality, queue)
+
+    def _dds_name(self, topic: str) -> str:
+        return dds_topic(self._arguments.network_name(topic))
 
     def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
         return cdr_decoder(type_name) if bounds is None else super()._decoder(type_name, bounds)
@@ -133,7 +148,9 @@ class DdsTransport(Transport):
             found = self._topics.get(topic)
             if found is None:
                 self._refuse_other_type(topic, type_name)
-                found = self._topics[topic] = ListenedTopic(self.program, topic, type_name, self.steady)
+                found = self._topics[topic] = ListenedTopic(
+                    self.program, self._dds_name(topic), type_name, self.steady
+                )
             elif found.type_name != subscription.type_name:
                 raise other_type(topic, type_name, found.type_name)
             found.add(subscription)
@@ -150,10 +167,10 @@ class DdsTransport(Transport):
             raise other_type(topic, type_name, found)
 
     def _serve(self, name: str, type_name: str, handler: Handler) -> None:
-        self._services.serve(name, type_name, handler)
+        self._services.serve(self._arguments.network_name(name), type_name, handler)
 
     def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
-        return self._services.call(name, type_name, request, timeout)
+        return self._services.call(self._arguments.network_name(name), type_name, request, timeout)
 
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic that DDS has brought together with this program."""
@@ -170,19 +187,22 @@ class DdsTransport(Transport):
 
     def topics(self) -> Mapping[str, str]:
         """Return the topics that anyone publishes, with their types."""
-        self.program.look()
-        return {
-            topic: kind
-            for topic, kind, _ in sorted(self.program.directory.published(), key=lambda one: one[0])
-        }
+        return {topic: kind for topic, kind, _ in sorted(self._published(), key=lambda one: one[0])}
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
         """Return the processes that publish each topic."""
-        self.program.look()
         found: dict[str, set[str]] = {}
-        for topic, _, end in self.program.directory.published():
+        for topic, _, end in self._published():
             found.setdefault(topic, set()).add(self.program.directory.process(end))
         return {topic: frozenset(processes) for topic, processes in found.items()}
+
+    def _published(self) -> Iterator[tuple[str, str, Endpoint]]:
+        """Yield the topics that are published, by this program's names, their types, and who publishes."""
+        self.program.look()
+        for topic, kind, end in self.program.directory.published():
+            own = self._arguments.own_name(topic)
+            if own is not None:
+                yield own, kind, end
 
     def is_up(self) -> bool:
         """Return whether it is open; ROS 2 has no master."""
