@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from catenary.view.driving_tabs import (
 )
 from catenary.view.from_snapshot import view_state
 from catenary.view.motions import random_motions, way_to, zigzags
+from catenary.view.page_like import StatePage
 from catenary.view.shapes import arm_shapes
 from catenary.view.shown import Shown
 from catenary.view.state import ViewState
@@ -50,17 +51,6 @@ from catenary.workflows.robot.operated_robot import PacedPlant
 SHOW_EVERY = 40  # ticks: 25 states a second, which the page draws 20 of at most
 LISTEN_EVERY = 10  # ticks
 SAID = 8.0  # [s] for which a refusal stays on the page
-
-
-class StatePage(Protocol):
-    """Where states go and changes come from."""
-
-    @property
-    def is_running(self) -> bool: ...  # noqa: D102
-
-    def put(self, state: ViewState) -> None: ...  # noqa: D102
-
-    def changes(self) -> list[Change]: ...  # noqa: D102
 
 
 class LeaveLoop(Exception):
