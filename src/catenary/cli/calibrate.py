@@ -14,6 +14,7 @@ from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions, NodeName
 from catenary.cli.out_files import out_path
 from catenary.cli.project_options import (
+    ArmNamespace,
     BegunFolder,
     ExcitationOptions,
     Folder,
@@ -66,22 +67,36 @@ def record(
 
     if not name.isidentifier() or name == TRAIN:
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
-    if not no_motion:
-        require_project(project)
+    if no_motion:
+        _record_others(project, access, hours, name, as_json)
+        return
+    require_project(project)
     with open_project(project, hours=hours, ros=access.ros) as opened:
         seconds = 60.0 * opened.settings.test_minutes
-        if no_motion:
-            if opened.settings.connection == "simulation":
-                raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
-            with _progress("record") as progress:
-                topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
-            what = f"recorded {seconds:.0f} s as {name}"
-            _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
-            return
         motion, what = random_motion(opened, seconds)
         with robot_of(opened, access, "record") as robot, _progress("record", opened) as progress:
             was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
         _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+
+
+def _record_others(project: Path, access: RobotAccess, hours: float | None, name: str, as_json: bool) -> None:
+    """Record a robot that somebody else moves; the settings of a project that was begun stay as they are."""
+    from catenary.workflows.project.folder import is_project
+
+    with open_project(project, ros=None if is_project(project) else access.ros) as opened:
+        connection = opened.settings.connection if access.ros is None else f"ros{access.ros}"
+        if connection == "simulation":
+            raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
+        seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
+        if not 0.0 < seconds < float("inf"):
+            raise InputError(f"--hours: expected more than 0, got {hours}")
+        with _progress("record") as progress:
+            topics = record_others(
+                opened, name, seconds, ros=int(connection.removeprefix("ros")), simulated=access.simulated,
+                progress=progress,
+            )  # fmt: skip
+        what = f"recorded {seconds:.0f} s as {name}"
+        _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
 
 
 def extract(
@@ -241,12 +256,14 @@ def calibrate(
     hours: Hours = None,
     robot: Robot = None,
     accept: Accept = None,
+    namespace: ArmNamespace = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
 
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
-    it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
+    it drives a simulated RAVEN-II, or with --robot dvrk_psm a da Vinci PSM, and with --ros a real one; with them it
+    fits every model to them and tests on --test.
     The options of fit are those of the model that is recommended and deployed; --seed is also that of its training.
     """
     from catenary.robots.catalog import load_robot
@@ -254,13 +271,12 @@ def calibrate(
 
     if test and not train:
         raise InputError("--test: goes with recordings to train on; without them the robot records its own")
-    if robot is not None and not train:
-        raise InputError("--robot: goes with recordings to train on; without them it is the project's")
     asked, run = fitting.options(seed=0), fitting.run(accept, robot)
-    loaded = None if robot is None else load_robot(robot)
+    loaded = None if robot is None or not train else load_robot(robot)
     names, units = (None, None) if loaded is None else (loaded.joint_names, loaded.joint_units)
     reading = mending.reading(foreign, units=units, joint_names=names, robot=robot)
-    opened = open_project(project, arm, hours=hours, ros=access.ros)
+    kind = None if train else robot
+    opened = open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
     with opened, _steps() as progress:
         if train:
             result = calibrate_recordings(

@@ -15,6 +15,7 @@ from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
+    from catenary.workflows.project.folder import Project
     from catenary.workflows.robot.homing import Homing
 
 
@@ -29,7 +30,7 @@ def home(
         str | None,
         Option(
             metavar="ROBOT",
-            help="Without a project: which one. [default: raven2]",
+            help="Which one; of a project raven2 or dvrk_psm. [default: raven2]",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -37,7 +38,8 @@ def home(
         str | None, Option(help="Without a project, with --ros: raven or crtk. [default: raven]")
     ] = None,
     namespace: Annotated[
-        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+        str | None,
+        Option(metavar="/NAME", help="With --dialect crtk, or of a dVRK PSM: in front of its verbs."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -49,12 +51,10 @@ def home(
     Example: catenary home --ros 1
     """
     if project is not None:
-        if robot is not None or dialect is not None or namespace is not None:
-            raise InputError(
-                "--robot, --dialect and --namespace go without a project; a project's robot is a RAVEN-II's "
-                "left or right arm (--side)"
-            )
-        _home_project(project, arm, access, as_json)
+        if dialect is not None:
+            raise InputError("--dialect goes without a project; a project's robot speaks its own")
+        opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
+        _home_project(opened, access, as_json)
         return
     if arm.payload is not None or arm.side is not None:
         raise InputError("--payload and --side go with a project; without one give --robot raven2_right")
@@ -72,15 +72,14 @@ def home(
         yes=access.yes,
         fast=access.ros is None,
     )
-    with open_robot(chosen, "home", moves=False, homed=False) as opened:
+    with open_robot(chosen, "home", moves=False, homed=False) as moved:
         guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
         announce("homing ...")
-        found = home_operated(opened, guide)
+        found = home_operated(moved, guide)
     _say(found, as_json)
 
 
-def _home_project(folder: Path, arm: ArmOptions, access: RobotAccess, as_json: bool) -> None:
-    opened = open_project(folder, arm, ros=access.ros)
+def _home_project(opened: "Project", access: RobotAccess, as_json: bool) -> None:
     with opened, robot_of(opened, access, "home") as robot:
         announce("homing ...")
         was_run = robot.home(opened)

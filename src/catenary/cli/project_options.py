@@ -18,6 +18,10 @@ Seed = Annotated[
     int | None,
     Option("--seed", help="Simulate another robot, drawn with this seed. [default: the nominal one]"),
 ]
+ArmNamespace = Annotated[
+    str | None,
+    Option("--namespace", metavar="/NAME", help="Of a dVRK PSM: in front of its topics. [default: /PSM1]"),
+]
 Hours = Annotated[float | None, Option("--hours", help="Length of the random motion.")]
 
 
@@ -46,6 +50,10 @@ class ExcitationOptions(ArmOptions):
     sparsity: Annotated[
         str | None, Option(metavar="S,S,...", help="Sparsities of the zig-zags. [default: 1/2,1/3,1/4]")
     ] = None
+    train_minutes: Annotated[
+        float | None,
+        Option(metavar="MIN", help="Length of a dVRK PSM's motion to train on. [default: 20]"),
+    ] = None
     state_rate: Annotated[
         float | None, Option(metavar="HZ", help="Rate of raven_state, 30 or 100. [default: 30]")
     ] = None
@@ -58,6 +66,8 @@ def open_project(
     hours: float | None = None,
     ros: int | None = None,
     columns: str | None = None,
+    robot: str | None = None,
+    namespace: str | None = None,
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
     from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
@@ -65,6 +75,10 @@ def open_project(
     if ros not in (None, 1, 2):
         raise InputError(f"--ros {ros}: expected 1 or 2")
     changes: dict[str, Any] = {} if ros is None else {"connection": f"ros{ros}"}
+    if robot is not None:
+        changes["robot"] = robot
+    if namespace is not None:
+        changes["namespace"] = namespace
     if columns is not None:
         changes["columns"] = tuple(words(columns))
     if hours is not None:
@@ -73,6 +87,7 @@ def open_project(
         typed = {"seed": arm.seed, "payload_kg": arm.payload, "side": arm.side}
         if isinstance(arm, ExcitationOptions):
             typed |= {"direction": arm.direction, "form": arm.form, "state_rate_hz": arm.state_rate}
+            typed["train_minutes"] = arm.train_minutes
             if arm.sparsity is not None:
                 changes["sparsities"] = tuple(_fraction(word) for word in words(arm.sparsity))
         changes |= {key: value for key, value in typed.items() if value is not None}

@@ -48,10 +48,13 @@ class Serving:
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
     # [cm/s2] of the robot's own gravity compensation; None: without
     grav_dir: tuple[int, int, int] | None = None
+    torque_arm: Arm | None = None  # dialect raven: whose servo_jp carries torques of its motors [mNm]
 
     def __post_init__(self) -> None:
         if self.robot != "raven2":
             raise InputError(f'robot "{self.robot}": expected raven2, the one robot that can be served')
+        if self.torque_arm is not None and self.dialect != "raven":
+            raise InputError("torques in place of positions go with dialect raven; crtk has servo_jf")
 
 
 class ServerStatus(NamedTuple):
@@ -67,6 +70,7 @@ class ServerStatus(NamedTuple):
     overflowed: int  # messages that slow clients missed since it began
     is_up: bool  # whether the transport's network answers
     warnings: tuple[str, ...]
+    ended_by: str = ""  # of the last one: the signal's name, or Ctrl-C; empty when its time was over
 
 
 class _Counts(NamedTuple):
@@ -100,7 +104,9 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    speaker: Speaker = RavenDialect(arms) if serving.dialect == "raven" else CrtkDialect(arms)
+    speaker: Speaker = (
+        RavenDialect(arms, torque_arm=serving.torque_arm) if serving.dialect == "raven" else CrtkDialect(arms)
+    )
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
@@ -187,6 +193,7 @@ def serve(
     clock = time.perf_counter
     begin = last = _Counts.now(server)
     deadline, lost = begin.time, 0
+    ended_by = ""
 
     def status(since: _Counts, now: _Counts) -> ServerStatus:
         took = max(now.time - since.time, 1e-9)
@@ -221,8 +228,8 @@ def serve(
                 given_up = int((now - deadline) / period)
                 lost += given_up
                 deadline += given_up * period
-    except KeyboardInterrupt:  # how a server is ended
-        pass
+    except KeyboardInterrupt as stop:  # how a server is ended; of a signal it is the name
+        ended_by = str(stop) or "Ctrl-C"
     finally:
         settled.end()
         for arm in server.arms.values():
@@ -230,7 +237,8 @@ def serve(
             if arm.machine.can_change:
                 arm.machine.command("pause")
                 arm.advance()
-    return status(begin, _Counts.now(server))
+        server.say_states()
+    return status(begin, _Counts.now(server))._replace(ended_by=ended_by)
 
 
 def _state_text(arm: ServedArm) -> str:

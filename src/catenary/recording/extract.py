@@ -118,10 +118,10 @@ class TopicFile:
             raise FileFormatError(
                 f"{where}: format {shortened(self._metadata.get('format'))}, expected {FORMAT!r}"
             )
-        named = [topic for topic in TOPICS if topic.name == self._metadata.get("topic")]
-        if not named:
+        named = topic_named(str(self._metadata.get("topic")))
+        if named is None:
             raise FileFormatError(f"{where}: topic {shortened(self._metadata.get('topic'))}: not one of ours")
-        self.topic: Topic = named[0]
+        self.topic: Topic = named
         self.about = About.from_mapping(self._metadata, f"{path}: schema")
         self.rows: int = self._file.metadata.num_rows
         self.row_groups: int = self._file.num_row_groups

@@ -7,6 +7,7 @@ not a measurement; `jac_f` repeats `jac_vel`, in units nobody states. The arms' 
 carries the green arm, arm2 the gold one. `ravenstate_100hz` is published without a leading slash.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -127,7 +128,7 @@ def _joint_columns(name: str, joints: tuple[str, ...], unit: str = "") -> tuple[
 
     def column(suffix: str, path: str, rate: str, force: tuple[str, str]) -> TopicColumn:
         of = force if path == "effort" else (f"{unit}{rate}",) * 2 if unit else (f"rad{rate}", f"m{rate}")
-        units = tuple(of[joint == "insertion"] for joint in joints)
+        units = tuple(of[joint.endswith("insertion")] for joint in joints)
         return TopicColumn(name + suffix, path, joints, units, required=path == "position")
 
     return (
@@ -154,6 +155,21 @@ JOINT_ENC = Topic(  # its type is not published; a JointState of counts is taken
     "/joint_enc", "sensor_msgs/JointState", 100.0, _joint_columns("joint_enc", JOINTS[:3], "count"),
     "joint_enc", "record_joint_enc", joint_names=JOINTS[:3],
 )  # fmt: skip
+PSM_JOINTS = (
+    "outer_yaw",
+    "outer_pitch",
+    "outer_insertion",
+    "outer_roll",
+    "outer_wrist_pitch",
+    "outer_wrist_yaw",
+)  # of a da Vinci PSM's measured_js
+# topics of a PSM below its namespace: name of the columns, rate [Hz]; the last is a tracker's, which no dVRK has
+PSM_TOPICS: Mapping[str, tuple[str, float]] = {
+    "measured_js": ("measured_js", 30.0),
+    "setpoint_js": ("setpoint_js", 30.0),
+    "tracker/measured_js": ("ext_jpos", 100.0),
+}
+_PSM_TOPIC = re.compile(rf"/?(?P<place>(?:\w+/)*PSM\w*)/(?P<verb>{'|'.join(PSM_TOPICS)})")
 TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, GOLD_MEASURED_JS, GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
 # where a recording's robot, seed and `simulated` travel in a bag, which has no other place for them
 ABOUT_TOPIC = "/catenary/recording"
@@ -161,8 +177,36 @@ ABOUT_TYPE = "std_msgs/String"
 
 
 def topic_named(name: str) -> Topic | None:
-    """Return the topic of that name, with or without its leading slash, or None."""
-    return next((topic for topic in TOPICS if topic.name.strip("/") == name.strip("/")), None)
+    """Return the topic of that name, with or without its leading slash, or None; a PSM's by how its name ends."""
+    of_raven = next((topic for topic in TOPICS if topic.name.strip("/") == name.strip("/")), None)
+    found = _PSM_TOPIC.fullmatch(name)
+    if of_raven is not None or found is None:
+        return of_raven
+    return psm_topic(f"/{found['place']}", found["verb"])
+
+
+def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
+    """Return a topic of a PSM, one of PSM_TOPICS, as it is recorded.
+
+    Raises:
+        InputError: The last word of the namespace does not begin with PSM, by which such topics are told.
+    """
+    column, usual = PSM_TOPICS[verb]
+    name = f"/{namespace.strip('/')}/{verb}"
+    if _PSM_TOPIC.fullmatch(name) is None:
+        raise InputError(f'namespace "{namespace}": expected one whose last word begins with PSM, as /PSM1')
+    stem = f"psm_{'tracker' if column == 'ext_jpos' else column}"
+    columns = _joint_columns(column, PSM_JOINTS)
+    return Topic(
+        name, "sensor_msgs/JointState", rate or usual, columns, stem, f"record_{stem}", joint_names=PSM_JOINTS
+    )
+
+
+def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]:
+    """Return the topics of a calibration recording of a PSM; errors as `psm_topic`."""
+    return tuple(
+        psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in PSM_TOPICS
+    )
 
 
 def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:

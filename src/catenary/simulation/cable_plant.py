@@ -128,6 +128,18 @@ class CablePlant(FirmwarePlant[TickLog]):
         if self._own_gravity.weighs:
             self._own_gravity.gravity = gravity
 
+    def switch_own_gravity(self, grav_dir: Sequence[int] | None) -> None:
+        """Switch the robot's own gravity compensation on, by a gravity as `grav_dir` has it, or off.
+
+        As if its program had been made so: it outlasts `disable` and homing. No topic of the robot's software does it.
+
+        Raises:
+            InputError: No such gravity.
+        """
+        self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
+        self._own_gravity.gravity = np.zeros(3) if self._written_gravity is None else self._written_gravity
+        self._state_or_homing_changed()
+
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
         return sample(self.control, self.state.q, self.encoders, self._base_now())
@@ -173,18 +185,20 @@ class CablePlant(FirmwarePlant[TickLog]):
         self.state.slack = share * self.cable.set_side * self.cable.largest_set
         self.state.loss = np.full(POSITIONING, share * LARGEST_LOSS)
 
-    def resume_at(self, tick: int, rig_zero: Floats, *, is_homed: bool) -> None:
-        """Go on from a saved tick, disabled; `state` and `control` have been written already.
+    @property
+    def identity(self) -> dict[str, object]:
+        """What makes this arm another one than others of its kind."""
+        return {"side": self.side, "seed": self.seed, "payload": self.payload}
 
-        Args:
-            tick: Since power-on.
-            rig_zero: (3,) counts at which the rig's encoders are registered.
-            is_homed: Whether the arm was homed then.
-        """
-        self._tick = tick
-        self.encoders.zero = rig_zero.copy()
-        self._is_homed = is_homed
-        self._set_state("DISABLED")
+    @property
+    def registered(self) -> dict[str, Floats]:
+        """What homing wrote besides `control`: (3,) counts at which the rig's encoders are registered."""
+        return {"rig_zero": self.encoders.zero}
+
+    def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
+        """Go on from a saved tick, disabled, with the rig registered as it was."""
+        self.encoders.zero = registered["rig_zero"].copy()
+        super().resume_at(tick, registered, is_homed=is_homed)
 
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: TickLog) -> int:
         return run_ticks(

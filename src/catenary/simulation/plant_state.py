@@ -11,15 +11,16 @@ from catenary.archives import read_arrays
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError
 from catenary.files import written_whole
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cabled.firmware_plant import FirmwarePlant
 
 FORMAT = "catenary.cable_plant.1"
 LARGEST = 1e9  # of counts, radians, metres, newtons and newton metres in an arm
 FLAGS = ("braked", "stopped", "guarded")  # of the firmware, one array in the file
 UNSAVED = ("gravity_torque",)  # zero while disabled
+AnyArm = FirmwarePlant[Any]
 
 
-def save_plant(plant: CablePlant, path: Path) -> None:
+def save_plant(plant: AnyArm, path: Path) -> None:
     """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed.
 
     Raises:
@@ -29,7 +30,7 @@ def save_plant(plant: CablePlant, path: Path) -> None:
     saved = [name for name in plant.control.fields if name not in FLAGS + UNSAVED]
     arrays |= {f"control.{name}": plant.control[name] for name in saved}
     arrays["control.flags"] = np.array([plant.control[name] for name in FLAGS], dtype=np.int64)
-    arrays["rig_zero"] = plant.encoders.zero
+    arrays |= plant.registered
     about = _robot(plant) | {
         "tick": plant.ticks,
         "is_homed": plant.operating_state().is_homed,
@@ -38,7 +39,7 @@ def save_plant(plant: CablePlant, path: Path) -> None:
         np.savez(file, about=np.array(json.dumps(about)), **arrays)
 
 
-def restore_plant(plant: CablePlant, path: Path) -> None:
+def restore_plant(plant: AnyArm, path: Path) -> None:
     """Put an arm back where `save_plant` left it, disabled.
 
     Raises:
@@ -61,7 +62,7 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
         for name in plant.control.fields:
             if name not in FLAGS + UNSAVED:
                 control[name] = _like(arrays[f"control.{name}"], plant.control[name], name)
-        rig_zero = _like(arrays["rig_zero"], plant.encoders.zero, "rig_zero")
+        registered = {name: _like(arrays[name], now, name) for name, now in plant.registered.items()}
         tick, is_homed = about.get("tick"), about.get("is_homed")
         if type(tick) is not int or not 0 <= tick < 2**53 or not isinstance(is_homed, bool):
             raise ValueError(f"tick {shortened(tick)}, is_homed {shortened(is_homed)}")
@@ -71,7 +72,7 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
         plant.state[name] = values
     for name, values in control.items():
         plant.control[name] = values
-    plant.resume_at(tick, rig_zero, is_homed=is_homed)
+    plant.resume_at(tick, registered, is_homed=is_homed)
 
 
 def _unreadable(path: Path, error: Exception) -> FileFormatError:
@@ -98,12 +99,6 @@ def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
     return values
 
 
-def _robot(plant: CablePlant) -> dict[str, object]:
+def _robot(plant: AnyArm) -> dict[str, object]:
     """Return everything that makes an arm another one, or makes it stand elsewhere."""
-    return {
-        "format": FORMAT,
-        "side": plant.side,
-        "seed": plant.seed,
-        "payload": plant.payload,
-        "base": repr(plant.base),
-    }
+    return {"format": FORMAT, **plant.identity, "base": repr(plant.base)}

@@ -56,6 +56,11 @@ class SimulatedPlant(ABC):
         """Ticks since power-on."""
         return self._tick
 
+    @property
+    def fault_reason(self) -> str:
+        """Why it is in FAULT; empty in other states."""
+        return self._fault.removeprefix(": ") if self._state == "FAULT" else ""
+
     @abstractmethod
     def measured_js(self) -> JointState:
         """Return the joint state as the robot believes it; gravity and base rates are an ideal sensor's."""

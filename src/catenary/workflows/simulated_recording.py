@@ -10,6 +10,7 @@ from catenary.plant import UNUSED, MotionLog
 from catenary.recording.synchronise import further_signals
 from catenary.recording.topics import RAVENSTATE, Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+from catenary.simulation.cabled.firmware_plant import FirmwarePlant, Log
 from catenary.simulation.firmware import TickLog, joint_torques
 from catenary.simulation.raven_telemetry import telemetry_of
 from catenary.simulation.simulated_plant import PERIOD
@@ -105,19 +106,20 @@ def _state_signals(
     return further_signals(state, columns, arm, np.ones(len(rows), dtype=bool))
 
 
-def driven(plant: CablePlant, trajectory: Trajectory, chunk: int) -> Iterator[tuple[TickLog, float]]:
-    """Drive an arm along a trajectory of its positioning joints; yield each piece of its log, and the share done.
+def driven(plant: FirmwarePlant[Log], trajectory: Trajectory, chunk: int) -> Iterator[tuple[Log, float]]:
+    """Drive an arm along a trajectory of its first joints; yield each piece of its log, and the share done.
 
     Args:
-        plant: Enabled and homed.
-        trajectory: Of the three positioning joints.
+        plant: Enabled and homed; its other joints stay where they are.
+        trajectory: Of the first joints.
         chunk: Ticks in a piece, at most.
     """
     ticks = max(1, round(trajectory.duration / PERIOD))
     for first in range(0, ticks, chunk):
         last = min(ticks, first + chunk)
-        rows: Floats = np.full((last - first, len(JOINTS)), np.nan)
-        rows[:, :CALIBRATED] = trajectory.sample(np.arange(first, last) * PERIOD)[0]
+        moved = trajectory.sample(np.arange(first, last) * PERIOD)[0]
+        rows: Floats = np.full((last - first, len(plant.joint_names)), np.nan)
+        rows[:, : moved.shape[1]] = moved
         yield plant.run(rows), last / ticks
 
 

@@ -11,6 +11,7 @@ from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, WARNING, CrtkTopic
 from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
 from catenary.crtk.serving.commander import Commander
+from catenary.crtk.serving.diagnostics import Diagnostics
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
@@ -18,7 +19,7 @@ from catenary.crtk.serving.served_encoders import ServedEncoders
 from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.crtk.transport import Transport
-from catenary.errors import CatenaryError
+from catenary.errors import CatenaryError, InputError
 from catenary.recording.topics import Arm
 
 _STARTS = ": starts"
@@ -28,6 +29,19 @@ WATCH = SECOND // 10  # [ns] between two looks at who is connected
 MOST = (
     8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
 )
+
+
+def whole_numbers(text: str) -> tuple[int, int, int]:
+    """Return three whole numbers, as 0,0,980.
+
+    Raises:
+        InputError: They are none.
+    """
+    try:
+        x, y, z = map(int, text.split(","))
+    except ValueError as error:
+        raise InputError(f'grav-dir "{text}": expected three whole numbers, as 0,0,980, or off') from error
+    return x, y, z
 
 
 class Server:
@@ -79,9 +93,15 @@ class Server:
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
         dialect.begin(self.outlets)
+        for topic in wanted:
+            if topic.verb == "state_command" and topic.arm is not None:
+                arms[topic.arm].place = topic.name.rpartition("/")[0]
+        self._diagnostics = Diagnostics(transport, arms, reports)
         self._encoders = encoders
         self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
         self._watched = beginning.time
+        for service in dialect.services:
+            transport.service(service.name, service.type, service.answer)
         self.button: str | None = None
         if button:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
@@ -98,6 +118,10 @@ class Server:
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
+        settled = self._dialect.settle()
+        if settled is not None:
+            self.reports.say("robot: stopped", settled, now, to=tuple(self.arms))
+        self._diagnostics.publish(now)
         for name, line in self.reports.take_told():
             self.outlets[WARNING, name].publish(_String(line))
         if self.ticks % self._every == 0:
@@ -113,6 +137,10 @@ class Server:
                 source.watch(now)
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
+
+    def say_states(self) -> None:
+        """Publish what the arms are like now, out of turn, as when the server ends."""
+        self._dialect.publish(self._stamps.next(self.transport.now()))
 
     def _take_in(self, now: int) -> None:
         """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
@@ -142,8 +170,21 @@ class Server:
         return said
 
     def person_says(self, line: str) -> None:
-        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms."""
+        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms.
+
+        Also "grav-dir X,Y,Z" and "grav-dir off": the gravity compensation of the robot's own.
+        """
         now = self.transport.now()
+        word, _, rest = line.partition(" ")
+        if word == "grav-dir":
+            try:
+                by = None if rest.strip() == "off" else whole_numbers(rest)
+                for arm in self.arms.values():
+                    if arm.machine.can_change:
+                        arm.switch_own_gravity(by)
+            except InputError as error:
+                self.reports.say("keyboard", str(error), now)
+            return
         if line == "button" or (line == "start" and self.button is not None):
             said = self.press_button()
             if not any(text.endswith(_STARTS) for text in said):
@@ -239,9 +280,9 @@ class Server:
             self.reports.say(f"{arm.arm}: paused", f"{gone} moved it and is gone", now)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
-        if topic.arm is None:
+        if topic.arm is None or self._dialect.is_one_robot:
             arms = [arm for arm in self.arms.values() if arm.machine.can_change]
-            if topic.verb != "state_command":
+            if topic.verb != "state_command" and not self._dialect.is_one_robot:
                 arms = []  # arms that the robot does not have
         else:
             arms = [self.arms[topic.arm]]

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from catenary.arrays import as_array
 from catenary.crtk.message import Message
 from catenary.crtk.names import CrtkTopic
+from catenary.crtk.serving.kinematics_services import Service
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
@@ -18,6 +19,9 @@ Obey = Callable[[ServedArm, Message], None]
 
 class Speaker:
     """A dialect: what is published, and what is obeyed."""
+
+    services: tuple[Service, ...] = ()  # that its robots offer
+    is_one_robot = False  # whether a state command to one arm is one to all
 
     def __init__(
         self,
@@ -54,6 +58,10 @@ class Speaker:
             outlet.due = False
             outlet.publish(message)
 
+    def settle(self) -> str | None:
+        """Do to the arms what the state of one asks of the others; say it, where it is news."""
+        return None
+
     def obey(self, topic: CrtkTopic, message: Message) -> None:
         """Obey a command; state commands are the server's.
 
@@ -61,7 +69,15 @@ class Speaker:
             InputError: It is none that can be obeyed; nothing moves.
             UnreachablePoseError: The mechanism refuses it.
         """
-        if topic.arm is None:
+        self.follow(topic, message, self._obeyed.get(topic.verb))
+
+    def follow(self, topic: CrtkTopic, message: Message, do: Obey | None) -> None:
+        """Have the arm of a topic do something, unless it is in no state to be moved.
+
+        Raises:
+            InputError, UnreachablePoseError: As `obey`.
+        """
+        if topic.arm is None or do is None:
             raise InputError("the robot has no such arm")
         arm = self.arms[topic.arm]
         if not arm.machine.can_change:
@@ -69,7 +85,7 @@ class Speaker:
         if not arm.is_ready:
             raise InputError(why_not_obeyed(arm.state))
         arm.obeys = topic.name
-        self._obeyed[topic.verb](arm, message)
+        do(arm, message)
 
 
 def single_number(message: Message) -> float:

@@ -1,11 +1,11 @@
 """What simulated arms share whose own firmware runs within the physics' ticks: runs, homing, modes, states."""
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, NotReadyError
@@ -25,6 +25,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     `control` what its firmware knows; a subclass makes both.
     """
 
+    supports = SimulatedPlant.supports | {"servo_jf_of"}
     state: ArmState
     control: Any  # a record with counts, motor, joint, setpoint, mode, braked, stopped, guarded and more
     log: type[Log]  # what a run keeps of each tick
@@ -54,6 +55,18 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self.control.torque_command[:n] = torque
         self.control.mode[:n] = TORQUE
         self.control.mode[n:] = POSITION
+
+    def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
+        """Command torques of some joints, as `servo_jf`; the others hold their setpoint.
+
+        Args:
+            tau: (n,) [Nm, Nm, N, Nm...], looked at where a joint is pushed.
+            pushed: (n,) which.
+        """
+        self._require_ready()
+        n = len(self.joint_names)
+        self.control.torque_command[:] = as_array("servo_jf_of", np.where(pushed, tau, 0.0), (n,))
+        self.control.mode[:] = np.where(pushed, TORQUE, POSITION)
 
     def wait(self) -> None:
         """Advance by one tick of 1 ms.
@@ -90,7 +103,47 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
             raise NotReadyError(self._fault.removeprefix(": "))
         return log
 
+    def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
+        """Go on from a saved tick, disabled; `state` and `control` have been written already.
+
+        Args:
+            tick: Since power-on.
+            registered: As `registered` was.
+            is_homed: Whether the arm was homed then.
+        """
+        self._tick = tick
+        self._is_homed = is_homed
+        self._set_state("DISABLED")
+
     # what a subclass does
+
+    @property
+    @abstractmethod
+    def lower(self) -> Floats:
+        """Limits below of the setpoints, (n,) [rad|m]."""
+
+    @property
+    @abstractmethod
+    def upper(self) -> Floats:
+        """Limits above, (n,)."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> dict[str, object]:
+        """What makes this arm another one than others of its kind."""
+
+    @property
+    def registered(self) -> dict[str, Floats]:
+        """What homing wrote besides `control`."""
+        return {}
+
+    @abstractmethod
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Return the latest sample of every column of `columns`."""
+
+    @abstractmethod
+    def external_encoders(self) -> Floats:
+        """Return where the joints that encoders or a tracker see are seen [rad|m]; NaN before they are registered."""
 
     @abstractmethod
     def _joint_torques(self) -> Floats:

@@ -67,6 +67,7 @@ class Tracker(Record):
     """What sees the arm's joints from outside, by a camera or encoders."""
 
     resolution: _PerArmJoint  # [rad, rad, m, rad, rad, rad]
+    noise: _PerArmJoint  # standard deviation of a reading
 
 
 class LinkEntry(Settings):

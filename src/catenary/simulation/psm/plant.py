@@ -36,6 +36,7 @@ PSM_JOINTS = (
 )
 PSM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 POWER_WAIT = 0.5  # [s] until the amplifiers hold the arm
+NOISE_ROWS = 8191  # of the tracker, after which they come again
 HOME_TIME = 3.0  # [s] of the half cosine to the home position
 # between which an arm stands at power-on [rad, rad, m, rad...]
 STARTS = (
@@ -107,6 +108,9 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         self.state = PsmState()
         self.control = PsmControlState(braked=True, guarded=True)
         self._work = PsmWork()
+        self._noise = np.random.default_rng([0 if seed is None else seed, 1]).normal(
+            size=(NOISE_ROWS, ARM_JOINTS)
+        )
         self._power_on(rng, start)
 
     @property
@@ -133,13 +137,22 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
     def external_encoders(self) -> Floats:
         """Return where a tracker sees the arm's joints, (6,) [rad, rad, m, rad, rad, rad]."""
-        return self.seen(self.state.q)
+        return self.seen(self.state.q, self._tick)
 
-    def seen(self, q: Floats) -> Floats:
-        """Return where a tracker sees joints that really are at q (..., 7): (..., 6)."""
-        resolution = self.arm.tracker.resolution
-        seen: Floats = np.round(q[..., :ARM_JOINTS] / resolution) * resolution
+    def seen(self, q: Floats, ticks: ArrayLike) -> Floats:
+        """Return where a tracker sees joints that really are at q (..., 7) in a tick (...): (..., 6).
+
+        Its noise is the same in the same tick of the same arm, whoever asks and how often.
+        """
+        tracker = self.arm.tracker
+        noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % NOISE_ROWS]
+        seen: Floats = np.round(noisy / tracker.resolution) * tracker.resolution
         return seen
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What makes this arm another one than others of its kind."""
+        return {"robot": self.arm.name, "seed": self.seed}
 
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: PsmLog) -> int:
         return run_psm_ticks(

@@ -5,8 +5,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from catenary import __version__
 from catenary.calibration.choice import JointChoice
 from catenary.calibration.dataset import error_limits, require_same_joints
@@ -21,14 +19,13 @@ from catenary.recording.foreign.read import Reading, read_logs
 from catenary.reports.error_tables import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.zigzag import zigzag
 from catenary.verdict.check import robot_of, verdict
 from catenary.verdict.shared import require_apart
 from catenary.workflows.fit import evaluate_calibration, fit_calibration, warnings_of
 from catenary.workflows.model_recordings import recordings_for
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.imported import Imported, keep_imports, read_imports
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -58,7 +55,9 @@ def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]
         robot: Name of the project's robot, whose joints take what is theirs; None for recordings.
         asked: What was asked for; the other kinds share its memory, target and seed, and its inputs where it has any.
     """
-    positioning, everything, own = (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot else (None,) * 3
+    positioning, everything, own = (
+        (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot == "raven2" else (None,) * 3
+    )
 
     def of(kind: str, inputs: Any, preset: str | None = None) -> FitOptions:
         taken = inputs if asked.inputs is None else asked.inputs
@@ -110,20 +109,14 @@ class CalibrationResult:
 
 
 def excitation(project: Project) -> tuple[Trajectory, Any]:
-    """Return the project's zig-zag motion, and its description as plain data."""
-    settings = project.settings
-    motion = {"zigzag": settings.direction, "sparsities": settings.sparsities}
-    # projects without a form were driven along other paths, but for these two: again
-    if settings.direction not in ("J1", "J1-J2"):
-        motion["form"] = settings.form
-    path = zigzag(settings.direction, settings.sparsities, form=settings.form)  # type: ignore[arg-type]  # others refused
-    return path, motion
+    """Return the motion that a project's robot is trained on, and its description as plain data."""
+    return kind_of(project.settings).excitation()
 
 
 def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
     """Return a random motion of the project's robot, and its description as plain data."""
     seed = [0 if project.settings.seed is None else project.settings.seed, 1, number]
-    return random_sinusoids(np.random.default_rng(seed), seconds), {"random": seconds, "rng": seed}
+    return kind_of(project.settings).random_motion(seconds, seed)
 
 
 def calibrate_robot(
@@ -148,7 +141,7 @@ def calibrate_robot(
         InputError: Options that contradict each other.
     """
     project.ran.clear()
-    run = replace(FitRun() if run is None else run, robot=project.settings.robot)
+    run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
     models = _models(project, project.settings.robot, asked, run)
     with project:
         return _calibrated(project, SimulatedRobot() if robot is None else robot, models, run, progress)

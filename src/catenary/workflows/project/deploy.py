@@ -20,7 +20,7 @@ from catenary.control.report import LoopReport
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.registration import registration_of
 from catenary.plant import JointState
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cabled.firmware_plant import FirmwarePlant
 from catenary.trajectories.in_turn import Embedded
 from catenary.trajectories.reference import Trajectory
 from catenary.units import DISPLAY
@@ -84,13 +84,13 @@ class Deployment:
 
 
 def deploy_on_robot(
-    plant: CablePlant | CrtkClient,
+    plant: FirmwarePlant[Any] | CrtkClient,
     model: CalibrationModel,
     trajectory: Trajectory,
     *,
     real_time: bool = False,
 ) -> Deployment:
-    """Run a model in the 1 kHz loop of a RAVEN-II that follows a trajectory by its own firmware.
+    """Run a model in the 1 kHz loop of a robot that follows a trajectory by its own firmware.
 
     Args:
         plant: Homed and enabled; its external encoders are read in every tick.

@@ -17,6 +17,7 @@ from catenary.config import parse_settings
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, write_atomically
 from catenary.recording.synchronise import state_columns
+from catenary.recording.topics import psm_topic
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 from catenary.workflows.project.lock import LOCK, FolderLock
@@ -24,6 +25,7 @@ from catenary.workflows.project.outputs import describe, hold, missing
 from catenary.workflows.project.state import SettingsFile, StepsFile, WrittenFiles, read_state
 
 SETTINGS, STEPS = "settings.json", "steps.json"
+ROBOTS = ("raven2", "dvrk_psm")
 CONNECTIONS = ("simulation", "ros1", "ros2")
 SHORTEST_TEST = 2.0 * TURN_TIME / 60.0  # [min] of any random motion
 LONGEST_TEST = 48.0 * 60.0  # [min]
@@ -44,6 +46,8 @@ class ProjectSettings:
     state_rate_hz: float = 30.0
     connection: str = "simulation"  # or ros1, ros2: where the robot is
     form: str = "generator"  # of the zig-zag J1-J2-J3
+    namespace: str = "/PSM1"  # of a dVRK PSM
+    train_minutes: float = 20.0  # of the motion that a dVRK PSM is trained on
     columns: tuple[str, ...] = ()  # further ones of raven_state that motion logs carry, or ("all",)
 
     def __post_init__(self) -> None:
@@ -52,10 +56,12 @@ class ProjectSettings:
         level = len(tilt) == 2 and all(abs(angle) <= 180.0 for angle in tilt)
         sparse = len(sparsities) > 0 and all(LEAST_SPARSITY <= s <= 1.0 for s in sparsities)
         long = SHORTEST_TEST <= self.test_minutes <= LONGEST_TEST
+        training = SHORTEST_TEST <= self.train_minutes <= LONGEST_TEST
         minutes = f"{SHORTEST_TEST:.3g} to {LONGEST_TEST:g} min"
         wrong = [
             f"{name}: expected {expected}, got {got}"
             for name, is_right, expected, got in (
+                ("robot", self.robot in ROBOTS, f"one of {', '.join(ROBOTS)}", self.robot),
                 ("side", self.side in ("left", "right"), "left or right", self.side),
                 ("seed", self.seed is None or self.seed >= 0, "zero or more", self.seed),
                 ("base tilt", level, "roll and pitch of at most 180 deg", tilt),
@@ -63,6 +69,7 @@ class ProjectSettings:
                 ("direction", self.direction in DIRECTIONS, ", ".join(DIRECTIONS), self.direction),
                 ("sparsity", sparse, f"numbers from {LEAST_SPARSITY} to 1", sparsities),
                 ("test motion", long, minutes, self.test_minutes),
+                ("training motion", training, minutes, self.train_minutes),
                 ("connection", self.connection in CONNECTIONS, ", ".join(CONNECTIONS), self.connection),
                 ("state rate", 0.0 < self.state_rate_hz <= 1000.0, "at most 1000 Hz", self.state_rate_hz),
             )
@@ -70,6 +77,12 @@ class ProjectSettings:
         ]
         if wrong:
             raise InputError("; ".join(wrong))
+        if self.robot == "dvrk_psm":
+            psm_topic(self.namespace, "measured_js")  # refuses a namespace that no PSM has
+            if self.payload_kg != 0.0 or self.side != "left" or self.columns:
+                raise InputError(
+                    "robot dvrk_psm: has neither --side nor --payload nor --columns of raven_state"
+                )
         check_direction(self.direction, self.form)
         state_columns(self.columns)
 

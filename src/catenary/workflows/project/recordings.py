@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from catenary.errors import ConfigError, InputError
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.outputs import contents, describe, hold, missing
-from catenary.workflows.project.robot import arm_of, empty
+from catenary.workflows.project.robot import empty
 
 if TYPE_CHECKING:
     from catenary.recording.bag import BagKind
@@ -28,7 +28,7 @@ def extract_recording(project: Project, name: str) -> bool:
     """
     from catenary.recording.extract import extract
     from catenary.recording.logs import write_parquet
-    from catenary.recording.synchronise import SynchroniseOptions, synchronise
+    from catenary.workflows.project.kinds import kind_of
 
     folder = project.folder / "extracted" / name
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
@@ -50,8 +50,7 @@ def extract_recording(project: Project, name: str) -> bool:
     def work() -> dict[str, Any]:
         empty(folder)
         extraction = extract([recording], folder, salvage=True)
-        arm = SynchroniseOptions(arm=arm_of(project), columns=project.settings.columns)
-        result = synchronise(folder, arm)
+        result = kind_of(project.settings).synchronise(folder)
         rescued = None if extraction.rescued is None else extraction.rescued.as_data()
         notes = [] if extraction.rescued is None else [f"rescued: {extraction.rescued.text()}"]
         write_parquet(replace(result.log, notes=(*result.log.notes, *notes)), path)

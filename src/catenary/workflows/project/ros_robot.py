@@ -1,4 +1,4 @@
-"""A RAVEN-II on ROS in a project: homed, driven, recorded and deployed on, with a person beside it where one is needed.
+"""A robot on ROS in a project: homed, driven, recorded and deployed on, with a person beside it where one is needed.
 
 What a person has to do is asked for, and done when the robot's own topics show it: encoders when their readings come,
 the start button when it is homed, the pedal when it is ENABLED. Whatever ends a step, the robot holds and is paused.
@@ -20,14 +20,16 @@ from catenary.recording.topics import EXT_JPOS, Topic, raven_topics
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, set_aside
-from catenary.workflows.robot.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
+from catenary.workflows.robot.guide import LOOK, PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
 from catenary.workflows.robot.motion import check_motion, move_to, run_trajectory
-from catenary.workflows.robot.rest import at_rest_afterwards, pause
+from catenary.workflows.robot.rest import at_rest_afterwards, pause, paused_if_interrupted
 from catenary.workflows.robot.topic_recorder import TopicRecorder, refuse_missing
 
 COLLECT_EVERY = 20  # ticks between two looks at what has come
+SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
 
 
 class RosRobot(ProjectRobot):
@@ -62,7 +64,7 @@ class RosRobot(ProjectRobot):
 
         def work() -> None:
             path.parent.mkdir(exist_ok=True)
-            with self._connected(project) as client:
+            with self._connected(project) as client, paused_if_interrupted(client):
                 self._make_homed(client)
                 pause(client)  # nobody moves it now; one that homes by its own button is paused already
                 believed, encoders = client.measured_js().q, client.external_encoders()
@@ -77,13 +79,14 @@ class RosRobot(ProjectRobot):
 
     def drive(self, project: Project, take: Take) -> None:
         """Record over the robot's topics; a recording that was interrupted is begun anew."""
-        with self._connected(project) as client:
-            check_motion(client, take.trajectory, joints=CALIBRATED)
+        with self._connected(project) as client, paused_if_interrupted(client):
+            joints = kind_of(project.settings).joints
+            check_motion(client, take.trajectory, joints=joints)
             self._make_homed(client)
             client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
-                move_to(client, take.trajectory(0.0).q, joints=CALIBRATED)
+                move_to(client, take.trajectory(0.0).q, joints=joints)
                 set_aside(project, take.name)
                 self._record(client, project, take)
 
@@ -91,7 +94,7 @@ class RosRobot(ProjectRobot):
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
         """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
-        with self._connected(project) as client:
+        with self._connected(project) as client, paused_if_interrupted(client):
             self._make_homed(client)
             client.require_free()
             with at_rest_afterwards(client):
@@ -100,7 +103,7 @@ class RosRobot(ProjectRobot):
         return found.as_data()
 
     def _connected(self, project: Project) -> CrtkClient:
-        return CrtkClient(self._transport, arm=arm_of(project), simulated=self._simulated)
+        return kind_of(project.settings).client(self._transport, simulated=self._simulated)
 
     def _make_homed(self, client: CrtkClient) -> None:
         """Home it if it is not, with encoders whose readings come."""
@@ -113,7 +116,8 @@ class RosRobot(ProjectRobot):
         if not client.operating_state().is_homed:
             self._have(encoders, self._no_encoders)  # their readings count from the homing on
             home_client(client, self._guide, patience=self._homing_patience)
-        self._have(encoders, lambda: _not_registered(client))
+        if not self._comes(lambda: _not_registered(client)):
+            self._have(encoders, lambda: _not_registered(client))
 
     def _enable(self, client: CrtkClient) -> None:
         if client.operating_state().state == "ENABLED":
@@ -125,6 +129,14 @@ class RosRobot(ProjectRobot):
 
     def _have(self, text: str, missing: Check) -> None:
         have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
+
+    def _comes(self, missing: Check) -> bool:
+        """Wait a little for what needs nobody's help; return whether the robot reports it."""
+        for _ in range(round(SOON / LOOK)):
+            if missing() is None:
+                return True
+            self._transport.sleep(LOOK)
+        return missing() is None
 
     def _no_encoders(self) -> str | None:
         return None if EXT_JPOS.name in self._transport.topics() else f"nobody publishes {EXT_JPOS.name}"

@@ -1,4 +1,4 @@
-"""A simulated RAVEN-II in a project: home it, drive it, record it, deploy on it; each from where it was left."""
+"""A simulated robot in a project: home it, drive it, record it, deploy on it; each from where it was left."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,20 +10,16 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import ConfigError, FileFormatError
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
-from catenary.recording.synchronise import CALIBRATED, ROBOT
-from catenary.recording.topics import raven_topics
-from catenary.simulation.base_motion import FixedBase
-from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cabled.firmware_plant import FirmwarePlant
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
-from catenary.simulation.raven_telemetry import COLUMNS, telemetry_of
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, ProjectSettings, write
-from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, empty
+from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.robot import ProjectRobot, Take, empty
 from catenary.workflows.robot.motion import check_motion
 from catenary.workflows.simulated_recording import driven
 
@@ -76,22 +72,21 @@ class SimulatedRobot(ProjectRobot):
         plant = make_plant(settings)
         restore_plant(plant, before)
         plant.state_command("enable")
-        check_motion(plant, take.trajectory, joints=CALIBRATED)
+        kind = kind_of(settings)
+        check_motion(plant, take.trajectory, joints=kind.joints)
         empty(take.folder)
-        arm = arm_of(project)
         made = {"motion": take.motion}
-        about = About(robot=ROBOT[arm], simulated=True, seed=settings.seed, configuration=made)
+        about = About(robot=kind.recorded_as, simulated=True, seed=settings.seed, configuration=made)
         rng = np.random.default_rng([0 if settings.seed is None else settings.seed, *take.name.encode()])
-        start, speeds = plant.control.setpoint[: len(CALIBRATED)], np.array([0.2, 0.2, 0.01])
+        start, speeds = plant.control.setpoint[: len(kind.joints)], np.array(kind.approach)
         approach = go_to(start, take.trajectory(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
         for _ in driven(plant, approach, CHUNK):
             pass
         begin = plant.time
-        topics = raven_topics(arm, state_rate=settings.state_rate_hz)
-        with Recorder(take.folder, topics, COLUMNS, rng, about=about) as recorder:
+        with Recorder(take.folder, kind.topics, kind.columns, rng, about=about) as recorder:
             for log, done in driven(plant, take.trajectory, CHUNK):
                 time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
-                recorder.observe_many(np.round(time, 6), telemetry_of(plant, log))
+                recorder.observe_many(np.round(time, 6), kind.telemetry(plant, log))
                 take.progress(done)
         plant.state_command("pause")
         save_plant(plant, left_at(project, take.name))
@@ -111,19 +106,12 @@ def left_at(project: Project, step: str) -> Path:
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
-def make_plant(settings: ProjectSettings) -> CablePlant:
+def make_plant(settings: ProjectSettings) -> FirmwarePlant[Any]:
     """Return the robot of a project, just switched on."""
-    roll, pitch = np.deg2rad(settings.base_tilt_deg)
-    base = FixedBase(float(roll), float(pitch))
-    return CablePlant(side=settings.side, seed=settings.seed, payload=settings.payload_kg, base=base)
+    return kind_of(settings).plant()
 
 
 def _robot_settings(settings: ProjectSettings) -> Any:
     """Return all that makes the robot another one; a new version may bring other numbers, or another form of states."""
-    tables = load_cable_arm().file
-    numbers = [
-        {name: entry.value for name, entry in table.items()}
-        for table in (tables.cable, tables.firmware, tables.rig)
-    ]
     who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
-    return [*who, STATE_FORMAT, numbers]
+    return [*who, STATE_FORMAT, kind_of(settings).numbers()]

@@ -29,6 +29,8 @@ class SettingsFile(Settings):
     state_rate_hz: float = 30.0
     connection: str = "simulation"
     form: str = "generator"
+    namespace: str = "/PSM1"
+    train_minutes: float = 20.0
     columns: tuple[str, ...] = ()
 
 

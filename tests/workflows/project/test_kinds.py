@@ -1,0 +1,86 @@
+"""A project on a simulated PSM: homed, recorded, calibrated, deployed; and what such a project refuses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.calibration.fit import FitOptions
+from catenary.errors import InputError
+from catenary.recording.logs import read_log
+from catenary.recording.topics import PSM_JOINTS
+from catenary.simulation.plant_state import restore_plant, save_plant
+from catenary.simulation.psm.plant import PsmPlant
+from catenary.workflows.project import calibrate
+from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.kinds import PsmKind, RavenKind, kind_of
+from catenary.workflows.project.recordings import motion_log_path
+from oracles.psm_arms import homed_psm
+
+SHORT = ProjectSettings(robot="dvrk_psm", seed=1, train_minutes=1.0, test_minutes=0.25)
+QUICK_MODELS = {calibrate.RECOMMENDED: FitOptions(kind="linear")}
+
+
+@pytest.mark.slow
+def test_a_psm_is_calibrated_from_homing_to_a_report(tmp_path, monkeypatch):
+    monkeypatch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
+    monkeypatch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
+    project = Project(tmp_path / "psm", SHORT)
+    done = calibrate.calibrate_robot(project)
+    assert done.page.is_file()
+    log = read_log(motion_log_path(project, "train"))
+    assert log.joint_names == PSM_JOINTS
+    assert log.simulated
+    found = done.evaluations[calibrate.RECOMMENDED].joints
+    assert all(joint.rmse < joint.raw_rmse for joint in found)
+    assert [joint["name"] for joint in done.deployment["joints"]] == list(PSM_JOINTS)
+    assert all(joint["rmse"] < joint["raw_rmse"] for joint in done.deployment["joints"][3:])
+    assert not calibrate.calibrate_robot(Project(project.folder, SHORT)).repeated
+
+
+def test_kinds_follow_the_projects_robot():
+    assert isinstance(kind_of(ProjectSettings()), RavenKind)
+    assert isinstance(kind_of(SHORT), PsmKind)
+    assert [topic.name for topic in kind_of(replace(SHORT, namespace="/PSM2")).required] == [
+        "/PSM2/measured_js",
+        "/PSM2/tracker/measured_js",
+    ]
+
+
+def test_a_psms_motions_stay_within_its_limits():
+    plant, motion = PsmPlant(), kind_of(SHORT).excitation()[0]
+    rows = motion.sample(np.arange(0.0, 60.0, 0.05))[0]
+    assert (rows > plant.lower[:6]).all()
+    assert (rows < plant.upper[:6]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"robot": "panda"}, "robot: expected one of raven2, dvrk_psm, got panda"),
+        ({"namespace": "/MTML"}, "begins with PSM"),
+        ({"payload_kg": 0.1}, "has neither --side nor --payload"),
+        ({"side": "right"}, "has neither --side nor --payload"),
+        ({"train_minutes": 0.0}, "training motion: expected"),
+    ],
+)
+def test_settings_that_a_psm_cannot_have_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        replace(SHORT, **change)
+
+
+def test_a_psm_goes_on_where_it_was_put_away(tmp_path):
+    left, found = homed_psm(), PsmPlant()
+    left.servo_jr(np.array([0.002, 0.0, 0.0, 0.005, 0.0, 0.0, 0.0]))
+    for _ in range(50):
+        left.wait()
+    left.state_command("pause")
+    save_plant(left, tmp_path / "arm.npz")
+    restore_plant(found, tmp_path / "arm.npz")
+    for plant in (left, found):
+        plant.state_command("enable" if plant is found else "resume")
+        for _ in range(20):
+            plant.wait()
+    assert_allclose(found.telemetry()["jpos"], left.telemetry()["jpos"], atol=0.0)
+    assert found.state == left.state
