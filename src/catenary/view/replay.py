@@ -16,7 +16,7 @@ from catenary.view.controls import (
 )
 from catenary.view.page_like import StatePage
 from catenary.view.recorded import RecordedArm
-from catenary.view.shapes import arm_shapes
+from catenary.view.shapes import ArmShapes, arm_shapes
 from catenary.view.shown import Shown
 
 SPEEDS = ("1/4", "1", "4", "16", "64")
@@ -27,9 +27,10 @@ NOW = 0.25  # [s] between two places of the time line's slider
 class Replay:
     """A recording, where it is being played, and how fast."""
 
-    def __init__(self, arm: RecordedArm) -> None:
-        """Begin at the first row, playing."""
+    def __init__(self, arm: RecordedArm, shapes: ArmShapes | None = None) -> None:
+        """Begin at the first row, playing; without shapes the arm is drawn from its kinematics."""
         self._arm = arm
+        self._shapes = arm_shapes(arm.model) if shapes is None else shapes
         self._now = float(arm.time[0])  # [s]
         self._speed, self._plays = 1.0, True
         self._told = -np.inf
@@ -54,7 +55,7 @@ class Replay:
             controls = (*controls, ButtonsControl("worst", "largest error of", worst))  # type: ignore[assignment]
         text = "The curves show 15 s before and after now."
         return Shown(
-            title, arm.model, arm_shapes(arm.model), (ControlTab("Recording", controls, text),), arm.q[0], legend,
+            title, arm.model, self._shapes, (ControlTab("Recording", controls, text),), arm.q[0], legend,
             arm.columns(),
         )  # fmt: skip
 

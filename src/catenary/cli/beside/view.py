@@ -2,12 +2,15 @@
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
 
 from typer import Argument, Option
 
-from catenary.cli.options import MappingOptions, robots_beginning
+from catenary.cli.gravity_source import GravityOptions
+from catenary.cli.options import MappingOptions, NodeName, robots_beginning
+from catenary.cli.robot_choice import WatchedRobot, open_robot
 from catenary.cli.terminal import announce, print_json_line
 from catenary.errors import InputError
 
@@ -21,6 +24,7 @@ HERE = "127.0.0.1"
 
 def view(
     foreign: MappingOptions,
+    gravity: GravityOptions,
     what: Annotated[
         str | None,
         Argument(
@@ -38,6 +42,14 @@ def view(
         Path | None,
         Option(metavar="LOG", help="Show a recording of the robot: .parquet, .npz, or others with --map."),
     ] = None,
+    ros: Annotated[
+        int | None, Option(metavar="1|2", help="Beside a robot on ROS 1 or 2, which is only read.")
+    ] = None,
+    dialect: Annotated[str, Option(help="With --ros: raven or crtk.")] = "raven",
+    namespace: Annotated[
+        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+    ] = None,
+    name: NodeName = None,
     port: Annotated[int, Option(help="Of 127.0.0.1; the next free one where it is taken.")] = 8080,
     host: Annotated[
         str, Option(help="127.0.0.1 alone; from another machine forward the port over SSH.")
@@ -63,15 +75,24 @@ def view(
 
     if host != HERE:
         raise InputError(_elsewhere(host, port))
-    with PageProcess(port=port) as page:
-        announce("preparing the robot ...")
+    recorded = log is not None or (what is not None and is_shown_as_project(what))
+    if ros is not None and recorded:
+        raise InputError("--ros shows a robot, --log and a project a recording: give one of them")
+    with ExitStack() as stack:
+        page = stack.enter_context(PageProcess(port=port))
         end = float("inf") if seconds is None else time.monotonic() + seconds
         try:
-            if log is not None or (what is not None and is_shown_as_project(what)):
+            if recorded:
                 if robot_seed is not None:
                     raise InputError("--robot-seed goes with a simulated robot, not with a recording")
                 shown = _recording(what, log, model, foreign)
+            elif ros is not None:
+                robot = WatchedRobot(what or "raven2", ros, dialect, namespace, name, robot_seed=robot_seed)
+                shown = _watched(stack, robot, model, gravity)
             else:
+                gravity.source(None)
+                if namespace is not None or name is not None or dialect != "raven":
+                    raise InputError("--dialect, --namespace and --name go with --ros")
                 shown = _simulated(what or "raven2", model, robot_seed)
             _open(page, shown.title, shown.runs.shown(f"catenary: {shown.title}"), as_json=as_json)
             shown.runs.run(page, lambda: time.monotonic() > end)
@@ -101,11 +122,22 @@ def _simulated(robot: str, model: Path | None, seed: int | None) -> _Titled:
     return _Titled(robot, DrivenArm(robot, model=model, seed=seed, rng=np.random.default_rng(0)))
 
 
+def _watched(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: GravityOptions) -> _Titled:
+    """Return a robot on ROS, which is only read."""
+    from catenary.view.described import shapes_of
+    from catenary.view.watched import WatchedArm
+
+    source = gravity.source(robot.ros)
+    opened = stack.enter_context(open_robot(robot, "view", moves=False, imu=source))
+    return _Titled(robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model))
+
+
 def _recording(what: str | None, log: Path | None, model: Path | None, foreign: MappingOptions) -> _Titled:
     """Return a recording of a robot, or a project's."""
     from catenary.calibration.files import load_model
     from catenary.recording.foreign.read import Reading, read_recording
     from catenary.robots.catalog import load_robot
+    from catenary.view.described import shapes_of
     from catenary.view.project import is_shown_as_project, shown_project
     from catenary.view.recorded import recorded_arm
     from catenary.view.replay import Replay
@@ -122,8 +154,9 @@ def _recording(what: str | None, log: Path | None, model: Path | None, foreign: 
         recording = read_recording_of(loaded, path)
     else:
         recording = read_recording(path, Reading(mapping=mapping))
-    arm = load_robot(robot or recording.robot or "raven2")
-    return _Titled(str(path), Replay(recorded_arm(recording, arm, loaded)))
+    named = robot or recording.robot or "raven2"
+    arm = load_robot(named)
+    return _Titled(str(path), Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0]))
 
 
 def _open(page: "PageProcess", what: str, shown: "Shown", *, as_json: bool) -> None:
