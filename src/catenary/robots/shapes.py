@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from importlib.resources import as_file
 from pathlib import Path
+from typing import Literal
 
 from catenary.documents import MOST_XML, read_bounded, xml_root_tag
 from catenary.errors import InputError
@@ -11,6 +12,7 @@ from catenary.robots.geometry import Geometry
 from catenary.robots.link_capsules import capsules_along_links
 from catenary.robots.model import RobotModel
 
+Kind = Literal["collision", "visual"]
 DESCRIPTIONS = (".urdf", ".xml", ".mjcf")  # endings of files that may state shapes, beside tables
 
 
@@ -41,15 +43,29 @@ def load_geometry(
         if not 0.0 < link_radius < 1.0:
             raise InputError(f"link radius: expected above 0 and below 1 m, got {link_radius:g}")
         return capsules_along_links(model, link_radius)
-    return _described(source, model, packages) or capsules_along_links(model)
+    return described_geometry(source, model, packages=packages) or capsules_along_links(model)
 
 
-def _described(source: str | Path, model: RobotModel, packages: Sequence[Path]) -> Geometry | None:
+def described_geometry(
+    source: str | Path, model: RobotModel, *, packages: Sequence[Path] = (), kind: Kind = "collision"
+) -> Geometry | None:
+    """Return the shapes that a robot's description states; None where it states none.
+
+    Args:
+        source: As for `load_geometry`.
+        model: The robot.
+        packages: Likewise.
+        kind: Of a URDF's shapes, those that collide or those that are seen; the others where there are none.
+
+    Raises:
+        FileFormatError: A shape that is damaged, or a mesh that is not there.
+        MissingPackageError: MuJoCo, which reads MJCF, is not installed.
+    """
     from catenary.robots.table_shapes import table_shapes
     from catenary.robots.urdf_shapes import urdf_shapes
 
     if isinstance(source, str) and source.lstrip().startswith("<"):
-        return urdf_shapes(source, "robot description", model, None, packages)
+        return urdf_shapes(source, "robot description", model, None, packages, kind)
     if str(source) in robot_names():
         with as_file(catalogue_file(str(source))) as table:
             return table_shapes(table, model)
@@ -60,7 +76,7 @@ def _described(source: str | Path, model: RobotModel, packages: Sequence[Path]) 
         return None
     content = read_bounded(path, MOST_XML)
     if xml_root_tag(content, str(path)) == "robot":
-        return urdf_shapes(content, str(path), model, path, packages)
+        return urdf_shapes(content, str(path), model, path, packages, kind)
     from catenary.robots.mjcf_shapes import mjcf_shapes
 
     return mjcf_shapes(path, model)

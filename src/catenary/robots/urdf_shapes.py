@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element
 
@@ -29,7 +30,12 @@ MOST_SHAPES = 10_000
 
 
 def urdf_shapes(
-    content: str | bytes, where: str, model: RobotModel, path: Path | None, packages: Sequence[Path] = ()
+    content: str | bytes,
+    where: str,
+    model: RobotModel,
+    path: Path | None,
+    packages: Sequence[Path] = (),
+    kind: Literal["collision", "visual"] = "collision",
 ) -> Geometry | None:
     """Return the shapes of a URDF; None where it has none.
 
@@ -39,12 +45,15 @@ def urdf_shapes(
         model: The robot that was read from it.
         path: Where it lies, None for a text; meshes are looked for beside it.
         packages: Folders in which ROS's packages lie, for meshes named `package://PACKAGE/FILE`.
+        kind: Which shapes; the others where the file has none of these.
 
     Raises:
         FileFormatError: A shape that is damaged or unknown, or a mesh that is not there.
     """
     robot = urdf_root(content, where)
-    kind = "collision" if robot.find("link/collision/geometry") is not None else "visual"
+    wanted = kind
+    if robot.find(f"link/{kind}/geometry") is None:
+        kind = "visual" if kind == "collision" else "collision"
     shapes: list[Shape] = []
     for name, link in named_elements(where, robot, "link"):
         for number, element in enumerate(link.findall(kind), start=1):
@@ -59,9 +68,8 @@ def urdf_shapes(
         raise FileFormatError(f"{where}: {len(shapes)} shapes, expected at most {MOST_SHAPES}")
     if not shapes:
         return None
-    notes = (
-        [] if kind == "collision" else [f"{where}: has no collision shapes; what links look like is taken"]
-    )
+    looks_taken = wanted == "collision" and kind == "visual"
+    notes = [f"{where}: has no collision shapes; what links look like is taken"] if looks_taken else []
     if bare := links_without_shape(model, shapes):
         notes.append(f"{where}: links without a shape, whose collisions are unchecked: {', '.join(bare)}")
     return Geometry(model.name, tuple(shapes), f"the {kind} shapes of {where}", notes=tuple(notes))

@@ -1,7 +1,6 @@
 """Curves over the last half minute: errors of a joint, its torque in parts, rates and ages."""
 
 from collections import deque
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +55,20 @@ REPORTED, CALIBRATED, TRUE, GRAVITY, PD, REST = (
 )
 
 
+class JointColumns(NamedTuple):
+    """States one after the other, as arrays (K, n) [SI]; NaN where something is not known."""
+
+    time: Floats  # (K,) [s]
+    q: Floats
+    calibrated: Floats
+    interval: Floats
+    true: Floats
+    setpoint: Floats
+    tau: Floats
+    gravity_tau: Floats
+    feedback: Floats
+
+
 class Curves:
     """States of the last half minute, and what is drawn of them."""
 
@@ -71,39 +84,63 @@ class Curves:
         if not self._states or state.time - self._states[-1].time >= SPACING - 1e-9:
             self._states.append(state)
 
-    def plots(self, joint: int) -> tuple[Plot, Plot, Plot]:
+    def plots(self, joint: int) -> tuple[Plot, ...]:
         """Return the plots of a joint: errors [deg|mm], torque [Nm|N], the loop."""
-        unit = self._units[joint]
-        shown, scale = DISPLAY[unit]
-        name = self.joint_names[joint]
-        time = np.array([state.time for state in self._states])
 
-        def of(value: Callable[[ViewState], float]) -> Floats:
-            return np.array([value(state) for state in self._states], dtype=float)
+        def of(name: str) -> Floats:
+            return np.array([getattr(state, name) for state in self._states], dtype=float)
 
-        def error(value: Callable[[ViewState], float]) -> Floats:
-            return scale * of(value)
-
-        errors = (
-            Curve("reported", error(lambda s: s.q[joint] - s.true[joint]), REPORTED),
-            Curve("calibrated", error(lambda s: s.calibrated[joint] - s.true[joint]), CALIBRATED),
-            Curve("+ interval", error(lambda s: s.interval[joint]), CALIBRATED, True),
-            Curve("- interval", error(lambda s: -s.interval[joint]), CALIBRATED, True),
-            Curve("tracking", error(lambda s: s.q[joint] - s.setpoint[joint]), REST),
-        )
-        torques = (
-            Curve("total", of(lambda s: s.tau[joint]), REPORTED),
-            Curve("gravity", of(lambda s: s.gravity_tau[joint]), GRAVITY),
-            Curve("PD", of(lambda s: s.feedback[joint]), PD),
-            Curve("friction, inertia", of(lambda s: s.tau[joint] - s.gravity_tau[joint]), REST, True),
-        )
+        columns = JointColumns(*(of(name) for name in JointColumns._fields))
         loop = (
-            Curve("rate %", of(lambda s: 100.0 * s.rate), REPORTED),
-            Curve("late ticks/s", of(lambda s: s.late), PD),
-            Curve("gravity age ms", of(lambda s: 1e3 * s.gravity_age), GRAVITY),
-        )  # fmt: skip
-        return (
-            Plot(f"{name}: error [{shown}]", time, errors),
-            Plot(f"{name}: torque [{TORQUE_UNIT[unit]}]", time, torques),
-            Plot("loop", time, loop),
+            Curve("rate %", 100.0 * of("rate"), REPORTED),
+            Curve("late ticks/s", of("late"), PD),
+            Curve("gravity age ms", 1e3 * of("gravity_age"), GRAVITY),
         )
+        plots = joint_plots(columns, joint, self.joint_names[joint], self._units[joint])
+        return (*plots, Plot("loop", columns.time, loop))
+
+
+class RecordedCurves:
+    """A whole recording, of which the part about the present state is drawn, with that in the middle."""
+
+    def __init__(
+        self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], columns: JointColumns
+    ) -> None:
+        """Take a recording."""
+        self.joint_names, self._units, self._columns = joint_names, joint_units, columns
+        self._now = float(columns.time[0])
+
+    def add(self, state: ViewState) -> None:
+        """Take the present state."""
+        self._now = state.time
+
+    def plots(self, joint: int) -> tuple[Plot, ...]:
+        """Return the plots of a joint: errors [deg|mm] and torque [Nm|N]."""
+        near = np.abs(self._columns.time - self._now) <= 0.5 * SPAN
+        part = JointColumns(*(column[near] for column in self._columns))
+        return joint_plots(part, joint, self.joint_names[joint], self._units[joint])
+
+
+def joint_plots(columns: JointColumns, joint: int, name: str, unit: str) -> tuple[Plot, Plot]:
+    """Return the plots of a joint: errors [deg|mm] and torque [Nm|N] in parts."""
+    shown, scale = DISPLAY[unit]
+    if len(columns.time) == 0:
+        return Plot(f"{name}: error [{shown}]", columns.time, ()), Plot(f"{name}: torque", columns.time, ())
+    c = JointColumns(columns.time, *(column[:, joint] for column in columns[1:]))
+    errors = (
+        Curve("reported", scale * (c.q - c.true), REPORTED),
+        Curve("calibrated", scale * (c.calibrated - c.true), CALIBRATED),
+        Curve("+ interval", scale * c.interval, CALIBRATED, True),
+        Curve("- interval", -scale * c.interval, CALIBRATED, True),
+        Curve("tracking", scale * (c.q - c.setpoint), REST),
+    )
+    torques = (
+        Curve("total", c.tau, REPORTED),
+        Curve("gravity", c.gravity_tau, GRAVITY),
+        Curve("PD", c.feedback, PD),
+        Curve("friction, inertia", c.tau - c.gravity_tau, REST, True),
+    )
+    return (
+        Plot(f"{name}: error [{shown}]", c.time, errors),
+        Plot(f"{name}: torque [{TORQUE_UNIT[unit]}]", c.time, torques),
+    )

@@ -10,6 +10,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
 from catenary.robots.model import RobotModel
 from catenary.view.controls import ControlTab
+from catenary.view.curves import JointColumns
 from catenary.view.shapes import ArmShapes
 
 WIDEST = {"rad": np.pi, "m": 0.5}  # to either side of zero, of a joint without limits
@@ -25,6 +26,7 @@ class Shown:
     tabs: tuple[ControlTab, ...] = ()
     start: Floats | None = None  # (n,) [rad|m] where the camera finds it; the middle of its ranges when None
     legend: Mapping[str, str] = field(default_factory=dict)  # by arm: what it is
+    recording: JointColumns | None = None  # of which curves are drawn; those of the states when None
 
 
 class Extent(NamedTuple):

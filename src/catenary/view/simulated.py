@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol, cast
+from typing import cast
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from catenary.simulation.steered_base import SteeredBase
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY
 from catenary.view.controls import Change, Value
+from catenary.view.described import shapes_of
 from catenary.view.driving_tabs import (
     CONTROLLERS,
     ENABLE,
@@ -38,7 +39,7 @@ from catenary.view.driving_tabs import (
 )
 from catenary.view.from_snapshot import view_state
 from catenary.view.motions import random_motions, way_to, zigzags
-from catenary.view.shapes import arm_shapes
+from catenary.view.page_like import StatePage
 from catenary.view.shown import Shown
 from catenary.view.state import ViewState
 from catenary.view.steering import ChosenController, Motion, SteeredTrajectory, SwitchedCorrector
@@ -50,17 +51,6 @@ from catenary.workflows.robot.operated_robot import PacedPlant
 SHOW_EVERY = 40  # ticks: 25 states a second, which the page draws 20 of at most
 LISTEN_EVERY = 10  # ticks
 SAID = 8.0  # [s] for which a refusal stays on the page
-
-
-class StatePage(Protocol):
-    """Where states go and changes come from."""
-
-    @property
-    def is_running(self) -> bool: ...  # noqa: D102
-
-    def put(self, state: ViewState) -> None: ...  # noqa: D102
-
-    def changes(self) -> list[Change]: ...  # noqa: D102
 
 
 class LeaveLoop(Exception):
@@ -114,6 +104,7 @@ class DrivenArm:
         self._recipe: Motion | None = None
         self._trajectory = SteeredTrajectory(self._goal)
         self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
+        self._robot = robot
         self._said: tuple[float, str] = (-np.inf, "")
         self._values: dict[str, Value] = {}
         self._page: StatePage | None = None
@@ -127,7 +118,10 @@ class DrivenArm:
             self._plant, self._goal, motion=self.motion, controller=self.control,
             has_cables=self.surroundings.has_cables, has_model=self._corrector is not None,
         )  # fmt: skip
-        return Shown(title, self.arm.model, arm_shapes(self.arm.model), tabs, self._goal, legend)
+        shapes, why = shapes_of(self._robot, self.arm.model)
+        if why is not None:
+            self._say(why)
+        return Shown(title, self.arm.model, shapes, tabs, self._goal, legend)
 
     def run(self, page: StatePage, ended: Callable[[], bool] = lambda: False) -> None:
         """Run until the page is gone, `ended` says so, or Ctrl-C."""

@@ -16,7 +16,7 @@ from catenary.view.controls import (
     ControlTab,
     SliderControl,
 )
-from catenary.view.curves import Curves, Plot
+from catenary.view.curves import Curves, Plot, RecordedCurves
 from catenary.view.scene import ARMS, Scene, TipPaths, scene_of
 from catenary.view.shown import Shown, extent_of
 from catenary.view.state import ViewState
@@ -28,6 +28,7 @@ OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
 # shells about the true arm, so that those in the same place do not flicker; times the arm's length
 SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
 ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
+LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
 PLOT_ASPECT = 1.9
 
 
@@ -50,7 +51,11 @@ class ViserPage:
         self._shown, self._tell = shown, tell
         self._server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
         self._paths = TipPaths(shown.shapes.length)
-        self._curves = Curves(shown.model.joint_names, shown.model.joint_units)
+        joints = shown.model.joint_names, shown.model.joint_units
+        self._curves = (
+            Curves(*joints) if shown.recording is None else RecordedCurves(*joints, shown.recording)
+        )
+        self._time = 0.0  # of the last picture
         self._set: dict[str, Floats] = {}  # what was sent of each node last
         self._handles: dict[str, Any] = {}  # of controls
         self._values: dict[str, float | bool | str] = {}  # of controls, as the program set them last
@@ -78,6 +83,9 @@ class ViserPage:
     def draw(self, state: ViewState) -> None:
         """Show a state in the picture."""
         scene = scene_of(self._shown.model, state)
+        if not 0.0 <= state.time - self._time <= LEAP:
+            self.forget_paths()
+        self._time = state.time
         self._paths.add(scene)
         self._curves.add(state)
         with self._server.atomic():

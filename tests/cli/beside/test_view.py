@@ -41,3 +41,20 @@ def test_ctrl_c_is_the_usual_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(simulated.DrivenArm, "run", interrupted)
     assert catenary("view", "two_link", "--port", 18091).code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["raven2", "--ros", "1", "--log", "x.npz"], "give one of them"),
+        (["raven2", "--dialect", "crtk"], "go with --ros"),
+        (["raven2", "--gravity", "/gravity"], "go with --ros"),
+        (["raven2", "--log", "none.parquet"], "none.parquet"),
+        (
+            ["raven2", "--log", "none.parquet", "--robot-seed", "1"],
+            "--robot-seed goes with a simulated robot",
+        ),
+    ],
+)
+def test_view_refuses_options_that_do_not_go_together(arguments: list[str], message: str) -> None:
+    assert message in refusal("view", *arguments)

@@ -1,16 +1,21 @@
 """catenary view: an arm in the browser, reported, calibrated and true; a simulated one is driven from there."""
 
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
 
 from typer import Argument, Option
 
-from catenary.cli.options import robots_beginning
+from catenary.cli.gravity_source import GravityOptions
+from catenary.cli.options import MappingOptions, NodeName, robots_beginning
+from catenary.cli.robot_choice import WatchedRobot, open_robot
 from catenary.cli.terminal import announce, print_json_line
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.view.page_like import StatePage
     from catenary.view.page_process import PageProcess
     from catenary.view.shown import Shown
 
@@ -18,18 +23,33 @@ HERE = "127.0.0.1"
 
 
 def view(
+    foreign: MappingOptions,
+    gravity: GravityOptions,
     what: Annotated[
-        str,
+        str | None,
         Argument(
             metavar="[ROBOT | PROJECT]",
-            help="raven2, another robot of the catalogue, a robot file, or the folder of a project.",
+            help="raven2, another robot of the catalogue, a robot file, or the folder of a project. "
+            "[default: raven2, or the robot that a recording names]",
             autocompletion=robots_beginning,
         ),
-    ] = "raven2",
+    ] = None,
     model: Annotated[
         Path | None,
         Option(metavar="MODEL", help="Calibration model: the calibrated arm beside the reported one."),
     ] = None,
+    log: Annotated[
+        Path | None,
+        Option(metavar="LOG", help="Show a recording of the robot: .parquet, .npz, or others with --map."),
+    ] = None,
+    ros: Annotated[
+        int | None, Option(metavar="1|2", help="Beside a robot on ROS 1 or 2, which is only read.")
+    ] = None,
+    dialect: Annotated[str, Option(help="With --ros: raven or crtk.")] = "raven",
+    namespace: Annotated[
+        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+    ] = None,
+    name: NodeName = None,
     port: Annotated[int, Option(help="Of 127.0.0.1; the next free one where it is taken.")] = 8080,
     host: Annotated[
         str, Option(help="127.0.0.1 alone; from another machine forward the port over SSH.")
@@ -45,30 +65,101 @@ def view(
     """Show an arm in the browser.
 
     A simulated arm moves at once, and is driven from the page: motion, controller, base, payload, sensor's faults,
-    friction and wear. Beside the reported arm stands the true one, and with a model the calibrated one.
+    friction and wear. Beside the reported arm stands the true one, and with a model the calibrated one. A recording
+    (--log, or that of a project) is played, with a time line and the way to its largest error.
 
     Example: catenary view raven2
     """
     from catenary.view.page_process import PageProcess
+    from catenary.view.project import is_shown_as_project
 
     if host != HERE:
         raise InputError(_elsewhere(host, port))
-    with PageProcess(port=port) as page:
-        announce("preparing the robot ...")
+    recorded = log is not None or (what is not None and is_shown_as_project(what))
+    if ros is not None and recorded:
+        raise InputError("--ros shows a robot, --log and a project a recording: give one of them")
+    with ExitStack() as stack:
+        page = stack.enter_context(PageProcess(port=port))
         end = float("inf") if seconds is None else time.monotonic() + seconds
         try:
-            import numpy as np
-
-            from catenary.view.simulated import DrivenArm
-
-            driven = DrivenArm(what, model=model, seed=robot_seed, rng=np.random.default_rng(0))
-            _open(page, driven.shown(f"catenary: {what}"), what, as_json=as_json)
-            driven.run(page, lambda: time.monotonic() > end)
+            if recorded:
+                if robot_seed is not None:
+                    raise InputError("--robot-seed goes with a simulated robot, not with a recording")
+                shown = _recording(what, log, model, foreign)
+            elif ros is not None:
+                robot = WatchedRobot(what or "raven2", ros, dialect, namespace, name, robot_seed=robot_seed)
+                shown = _watched(stack, robot, model, gravity)
+            else:
+                gravity.source(None)
+                if namespace is not None or name is not None or dialect != "raven":
+                    raise InputError("--dialect, --namespace and --name go with --ros")
+                shown = _simulated(what or "raven2", model, robot_seed)
+            _open(page, shown.title, shown.runs.shown(f"catenary: {shown.title}"), as_json=as_json)
+            shown.runs.run(page, lambda: time.monotonic() > end)
         except KeyboardInterrupt:
             pass  # the usual end
 
 
-def _open(page: "PageProcess", shown: "Shown", what: str, *, as_json: bool) -> None:
+class _Runs(Protocol):
+    """Something that is shown for as long as it runs."""
+
+    def shown(self, title: str) -> "Shown": ...
+
+    def run(self, page: "StatePage", ended: Callable[[], bool]) -> None: ...
+
+
+class _Titled(NamedTuple):
+    title: str
+    runs: _Runs
+
+
+def _simulated(robot: str, model: Path | None, seed: int | None) -> _Titled:
+    announce("preparing the robot ...")
+    import numpy as np
+
+    from catenary.view.simulated import DrivenArm
+
+    return _Titled(robot, DrivenArm(robot, model=model, seed=seed, rng=np.random.default_rng(0)))
+
+
+def _watched(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: GravityOptions) -> _Titled:
+    """Return a robot on ROS, which is only read."""
+    from catenary.view.described import shapes_of
+    from catenary.view.watched import WatchedArm
+
+    source = gravity.source(robot.ros)
+    opened = stack.enter_context(open_robot(robot, "view", moves=False, imu=source))
+    return _Titled(robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model))
+
+
+def _recording(what: str | None, log: Path | None, model: Path | None, foreign: MappingOptions) -> _Titled:
+    """Return a recording of a robot, or a project's."""
+    from catenary.calibration.files import load_model
+    from catenary.recording.foreign.read import Reading, read_recording
+    from catenary.robots.catalog import load_robot
+    from catenary.view.described import shapes_of
+    from catenary.view.project import is_shown_as_project, shown_project
+    from catenary.view.recorded import recorded_arm
+    from catenary.view.replay import Replay
+    from catenary.workflows.model_recordings import read_recording_of
+
+    robot, path = what, log or Path()
+    if what is not None and is_shown_as_project(what):
+        project = shown_project(Path(what))
+        robot, path, model = project.robot, log or project.log, model or project.model
+    announce("reading the recording ...")
+    loaded = None if model is None else load_model(model)[0]
+    mapping = foreign.read(None)
+    if mapping is None and loaded is not None:
+        recording = read_recording_of(loaded, path)
+    else:
+        recording = read_recording(path, Reading(mapping=mapping))
+    named = robot or recording.robot or "raven2"
+    arm = load_robot(named)
+    return _Titled(str(path), Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0]))
+
+
+def _open(page: "PageProcess", what: str, shown: "Shown", *, as_json: bool) -> None:
     """Open the page and say where it is."""
     url = page.open(shown)
     if as_json:

@@ -1,0 +1,29 @@
+from pathlib import Path
+
+import pytest
+
+from catenary.errors import ConfigError
+from catenary.view.project import is_shown_as_project, shown_project
+from catenary.workflows.project.folder import Project, ProjectSettings
+
+
+def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_there(tmp_path: Path) -> None:
+    folder = Project(tmp_path / "one", ProjectSettings(side="right")).folder
+    assert is_shown_as_project(str(folder))
+    with pytest.raises(ConfigError, match="holds no motion log yet"):
+        shown_project(folder)
+    (folder / "train.parquet").touch()
+    assert shown_project(folder) == (folder / "train.parquet", None, "raven2_right")
+    (folder / "test.parquet").touch()
+    (folder / "models").mkdir()
+    (folder / "models" / "recommended.npz").touch()
+    assert shown_project(folder) == (
+        folder / "test.parquet",
+        folder / "models" / "recommended.npz",
+        "raven2_right",
+    )
+
+
+def test_folder_of_something_else_is_no_project(tmp_path: Path) -> None:
+    assert not is_shown_as_project(str(tmp_path))
+    assert not is_shown_as_project("raven2")
