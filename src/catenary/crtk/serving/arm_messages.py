@@ -2,7 +2,7 @@
 
 from catenary.crtk.conversions import operating_state_message, pose_message
 from catenary.crtk.message import Message, header, message_class
-from catenary.crtk.serving.served_arm import JAWS, ServedArm
+from catenary.crtk.serving.served_arm import ServedArm
 from catenary.plant import JointState
 
 BASE = "base"  # frame of all poses
@@ -24,12 +24,12 @@ def setpoint_js(arm: ServedArm, stamp: int) -> Message:
 
 def jaw_measured_js(arm: ServedArm, stamp: int, name: str = "jaw") -> Message:
     """Return the opening of the jaws as measured, jaw1 + jaw2, with the mean of both efforts."""
-    return _jaw(arm.measured, stamp, name)
+    return _jaw(arm, arm.measured, stamp, name)
 
 
 def jaw_setpoint_js(arm: ServedArm, stamp: int, name: str = "jaw") -> Message:
     """Return the setpoint of the opening of the jaws, jaw1 + jaw2, with the mean of both efforts."""
-    return _jaw(arm.setpoint, stamp, name)
+    return _jaw(arm, arm.setpoint, stamp, name)
 
 
 def measured_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message:
@@ -54,9 +54,11 @@ def operating_state(arm: ServedArm, stamp: int) -> Message:
 
 
 def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:
-    return _JointState(header(stamp), arm.names, state.q, state.qd, state.tau)
+    n = len(arm.reported)
+    return _JointState(header(stamp), arm.reported, state.q[:n], state.qd[:n], state.tau[:n])
 
 
-def _jaw(state: JointState, stamp: int, name: str) -> Message:
-    position, velocity, effort = (row[-2] + row[-1] for row in (state.q, state.qd, state.tau))
-    return _JointState(header(stamp), (name,), [position], [velocity], [effort / JAWS])
+def _jaw(arm: ServedArm, state: JointState, stamp: int, name: str) -> Message:
+    jaws = arm.tool.jaws
+    position, velocity, effort = (row[-jaws:].sum() for row in (state.q, state.qd, state.tau))
+    return _JointState(header(stamp), (name,), [position], [velocity], [effort / jaws])

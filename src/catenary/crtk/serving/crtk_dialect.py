@@ -3,6 +3,8 @@
 [collaborative-robotics.github.io; what its Python client relies on]
 """
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 
 from catenary.arrays import Floats
@@ -15,7 +17,6 @@ from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.errors import InputError
 from catenary.plant import OperatingState
-from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_vector
 
 NOT_MEASURED = ("measured_cf",)  # nothing measures forces at the tool
@@ -31,6 +32,8 @@ _PUBLISHED: dict[str, MakeMessage] = {
     "jaw/setpoint_js": arm_messages.jaw_setpoint_js,
     "measured_cp": arm_messages.measured_cp,
     "setpoint_cp": arm_messages.setpoint_cp,
+    "local/measured_cp": arm_messages.measured_cp,  # it stands on its own base
+    "local/setpoint_cp": arm_messages.setpoint_cp,
     "measured_cv": arm_messages.measured_cv,
 }
 
@@ -43,11 +46,21 @@ class CrtkDialect(Speaker):
     sent before the command arrived, would end its waiting.
     """
 
-    def __init__(self, arms: dict[Arm, ServedArm]) -> None:
-        """Speak for arms."""
-        spoken = (one for one in topics("crtk") if one.arm in arms and _has(arms[one.arm], one.verb))
+    def __init__(self, arms: Mapping[str, ServedArm], listed: Iterable[CrtkTopic] | None = None) -> None:
+        """Speak for arms.
+
+        Args:
+            arms: By name.
+            listed: Topics of which those are spoken that the arms have; a RAVEN-II's when None.
+        """
+        all_topics = topics("crtk") if listed is None else listed
+        spoken = (
+            one
+            for one in all_topics
+            if one.arm is not None and one.arm in arms and _has(arms[one.arm], one.verb)
+        )
         super().__init__(arms, tuple(spoken), _PUBLISHED, _OBEYED)
-        self._told: dict[Arm, tuple[OperatingState, int]] = {}
+        self._told: dict[str, tuple[OperatingState, int]] = {}
 
     def begin(self, outlets: Outlets) -> None:
         """Prepare to publish by outlets; called once, before `publish`."""
@@ -75,17 +88,24 @@ def _has(arm: ServedArm, verb: str) -> bool:
     """Return whether an arm has what a verb needs."""
     if verb in NOT_MEASURED or verb in NOT_TAKEN:
         return False
+    if verb.startswith("local/"):
+        return arm.tool.jaw_is_apart
     if verb.startswith("jaw/"):
         return arm.tool.has_jaws and verb != "jaw/servo_jf"
     return True
 
 
-def _numbers(arm: ServedArm, message: Message, field: str = "position") -> Floats:
-    """Return a command's numbers (n,); names may leave joints out where nothing is asked of them."""
-    given = len(getattr(message, field))
-    if not message.name and given != len(arm.names):
-        raise InputError(f"{given} numbers in `{field}`, expected {len(arm.names)}: {', '.join(arm.names)}")
-    return joint_values(message, arm.names, field)
+def _numbers(arm: ServedArm, message: Message, field: str = "position", *, is_change: bool = True) -> Floats:
+    """Return a command's numbers (n,); names may leave joints out where nothing is asked of them.
+
+    Of a jaw that joint states leave out, what keeps it: its setpoint where positions are asked for, else zero.
+    """
+    given, names = len(getattr(message, field)), arm.reported
+    if not message.name and given != len(names):
+        raise InputError(f"{given} numbers in `{field}`, expected {len(names)}: {', '.join(names)}")
+    asked = joint_values(message, names, field)
+    rest = np.zeros(len(arm.names) - len(names)) if is_change else arm.setpoint.q[len(names) :]
+    return np.concatenate([asked, rest])
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
@@ -94,7 +114,7 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
     Raises:
         InputError: A joint is farther from the setpoint than `SERVO_REACH`; nothing moves.
     """
-    q = _numbers(arm, message)
+    q = _numbers(arm, message, is_change=False)
     for name, unit, way in zip(arm.names, arm.plant.joint_units, q - arm.setpoint.q, strict=True):
         if abs(way) > SERVO_REACH[unit]:
             raise InputError(
@@ -127,7 +147,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_cp": lambda arm, message: cartesian_commands.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
     "servo_cv": lambda arm, message: cartesian_commands.servo_twist(arm, _twist(message)),
-    "move_jp": lambda arm, message: arm.move(joint_move(arm, _numbers(arm, message))),
+    "move_jp": lambda arm, message: arm.move(joint_move(arm, _numbers(arm, message, is_change=False))),
     "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _numbers(arm, message))),
     "move_cp": lambda arm, message: arm.move_when_planned(straight_move(arm, pose_of(message))),
     "move_cr": lambda arm, message: arm.move_when_planned(straight_move(arm, _moved(arm, message))),

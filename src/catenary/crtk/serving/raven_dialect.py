@@ -15,7 +15,6 @@ from catenary.crtk.serving.raven_state import RavenState
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.errors import InputError
-from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_vector
 
 _JointState = message_class("sensor_msgs/JointState")
@@ -41,7 +40,7 @@ _PUBLISHED: dict[str, MakeMessage] = {
 class RavenDialect(Speaker):
     """Speaks for a robot of a gold and a green arm."""
 
-    def __init__(self, arms: Mapping[Arm, ServedArm]) -> None:
+    def __init__(self, arms: Mapping[str, ServedArm]) -> None:
         """Speak for arms of seven joints, both of them.
 
         Raises:

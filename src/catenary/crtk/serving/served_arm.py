@@ -13,7 +13,6 @@ from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.errors import CatenaryError, InputError
 from catenary.plant import JointState, OperatingState, Plant
-from catenary.recording.topics import Arm
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
 
@@ -36,7 +35,7 @@ class ServedArm:
         dialect: Dialect,
         reports: Reports,
         *,
-        arm: Arm,
+        arm: str,
         tool: ToolPose,
         gravity_torque: GravityTorque,
     ) -> None:
@@ -53,6 +52,7 @@ class ServedArm:
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
         self.reports = reports
         self.names = plant.joint_names
+        self.reported = self.names[:-1] if tool.jaw_is_apart else self.names  # joints of its joint states
         self.machine = StateMachine(plant, dialect)
         self.lower, self.upper = plant.lower, plant.upper
         self.obeys = ""  # topic of the command that it obeyed last
@@ -174,14 +174,14 @@ class ServedArm:
             self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
 
     def jaw_increments(self, angle: float) -> Floats:
-        """Return increments (n,) that open the jaws by an angle [rad], half with each."""
-        dq = np.zeros(len(self.names))
-        dq[-JAWS:] = 0.5 * angle
+        """Return increments (n,) that open the jaws by an angle [rad], half with each of two."""
+        dq, jaws = np.zeros(len(self.names)), self.tool.jaws
+        dq[-jaws:] = angle / jaws
         return dq
 
     def joints_at_opening(self, opening: float) -> Floats:
         """Return the setpoint (n,) with the jaws opened to an angle [rad]."""
-        return self.setpoint.q + self.jaw_increments(opening - self.setpoint.q[-JAWS:].sum())
+        return self.setpoint.q + self.jaw_increments(opening - self.setpoint.q[-self.tool.jaws :].sum())
 
     # what it does
 
