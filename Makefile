@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags clean help
+.PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-dds bench-serving bench-bags clean help
 .PHONY: papers refit prior
 
 help:
@@ -25,6 +25,7 @@ help:
 	@echo "make campaign-short  those parts of it whose cases are short, two minutes, always the same seeds"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
+	@echo "make bench-dds   the same over ROS 2's DDS: a served robot and a client that hears every topic (10 minutes)"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
@@ -76,6 +77,9 @@ bench: $(VENV)/.benchmarks
 bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
 
+bench-dds: $(VENV)/.development
+	$(BIN)/python -m tests.benchmarks.dds_serving --seconds 300 --json build/benchmarks/dds_serving.json
+
 bench-serving: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.serving --seconds 300 --json build/benchmarks/serving.json
 	$(BIN)/python -m tests.benchmarks.deployed --seconds 60 --json build/benchmarks/deployed.json
@@ -100,7 +104,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.package: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --disable-pip-version-check -e .
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[view]"
 	@touch $@
 
 $(VENV)/.papers: $(VENV)/.package

@@ -5,8 +5,12 @@ import random
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
+import numba
 import pytest
+
+ROOT = Path(__file__).parents[1]
 
 # programs find each other on the loopback interface alone, without multicast, which a sandbox may lack
 LOOPBACK = (
@@ -40,6 +44,19 @@ def environment(domain: int) -> dict[str, str]:
     """Variables of a program in the domain."""
     kept = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     return {**kept, "CYCLONEDDS_URI": LOOPBACK, "ROS_DOMAIN_ID": str(domain)}
+
+
+class Network:
+    """A domain for programs beside the tests, as `ros.Master` is one for ROS 1's."""
+
+    def __init__(self) -> None:
+        require_dds()
+        self.domain = free_domain()
+        self.environment = {
+            **environment(self.domain),
+            "NUMBA_CACHE_DIR": str(numba.config.CACHE_DIR),  # what was compiled for the tests
+            "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "tests")]),
+        }
 
 
 @contextmanager

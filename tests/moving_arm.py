@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import actuation_columns, actuation_terms
+from catenary.dynamics.actuation import actuation_columns
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.identification.options import actuation_of
 from catenary.plant import MotionLog
+from catenary.robots.actuation import actuation_terms
 from catenary.robots.model import RobotModel
 
 LEVEL = np.array([0.0, 0.0, -9.81])

@@ -104,6 +104,9 @@ def likely_message(rng: np.random.Generator, topic: CrtkTopic, arm: ServedArm) -
     if topic.type == "geometry_msgs/TwistStamped":
         vector, twist = message_class("geometry_msgs/Vector3"), message_class("geometry_msgs/Twist")
         return kind(twist=twist(*(vector(*(size * rng.normal(size=3))) for _ in range(2))))
+    if topic.type == "geometry_msgs/WrenchStamped":
+        vector, wrench = message_class("geometry_msgs/Vector3"), message_class("geometry_msgs/Wrench")
+        return kind(wrench=wrench(*(vector(*(10.0 * size * rng.normal(size=3))) for _ in range(2))))
     if topic.type == "raven_2/raven_automove":
         move, turn = message_class("geometry_msgs/Transform"), message_class("geometry_msgs/Quaternion")
         return kind(

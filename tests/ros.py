@@ -10,6 +10,7 @@ import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 import numba
 import pytest
@@ -129,10 +130,16 @@ def _heed_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+class Network(Protocol):
+    """Where programs meet: a master of ROS 1, or a domain of DDS."""
+
+    environment: dict[str, str]
+
+
 class Program:
     """A Python program beside the tests; lines go in and come out."""
 
-    def __init__(self, master: Master, code: str, *arguments: str, **environment: str) -> None:
+    def __init__(self, master: Network, code: str, *arguments: str, **environment: str) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-u", "-c", PATIENT + code, *arguments],
             env={**master.environment, **environment},

@@ -142,6 +142,42 @@ def with_time(log: MotionLog, factor: float) -> MotionLog:
     return replace(log, time=factor * log.time)
 
 
+def copied(log: MotionLog, joints: slice | list[int]) -> MotionLog:
+    """Return a log whose measurement of some joints is their command."""
+    measured = _measured(log)
+    measured[:, joints] = log.q_nominal[:, joints]
+    return replace(log, q_encoder=measured)
+
+
+def leapt(log: MotionLog, joint: int, by: float) -> MotionLog:
+    """Return a log whose encoder of one joint was zeroed anew after two fifths of the rows."""
+    measured = _measured(log)
+    measured[2 * len(log) // 5 :, joint] += by
+    return replace(log, q_encoder=measured)
+
+
+def wrapped(log: MotionLog, joint: int, turn: float) -> MotionLog:
+    """Return a log in which a joint's measurement is told within a turn about the middle of its range."""
+    measured = _measured(log)
+    zero = np.median(log.q_nominal[:, joint])
+    measured[:, joint] = zero + np.mod(measured[:, joint] - zero, turn)
+    return replace(log, q_encoder=measured)
+
+
+def mixed(log: MotionLog, a: int, b: int) -> MotionLog:
+    """Return a log with measurements of two joints in another frame, turned by 53 deg."""
+    measured = _measured(log)
+    measured[:, [a, b]] = measured[:, [a, b]] @ np.array([[0.6, 0.8], [-0.8, 0.6]])
+    return replace(log, q_encoder=measured)
+
+
+def held(log: MotionLog) -> MotionLog:
+    """Return a log of a sensor at half the rate, whose last reading is written again."""
+    measured = _measured(log)
+    measured[1::2] = measured[: 2 * (len(measured) // 2) : 2]
+    return replace(log, q_encoder=measured)
+
+
 BOTH, COMMAND, MEASURED = ("q_nominal", "q_encoder"), "q_nominal", "q_encoder"
 SPOILS = (
     Spoil("unit", "all numbers in deg and mm", lambda g: in_deg_and_mm(g, *BOTH), ("units",)),
@@ -174,6 +210,7 @@ SPOILS = (
     Spoil("shift", "measurement 5 rows late", lambda g: shifted(g, 5), ("shift",)),
     Spoil("shift", "measurement 20 rows late", lambda g: shifted(g, 20), ("shift",)),
     Spoil("shift", "measurement 8 rows early", lambda g: shifted(g, -8), ("shift",)),
+    Spoil("shift", "measurement 4 rows early", lambda g: shifted(g, -4), ("shift",)),
     Spoil("shift", "12 rows lost half-way", lambda g: lost(g, 12), ("shift", "clock")),
     Spoil("stuck", "J1 on a tenth of the rows", lambda g: stuck(g, 0, 0.1), ("stuck",)),
     Spoil("stuck", "J3 on a fifth, with noise", lambda g: stuck(g, 2, 0.2, 1e-5), ("stuck",)),
@@ -194,5 +231,13 @@ SPOILS = (
     Spoil("mixed joints", "measured rows shuffled", shuffled, ("unrelated",)),
     Spoil("constant", "commanded J1 zero", lambda g: constant(g, COMMAND, 0), ("constant",)),
     Spoil("constant", "measured J3 zero", lambda g: constant(g, MEASURED, 2), ("constant",)),
+    Spoil("copy", "measurements are commands", lambda g: copied(g, slice(None)), ("copied",)),
+    Spoil("copy", "measured J1 is its command", lambda g: copied(g, [0]), ("copied",)),
+    Spoil("zero", "J1 leaps by 0.3 rad", lambda g: leapt(g, 0, 0.3), ("jump",)),
+    Spoil("zero", "J3 leaps by 20 mm", lambda g: leapt(g, 2, 0.02), ("jump",)),
+    Spoil("zero", "J5 lost a turn", lambda g: leapt(g, 4, 2.0 * np.pi), ("turns",)),
+    Spoil("zero", "J4 within half a turn", lambda g: wrapped(g, 3, np.pi), ("turns",)),
+    Spoil("mixed joints", "J1 and J2 in another frame", lambda g: mixed(g, 0, 1), ("mixed", "swapped")),
+    Spoil("stuck", "every second measurement repeated", held, ("stuck",), refused=False),
     Spoil("short", "20 rows", lambda g: only(g, 20), ("short",)),
 )

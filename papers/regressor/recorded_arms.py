@@ -100,7 +100,7 @@ def replay(recording: str, rows: int | None, data: Path) -> Result:
     """Replay a recording; return RMS errors of the part held out by method, and torques over time."""
     name, static = RECORDINGS[recording]
     model = load_robot(name)
-    options = IdentifyOptions(terms="static" if static else "full")
+    options = IdentifyOptions(terms="static" if static else "full", consistent=False, friction=())
     samples = prepare(read_torque_log(data / recording, model), model, options)
     if rows is not None:
         chosen = np.zeros(len(samples), dtype=bool)
@@ -114,7 +114,7 @@ def replay(recording: str, rows: int | None, data: Path) -> Result:
     _, predicted["least squares"] = replayed(
         least_squares(model, samples.tau[:until]), samples, static=static, until=until
     )
-    gravity = batch(samples, model, until, IdentifyOptions(terms="static"))
+    gravity = batch(samples, model, until, IdentifyOptions(terms="static", consistent=False))
     if gravity is not None:
         predicted["batch, gravity"] = gravity
     if not static and (whole := batch(samples, model, until, options)) is not None:

@@ -127,6 +127,17 @@ class Plant(Bounded, Protocol):
         ...
 
 
+def fault_of(plant: Plant) -> str:
+    """Return why a robot is in FAULT, as far as it tells; empty where it tells nothing."""
+    return str(getattr(plant, "fault_reason", ""))
+
+
+def state_in_words(plant: Plant, state: OperatingState) -> str:
+    """Return the name of a robot's state; of FAULT also why, where it tells."""
+    why = fault_of(plant) if state.state == "FAULT" else ""
+    return f"FAULT ({why})" if why else state.state
+
+
 def require_ready(plant: Plant, verb: str) -> None:
     """Refuse a robot that must not be moved, or that lacks the verb by which it would be.
 
@@ -140,7 +151,9 @@ def require_ready(plant: Plant, verb: str) -> None:
         )
     state = plant.operating_state()
     if state.state != "ENABLED":
-        raise NotReadyError(f"the robot is {state.state}, expected ENABLED; nothing has moved")
+        raise NotReadyError(
+            f"the robot is {state_in_words(plant, state)}, expected ENABLED; nothing has moved"
+        )
     if not state.is_homed:
         raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing has moved")
     if state.is_busy:

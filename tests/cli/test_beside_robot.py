@@ -4,15 +4,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from catenary.calibration.files import save_model
 from catenary.cli import beside_robot
 from catenary.cli.beside_robot import TerminalGuide
+from catenary.errors import TransportError
+from catenary.nodes.deploy import CalibratedTopics
+from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.recording.source import open_recording
+from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import EncodedPlant
+from recordings import fitted
 
 
 @pytest.fixture
@@ -57,6 +64,18 @@ def test_record_without_motion_keeps_what_others_do(setup: RobotOnLoopback, tmp_
     assert setup.robot.commands == 0
 
 
+def test_recording_others_leaves_the_settings_of_a_project_as_they_are(
+    setup: RobotOnLoopback, tmp_path: Path
+) -> None:
+    setup.robot.plant.state_command("home")
+    before = ProjectSettings(test_minutes=33.0, seed=7)
+    Project(tmp_path / "p", before)
+    outcome = catenary("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.0005", "--json")
+    assert outcome.code == 0, outcome
+    assert outcome.json["seconds"] == pytest.approx(1.8)
+    assert project_settings(tmp_path / "p") == before
+
+
 def test_what_others_did_extracts_and_its_name_is_not_used_twice(
     setup: RobotOnLoopback, tmp_path: Path
 ) -> None:
@@ -75,3 +94,30 @@ def test_what_others_did_extracts_and_its_name_is_not_used_twice(
 def test_enter_says_done_and_q_gives_up(typed: str, done: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))
     assert TerminalGuide().confirm("press the pedal") is done
+
+
+def test_a_deployment_reports_whatever_ends_it(
+    setup: RobotOnLoopback, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setup.robot.plant.state_command("home")
+    q = np.random.default_rng(0).uniform(0.3, 0.4, (400, 3))
+    names, units = ("shoulder", "elbow", "insertion"), ("rad", "rad", "m")
+    log = MotionLog("run", names, units, q, np.ones(400, dtype=bool), q + 0.01, time=np.arange(400) / 30.0)
+    inputs = tuple(f"q:{name}" for name in names)
+    save_model(fitted(log, kind="linear", inputs=inputs), {}, tmp_path / "arm.npz")
+    run = CalibratedTopics.run
+    calls = []
+
+    def ends(topics: CalibratedTopics, seconds: float) -> Any:
+        calls.append(seconds)
+        if len(calls) == 3:
+            raise TransportError("the ROS node was shut down")
+        for _ in range(100):
+            setup.transport.sleep(0.001)
+        return run(topics, 0.001)
+
+    monkeypatch.setattr(CalibratedTopics, "run", ends)
+    outcome = catenary("deploy", tmp_path / "arm.npz", "--ros", 1, "--json")
+    assert outcome.code == 2
+    assert "the ROS node was shut down" in outcome.err
+    assert outcome.json["messages"] > 0

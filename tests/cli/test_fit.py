@@ -102,10 +102,10 @@ def test_evaluate_tells_the_error_that_the_arm_has(tmp_path: Path, model: Path) 
 def test_a_percentage_of_nothing_is_null_and_a_dash_in_the_table(tmp_path: Path) -> None:
     q = simulated_arm.arrays()["q_des"]
     perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
-    fit_json(perfect, "--model", "offset", "--folds", "0")
-    joints = evaluate_json(tmp_path / "out.npz", perfect)["joints"]
+    fit_json(perfect, "--model", "offset", "--folds", "0", "--accept", "copied")
+    joints = evaluate_json(tmp_path / "out.npz", perfect, "--accept", "copied")["joints"]
     assert [joint["percent_of_offset"] for joint in joints] == [None, None, None]
-    assert "nan" not in catenary("evaluate", tmp_path / "out.npz", perfect).out
+    assert "nan" not in catenary("evaluate", tmp_path / "out.npz", perfect, "--accept", "copied").out
 
 
 def test_notes_do_not_stand_in_the_json(tmp_path: Path) -> None:

@@ -57,6 +57,12 @@ def test_gravity_takes_degrees_and_millimetres() -> None:
     assert_allclose(shown["tau"], [1.5120, -0.1962, 2.1879], atol=1e-4)  # published for the mechanism
 
 
+def test_gravity_is_written_as_formulas_of_the_joints() -> None:
+    # two rods of 1 kg, 1 and 0.5 m long: 9.81 (0.5 + 1) and 9.81 0.25
+    lines = catenary("gravity", "two_link", "--latex").out.splitlines()
+    assert lines == ["g_{1} = 14.715 c_{1} + 2.4525 c_{12}", "g_{2} = 2.4525 c_{12}"]
+
+
 def test_table_shows_the_difference_to_a_level_base() -> None:
     out = catenary("gravity", *POSE, "--base-tilt-deg", "0,20").out
     shoulder = next(line for line in out.splitlines() if "shoulder" in line).split()

@@ -34,7 +34,7 @@ WRITING = {
     "identify --out": ("identify {motion} --robot raven2 --out", ".csv", PARAMETERS),
     "identify --report": ("identify {motion} --robot raven2 --out {new}/o.npz --report", ".npz", PAGE),
     "identify --urdf": (
-        "identify {motion} --robot raven2 --consistent --out {new}/o.npz --urdf",
+        "identify {motion} --robot raven2 --out {new}/o.npz --urdf",
         ".npz",
         URDF,
     ),

@@ -63,13 +63,13 @@ def test_joint_states_are_the_plants(said: Said, arm: Arm) -> None:
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_the_opening_of_the_jaws_is_their_sum_and_its_effort_their_mean(said: Said, arm: Arm) -> None:
-    verb, name = ("grasp_measured_js", "grasp") if said.dialect == "raven" else ("jaw/measured_js", "jaw")
-    message, state = said.messages[verb, arm], said.arms[arm].plant.measured_js()
-    assert message.name == (name,)
-    assert_allclose(
-        [*message.position, *message.velocity, *message.effort],
-        [state.q[-2:].sum(), state.qd[-2:].sum(), state.tau[-2:].mean()],
-    )
+    is_raven = said.dialect == "raven"
+    message = said.messages["grasp_measured_js" if is_raven else "jaw/measured_js", arm]
+    state = said.arms[arm].plant.measured_js()
+    # three names and positions, one velocity, one effort [raven2, branch crtk: publish_crtk_measured_gr_js]
+    assert message.name == ((f"{arm}_grasp", f"{arm}_jaw1", f"{arm}_jaw2") if is_raven else ("jaw",))
+    assert_allclose(message.position, [state.q[-2:].sum(), *(state.q[-2:] if is_raven else ())])
+    assert_allclose([*message.velocity, *message.effort], [state.qd[-2:].sum(), state.tau[-2:].mean()])
 
 
 @pytest.mark.parametrize("arm", ARMS)
@@ -97,7 +97,7 @@ def test_all_messages_of_a_tick_have_its_stamp(said: Said) -> None:
 def test_the_whole_state_is_in_the_robots_own_units() -> None:
     said = Said("raven")
     message, degrees = said.messages["ravenstate", None], 180.0 / np.pi
-    assert (message.runlevel, message.sublevel, message.dt) == (3, 0, 1_000_000)
+    assert (message.runlevel, message.sublevel, message.dt) == (3, 1, 1_000_000)
     for k, arm in enumerate(ARMS):
         served = said.arms[arm]
         assert served.tool is not None
@@ -114,4 +114,7 @@ def test_the_whole_state_is_in_the_robots_own_units() -> None:
             pose = relative_pose(served.tool.model, at_tip(state.q), "tool", "frame0")
             assert_allclose(position[3 * k : 3 * k + 3], 1e6 * pose.position, atol=1.0)  # whole um
             assert_allclose(rotation[9 * k : 9 * k + 9], pose.rotation.ravel(), atol=1e-6)
+        twist = served.measured_twist.reshape(2, 3) @ served.measured_pose.rotation  # in the tool's axes
+        assert np.abs(twist).max() > 1e-3
+        assert_allclose(message.jac_vel[6 * k : 6 * k + 6], twist.ravel(), rtol=1e-5, atol=1e-7)
         assert message.grasp_d[k] == np.float32(served.plant.setpoint_js().q[-2:].sum())

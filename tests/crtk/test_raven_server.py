@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.clock import SECOND
+from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.conversions import pose_message, pose_of
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class, stamp_of
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
+from catenary.nodes.serve import Serving, make_server
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import ServedRobot, shoulder
+from oracles.cable_arms import homed_plant
+from served_robot import BEGIN, JointState, ServedRobot, shoulder
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
 UP = np.array([0.0, 0.0, 1.0])
@@ -159,11 +162,62 @@ def test_state_commands_come_over_the_arms_topic_and_the_robots(robot, topic):
     assert robot.state() == "PAUSED"
 
 
-def test_arms_that_the_robot_has_not_are_listened_to_and_ignored(robot):
-    publisher = robot.client.publisher("/arm3/state_command", "crtk_msgs/StringStamped")
-    publisher.publish(message_class("crtk_msgs/StringStamped")(string="disable"))
+@pytest.mark.parametrize("place", ["/arm2", "/arm3", "/arm4", ""])
+def test_a_state_command_to_any_arm_is_one_to_the_robot(robot, place):
+    """The robot's software has one state machine, which all its topics ask [local_io.cpp: crtk_cmd_cb]."""
+    heard = {arm: robot.hear("operating_state", arm) for arm in ("gold", "green", None)}
+    publisher = robot.client.publisher(f"{place}/state_command", "crtk_msgs/StringStamped")
+    publisher.publish(message_class("crtk_msgs/StringStamped")(string="pause"))
+    robot.tick(110)
+    assert robot.state() == "PAUSED"
+    assert {one.take()[-1].message.state for one in heard.values()} == {"PAUSED"}
+
+
+def test_a_motion_command_to_an_arm_that_the_robot_has_not_moves_none(robot):
+    before = robot.setpoint
+    robot.client.publisher("/arm3/servo_jv", "sensor_msgs/JointState").publish(
+        JointState(velocity=np.ones(7))
+    )
+    robot.tick(5)
+    assert_array_equal(robot.setpoint, before)
+
+
+def test_fault_of_one_arm_stops_the_other():
+    plants = {"gold": homed_plant("left"), "green": homed_plant("right")}
+    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    server = make_server(Serving(), Loopback("robot", network), plants=plants)
+    heard = Loopback("client", network).subscribe("/arm2/operating_state", "crtk_msgs/operating_state")
+    plants["gold"]._set_state("FAULT", "a motor's command was too large")
+    for _ in range(3):
+        server.tick()
+    assert plants["green"].operating_state().state == "DISABLED"
+    assert heard.take()[-1].message.state == "FAULT"
+
+
+def test_disable_acts_in_fault(robot):
+    robot.plant._set_state("FAULT", "a motor's command was too large")
     robot.tick(2)
-    assert robot.state() == "ENABLED"
+    robot.command("disable")
+    robot.tick(2)
+    assert robot.state() == "DISABLED"
+
+
+@pytest.mark.parametrize("dialect", ["raven", "crtk"])
+def test_a_named_joint_is_moved_alone_and_not_the_jaws(dialect):
+    robot = ServedRobot(dialect)
+    before = robot.setpoint
+    robot.joints("servo_jr", [1e-3], names=("elbow",))
+    robot.joints("servo_jr", [2e-5], names=("gold_ins",))
+    robot.tick(5)
+    assert_allclose(robot.setpoint - before, [0, 1e-3, 2e-5, 0, 0, 0, 0], atol=EXACT)
+
+
+@pytest.mark.parametrize("field", ["velocity", "position"])
+def test_a_grasp_velocity_opens_the_jaws_for_a_millisecond(robot, field):
+    before = robot.setpoint
+    robot.say("grasp_servo_jv", JointState(**{field: [1.0]}))
+    robot.tick(5)
+    assert_allclose(robot.setpoint - before, [0, 0, 0, 0, 0, 5e-4, 5e-4], atol=EXACT)
 
 
 def test_the_silver_button_does_nothing_to_a_running_robot(robot):

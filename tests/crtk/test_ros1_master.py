@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from catenary.crtk.ros1 import master as ros1_master
-from catenary.crtk.ros1.master import PATIENCE, Master, master_uri
+from catenary.crtk.ros1.master import PATIENCE, Master, bound_to_all, master_uri
 from catenary.errors import TransportError
 from ros import free_port
 
@@ -55,3 +55,22 @@ def test_uri_is_the_one_given_then_the_environments_then_this_machines(monkeypat
     assert master_uri() == "http://robot:11311"
     monkeypatch.delenv("ROS_MASTER_URI")
     assert master_uri() == "http://localhost:11311"
+
+
+@pytest.mark.parametrize(
+    ("environment", "said"),
+    [
+        ({}, "ROS_IP and ROS_HOSTNAME are not set"),
+        ({"ROS_IP": "192.168.1.20"}, "only says what others call it (192.168.1.20)"),
+        ({"ROS_HOSTNAME": "lab", "ROS_IP": "127.0.0.1"}, "(lab)"),
+        ({"ROS_IP": "127.0.0.1"}, None),
+        ({"ROS_HOSTNAME": "localhost"}, None),
+    ],
+)
+def test_a_node_that_listens_on_all_addresses_is_warned_of(environment, said):
+    warning = bound_to_all(environment)
+    if said is None:
+        assert warning is None
+    else:
+        assert said in warning
+        assert "ROS_IP=127.0.0.1 shuts it in" in warning

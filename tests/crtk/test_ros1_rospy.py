@@ -96,3 +96,25 @@ def test_genpy_reads_and_writes_the_same_bytes(name: str) -> None:
     theirs().deserialize(data).serialize(buffer)
     assert buffer.getvalue() == data
     assert isinstance(codec(name).decode(buffer.getvalue()), message_class(name))
+
+
+def test_a_subscriber_that_does_not_ask_for_it_gets_each_message_at_once(ros_master: Master) -> None:
+    """rospy's subscribers say "no" by default, and TCP then holds messages back for each other (Nagle)."""
+    listener = f"""{ROSPY}
+rospy.Subscriber("/js", JointState, lambda m: None)
+print("listening")
+rospy.spin()
+"""
+    robot = f"""{OPEN}
+import socket
+publisher = transport.publisher("/js", "sensor_msgs/JointState")
+print("up")
+while not publisher.subscribers():
+    time.sleep(0.05)
+(peer,) = publisher._peers._peers
+print(peer.connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+"""
+    with Program(ros_master, robot, "robot") as sender, Program(ros_master, listener, "rospy") as hears:
+        assert sender.line() == "up"
+        assert hears.line() == "listening"
+        assert sender.line() != "0"

@@ -3,8 +3,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import actuation_columns, actuation_terms, known_torque, lever_load
-from catenary.robots.actuation import Actuation, Friction, KnownTorque, LeverSpring, MotorInertia, Spring
+from catenary.dynamics.actuation import actuation_columns, known_torque, lever_load
+from catenary.robots.actuation import (
+    Actuation,
+    Friction,
+    KnownTorque,
+    LeverSpring,
+    MotorInertia,
+    Spring,
+    actuation_terms,
+)
 
 C = np.array([1.0, -0.5])
 ALL = Actuation(

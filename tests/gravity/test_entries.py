@@ -3,8 +3,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.gravity.compact import compact_regressor
-from catenary.gravity.entries import Terms, full_entry, mass_entries, moment_entries, terms_text
+from catenary.gravity.entries import full_entry, mass_entries, moment_entries
 from catenary.gravity.regressor import CARRIED_MASS, gravity_regressor
+from catenary.gravity.terms import Terms, terms_text
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from oracles.random_trees import Floats
@@ -69,6 +70,7 @@ def test_angles_of_parallel_joints_add_up() -> None:
         ({(("c", ((0, 2.0),)),): 1.0}, "c(2 q1)", r"\cos(2 q_{1})"),
         ({(("q", ((0, 1.0),)), ("s", ((1, 1.0),))): 2.0}, "2 q1 s2", "2 q_{1} s_{2}"),
         ({(("c", ((0, 1.0), (9, 1.0))),): 1.0}, "c1,10", "c_{1,10}"),
+        ({(("s", ((11, 1.0),)),): 1.0}, "s(q12)", r"\sin(q_{12})"),  # s12 is of joints 1 and 2
     ],
 )
 def test_sums_of_products_are_written_shortly(terms: Terms, text: str, latex: str) -> None:

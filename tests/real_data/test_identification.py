@@ -19,6 +19,7 @@ from catenary.recording.logs import read_torque_log
 from catenary.robots.catalog import load_robot
 from catenary.workflows.identify import identify_files, part_of
 
+PUBLISHED = IdentifyOptions(consistent=False, friction=())  # as others fit: Coulomb and viscous friction
 WEIGHT = ("20", [0.024, 0.535, 0.0])  # where the weight of 105 g was, in the public model's frame 20
 
 
@@ -41,33 +42,49 @@ def psm(dvrk: Path) -> Identification:
     return identify([fitted], load_robot("dvrk_psm"), tests=[other_day])
 
 
-def test_psm_is_fitted_as_well_as_published(psm: Identification) -> None:
-    assert psm.base.count == psm.rank == 49
+def test_psm_is_fitted_as_well_as_published(dvrk: Path) -> None:
+    log = log_of(dvrk, "psm_one.npz", "dvrk_psm")
+    free = identify([log], load_robot("dvrk_psm"), PUBLISHED)
+    assert free.base.count == free.rank == 49
     known = np.array([0.066, 0.143, 0.179, 0.110, 0.206, 0.196, 0.237])
-    assert (psm.training[0].relative_rms <= 1.05 * known).all()
+    assert (free.training[0].relative_rms <= 1.05 * known).all()
 
 
 def test_psm_of_another_day_is_predicted_as_well_as_with_other_tools(psm: Identification) -> None:
     known = np.array([0.065, 0.170, 0.164, 0.234, 0.335, 0.383, 0.378])
-    assert (psm.tests[0].relative_rms <= 1.1 * known).all()
+    assert (psm.tests[0].relative_rms <= known).all()
+    assert np.mean(psm.tests[0].relative_rms / known) < 0.86  # friction that builds up after reversals
     assert psm.tests[0].verdict == "drifted"  # the arm changed between days
 
 
 def test_mtm_is_fitted_with_the_published_number_of_parameters(dvrk: Path) -> None:
     log, model = log_of(dvrk, "mtm_one.npz", "dvrk_mtm"), load_robot("dvrk_mtm")
-    free = identify([log], model)
+    free = identify([log], model, PUBLISHED)
     assert free.base.count == 73
     assert (free.training[0].relative_rms <= [0.09, 0.18, 0.19, 0.21, 0.26, 0.23, 0.34]).all()
-    bodies = identify([log], model, IdentifyOptions(consistent=True))
+    bodies = identify([log], model, IdentifyOptions(friction=()))
     assert (bodies.training[0].rms <= 1.1 * free.training[0].rms).all()
     assert bodies.robot().tree.mass.min() > 0.0
 
 
+@pytest.mark.slow
+def test_the_end_of_the_mtms_motion_is_predicted_better_than_by_plain_friction(dvrk: Path) -> None:
+    samples = prepare(log_of(dvrk, "mtm_one.npz", "dvrk_mtm"), load_robot("dvrk_mtm"), IdentifyOptions())
+    early = np.arange(len(samples)) < int(0.8 * len(samples))
+    first, last = samples.rows(early, "first 80 %"), samples.rows(~early, "last 20 %")
+    found = identify_samples([first], load_robot("dvrk_mtm"), IdentifyOptions()).test([last])
+    known = np.array([0.089, 0.204, 0.125, 0.207, 0.215, 0.177, 0.327])  # Coulomb and viscous friction alone
+    assert (found.tests[0].relative_rms <= 1.02 * known).all()  # bodies alone cost axis 1 2 %
+    assert np.mean(found.tests[0].relative_rms / known) < 0.9
+
+
 def test_panda_is_predicted_on_the_seconds_it_was_not_fitted_to(recordings: Path) -> None:
     log = log_of(recordings / "panda_dynamics", "panda_first60.npz", "panda")
+    assert identify([log], load_robot("panda"), PUBLISHED).base.count == 64
     found = identify([log], load_robot("panda"), IdentifyOptions(blocks=1.0))
-    assert found.base.count == 64
-    assert (found.tests[0].relative_rms <= [0.10, 0.012, 0.018, 0.015, 0.15, 0.065, 0.19]).all()
+    known = np.array([0.085, 0.009, 0.014, 0.012, 0.124, 0.051, 0.158])  # of other tools, the folder's README
+    assert (found.tests[0].relative_rms <= known).all()
+    assert np.mean(found.tests[0].relative_rms / known) < 0.85
 
 
 def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) -> None:

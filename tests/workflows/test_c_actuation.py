@@ -9,17 +9,25 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import ActuationLoads, actuation_terms, joint_friction
+from catenary.dynamics.actuation import ActuationLoads, joint_friction, known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.errors import InputError, MissingInertiaError
+from catenary.errors import MissingInertiaError
 from catenary.identification.files import identification_card, load_identification, save_identification
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
-from catenary.robots.actuation import Actuation, Friction, KnownTorque, LeverSpring, MotorInertia, Spring
+from catenary.robots.actuation import (
+    Actuation,
+    Friction,
+    KnownTorque,
+    LeverSpring,
+    MotorInertia,
+    Spring,
+    actuation_terms,
+)
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
-from catenary.workflows.c_header import c_header, read_identified
+from catenary.workflows.c_header import c_header
 from command_line import catenary, refusal
 from compiled_c import LANGUAGES, output_of, prefix_of, puts
 from moving_arm import recorded
@@ -30,12 +38,15 @@ ARM = load_robot("raven2")
 LAST = ("friction", "drives", "feedforward")
 
 
-def random_loads(n: int, rng: np.random.Generator) -> ActuationLoads:
+def random_loads(n: int, rng: np.random.Generator, *, loaded: bool) -> ActuationLoads:
     """Two effects of every kind, on one coordinate and on a combination of all, with random numbers."""
     one, mixed = np.eye(n)[rng.integers(n)], rng.normal(size=n)
     lever = LeverSpring(0.01, 0.1, 0.06, float(rng.normal()))
     actuation = Actuation(
-        friction=(Friction("one", one), Friction("mixed */ x", mixed, offset=False)),
+        friction=(
+            Friction("one", one, asymmetric=True, stribeck=0.3, load=loaded, presliding=0.01),
+            Friction("mixed */ x", mixed, offset=False, load=loaded),
+        ),
         motor_inertia=(MotorInertia("one", one), MotorInertia("mixed", mixed)),
         springs=(Spring("linear", mixed), Spring("lever", one, lever)),
         known_torques=(KnownTorque("cable", one, mixed, rng.normal(size=4)),),
@@ -50,8 +61,11 @@ def torques_in_c(model: RobotModel, loads: ActuationLoads, rows: np.ndarray, fol
     header, n = c_header(model, loads=loads).text, model.n
     name = prefix_of(header)
     q, qd, qdd, g = (f"r + {k * n}" for k in range(4))
+    carried = "c, " if loads.depends_on_load else ""
     body = (
-        f"  double f[{n}], d[{n}], t[{n}];\nLOOP  {name}_friction({qd}, f);\n  {name}_drives({q}, {qdd}, d);\n"
+        f"  double f[{n}], d[{n}], t[{n}], c[{n}], z[3] = {{0.0, 0.0, 0.0}};\n  int j;\nLOOP"
+        f"  {name}_drives({q}, {qdd}, d);\n  {name}_inverse_dynamics({q}, {qd}, {qdd}, {g}, z, z, c);\n"
+        f"  for (j = 0; j < {n}; ++j) c[j] += d[j];\n  {name}_friction({qd}, {carried}f);\n"
         f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, NULL, NULL, t);\n" + puts(f=n, d=n, t=n)
     )
     return np.split(output_of(header, body, rows, folder, language), 3, axis=1)
@@ -59,18 +73,20 @@ def torques_in_c(model: RobotModel, loads: ActuationLoads, rows: np.ndarray, fol
 
 def assert_are_pythons(seed: int, folder: Path, language: str) -> None:
     model, rng = random_robot(seed).model, np.random.default_rng(seed)
-    loads, n = random_loads(model.n, rng), model.n
+    loads, n = random_loads(model.n, rng, loaded=seed % 2 == 1), model.n
     rows = np.hstack([rng.normal(size=(ROWS, 3 * n)), 5.0 * rng.normal(size=(ROWS, 3))])
     rows[:20, n : 2 * n] = 0.0  # at rest
     q, qd, qdd, gravity = np.split(rows, [n, 2 * n, 3 * n], axis=1)
     friction, drives, feedforward = torques_in_c(model, loads, rows, folder, language)
-    expected = loads.torque(q, qd, qdd)
-    offset = friction[0]  # at rest
-    still = loads.torque(0 * q, 0 * qd, 0 * qdd)
-    scale = 1e-12 * np.abs(expected).max()
+    links = inverse_dynamics(model, q, qd, qdd, gravity)
+    expected = loads.torque(q, qd, qdd, links)
+    scale = 1e-12 * np.abs(expected).max() + 1e-12 * np.abs(links).max()
     assert_allclose(friction + drives, expected, rtol=0.0, atol=scale)
-    assert_allclose(friction, loads.torque(0 * q, qd, 0 * qdd) - still + offset, rtol=0.0, atol=scale)
-    law = inverse_dynamics(model, q, qd, qdd, gravity) + expected
+    if not loads.depends_on_load:
+        offset = friction[0]  # at rest
+        still = loads.torque(0 * q, 0 * qd, 0 * qdd)
+        assert_allclose(friction, loads.torque(0 * q, qd, 0 * qdd) - still + offset, rtol=0.0, atol=scale)
+    law = links + expected
     assert (np.abs(feedforward - law).max(axis=0) <= 1e-12 * np.abs(law).max(axis=0)).all()
 
 
@@ -111,7 +127,9 @@ def test_an_identified_robots_feedforward_is_what_its_identification_predicts(
 ) -> None:
     found, _ = load_identification(identified)
     rng = np.random.default_rng(2)
-    model, loads = read_identified(identified)
+    model = load_robot(identified)
+    loads = known_loads(model)
+    assert loads is not None
     n = model.n
     rows = np.hstack([rng.normal(size=(ROWS, 3 * n)), np.tile(LEVEL, (ROWS, 1))])
     _, _, feedforward = torques_in_c(model, loads, rows, tmp_path, "C99")
@@ -125,13 +143,13 @@ def test_an_identified_robots_feedforward_is_what_its_identification_predicts(
 
 
 def test_parameters_that_are_no_bodies_are_refused_with_the_way_out(tmp_path: Path) -> None:
-    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions())
+    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=False))
     with pytest.raises(MissingInertiaError):
-        found.loads()
+        found.robot()
     save_identification(found, identification_card(found, []), tmp_path / "arm.npz")
-    with pytest.raises(InputError, match="identify once more with --consistent"):
-        read_identified(tmp_path / "arm.npz")
-    assert "--consistent" in refusal("export", tmp_path / "arm.npz", "--c", tmp_path / "arm.h")
+    assert "identify once more without --free" in refusal(
+        "export", tmp_path / "arm.npz", "--c", tmp_path / "arm.h"
+    )
 
 
 def test_friction_given_by_hand_is_in_the_feedforward(tmp_path: Path) -> None:
@@ -149,7 +167,6 @@ def test_friction_that_would_be_lost_or_cannot_be_is_refused(tmp_path: Path) -> 
     out = ("--c", tmp_path / "arm.h", "--friction")
     assert "expected zero or more of every joint" in refusal("export", "two_link", *out, "0.1,-0.1")
     assert "friction: expected shape (2,)" in refusal("export", "two_link", *out, "1,2,3")
-    assert "identified parameters have their own" in refusal("export", tmp_path / "arm.npz", *out, "1")
     arm = load_robot("two_link")
     with pytest.raises(MissingInertiaError, match="link2"):
         c_header(replace(arm, missing_tensor=("link2",)), loads=joint_friction(arm, 1.0, 0.0))

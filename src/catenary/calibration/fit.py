@@ -1,5 +1,6 @@
 """From recordings to a calibration model, of whichever kind."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -78,8 +79,8 @@ class FitOptions:
             raise InputError(f"history: expected zero or more previous commands, got {self.history}")
         if any(not 0.0 < share < 1.0 for share in self.play or ()):
             raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
-        if self.ridge is not None and not self.ridge >= 0.0:
-            raise InputError(f"ridge: expected zero or more, got {self.ridge}")
+        if self.ridge is not None and not 0.0 <= self.ridge < math.inf:
+            raise InputError(f"ridge: expected a number of zero or more, got {self.ridge}")
         if self.ridge is not None and self.kind not in ("auto", "linear", "polynomial"):
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
         if self.kind == "auto" and self.target != "error":

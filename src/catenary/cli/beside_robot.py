@@ -15,7 +15,9 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
+    from catenary.crtk.reader import CrtkReader
     from catenary.crtk.transport import Transport
+    from catenary.nodes.deploy import CalibratedTopics, WireReport
     from catenary.workflows.project.folder import Project
     from catenary.workflows.project.robot import ProjectRobot
 
@@ -81,7 +83,13 @@ def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator
 
 
 def record_others(
-    project: "Project", name: str, seconds: float, *, simulated: bool, progress: Callable[[float], None]
+    project: "Project",
+    name: str,
+    seconds: float,
+    *,
+    ros: int,
+    simulated: bool,
+    progress: Callable[[float], None],
 ) -> list[dict[str, Any]]:
     """Record a robot that somebody else moves."""
     from catenary.crtk.node_name import node_name
@@ -97,8 +105,7 @@ def record_others(
     about = About(robot=kind.recorded_as, simulated=simulated, configuration={"motion": "not ours"})
 
     def work() -> None:
-        version = int(project.settings.connection.removeprefix("ros"))
-        with ros_transport(version, node_name("record")) as transport:
+        with ros_transport(ros, node_name("record")) as transport:
             counts[:] = record_topics(
                 transport, folder, topics, seconds, about=about, progress=progress,
                 required=[topic.name for topic in kind.required],
@@ -143,20 +150,49 @@ def deploy_beside(
         ) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
-        end, was_silent, told = transport.steady() + seconds * 1e9, False, 0
+        failure: BaseException | None = None
         try:
-            while (left := (end - transport.steady()) * 1e-9) > 0.0:
-                topics.run(min(0.5, left))
-                if topics.is_silent != was_silent:
-                    was_silent = topics.is_silent
-                    announce("the robot is silent" if was_silent else "the robot is back")
-                for flag in topics.drift_flags[told:]:
-                    announce(f"drift? {flag.reason}")
-                told = len(topics.drift_flags)
+            _tell_while_deployed(topics, client, seconds)
         except KeyboardInterrupt:
             pass  # the usual end
+        except BaseException as error:
+            failure = error
         report = topics.report()
         topics.close()
+    _show_deployment(model, arm, report, as_json=as_json)
+    if failure is not None:
+        raise failure  # behind the report, which is there whatever ended it
+
+
+_OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": "the input is back"}
+
+
+def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", seconds: float) -> None:
+    """Run a deployed model, and say what changes: the robot's silence, its faults, stale inputs, signs of drift."""
+    transport = client.transport
+    end, said, told = transport.steady() + seconds * 1e9, dict[str, str](), 0
+    while (left := (end - transport.steady()) * 1e-9) > 0.0:
+        topics.run(min(0.5, left))
+        now = {
+            "silence": "the robot is silent" if topics.is_silent else "",
+            "fault": f"the robot is in FAULT: {client.fault_reason}" if client.fault_reason else "",
+            "stale": f"stale input: {topics.stale[0].partition(':')[0]}" if topics.stale else "",
+        }
+        for kind, text in now.items():
+            if text != said.get(kind, ""):
+                announce(
+                    text
+                    or {"silence": "the robot is back", "fault": "its fault is over"}.get(
+                        kind, "its inputs are back"
+                    )
+                )
+        said = now
+        for flag in topics.drift_flags[told:]:
+            announce(f"drift? {flag.reason}")
+        told = len(topics.drift_flags)
+
+
+def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bool) -> None:
     if as_json:
         print_json({"model": str(model), "arm": arm, **report.as_data()})
         return
@@ -164,7 +200,7 @@ def deploy_beside(
     print(
         f"{report.published} of {report.messages} messages corrected in {report.seconds:.1f} s, {rate}; "
         f"{report.late} late, {report.missed} missed, {report.not_homed} while not homed, "
-        f"{report.unreadable} unreadable"
+        f"{report.unreadable} unreadable, {report.stale} with a stale input"
     )
     print(f"silences: {report.silences}, the longest {report.longest_silence:.2f} s")
     if report.latency is not None:

@@ -67,22 +67,36 @@ def record(
 
     if not name.isidentifier() or name == TRAIN:
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
-    if not no_motion:
-        require_project(project)
+    if no_motion:
+        _record_others(project, access, hours, name, as_json)
+        return
+    require_project(project)
     with open_project(project, hours=hours, ros=access.ros) as opened:
         seconds = 60.0 * opened.settings.test_minutes
-        if no_motion:
-            if opened.settings.connection == "simulation":
-                raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
-            with _progress("record") as progress:
-                topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
-            what = f"recorded {seconds:.0f} s as {name}"
-            _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
-            return
         motion, what = random_motion(opened, seconds)
         with robot_of(opened, access, "record") as robot, _progress("record", opened) as progress:
             was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
         _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+
+
+def _record_others(project: Path, access: RobotAccess, hours: float | None, name: str, as_json: bool) -> None:
+    """Record a robot that somebody else moves; the settings of a project that was begun stay as they are."""
+    from catenary.workflows.project.folder import is_project
+
+    with open_project(project, ros=None if is_project(project) else access.ros) as opened:
+        connection = opened.settings.connection if access.ros is None else f"ros{access.ros}"
+        if connection == "simulation":
+            raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
+        seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
+        if not 0.0 < seconds < float("inf"):
+            raise InputError(f"--hours: expected more than 0, got {hours}")
+        with _progress("record") as progress:
+            topics = record_others(
+                opened, name, seconds, ros=int(connection.removeprefix("ros")), simulated=access.simulated,
+                progress=progress,
+            )  # fmt: skip
+        what = f"recorded {seconds:.0f} s as {name}"
+        _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
 
 
 def extract(

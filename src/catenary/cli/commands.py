@@ -28,6 +28,7 @@ _FUNCTIONS = {
     "follow": ("motion", "follow"),
     "teleop": ("teleop", "teleop"),
     "monitor": ("monitor", "monitor"),
+    "view": ("beside.view", "view"),
     "gravity": ("gravity", "gravity"),
     "track": ("gravity", "track"),
     "hold": ("gravity", "hold"),
@@ -51,7 +52,7 @@ _FUNCTIONS = {
 }
 HELP_NAMES = {"help_option_names": ["--help", "-h"]}
 # run without arguments; others then show their help
-_COMPLETE = {"home", "teleop", "monitor", "serve", "button", "robots", "demo"}
+_COMPLETE = {"home", "teleop", "monitor", "view", "serve", "button", "robots", "demo"}
 
 
 class Commands(Mapping[str, Any]):

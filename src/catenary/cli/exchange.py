@@ -18,8 +18,7 @@ def export(
         str | None,
         Argument(
             metavar="[WHAT]",
-            help="With --c a robot, as fk takes it, or identified parameters; none with --model. With --onnx a "
-            "calibration model.",
+            help="With --c a robot, as fk takes it; none with --model. With --onnx a calibration model.",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -50,8 +49,8 @@ def export(
 
     The header holds the law of motion (feedforward, inverse dynamics on a base that moves, mass matrix, gravity and
     its regressors) and joint correction, for loops in C and C++: no library, no memory; without a robot, or with one
-    whose links have no inertia, the correction alone. Of parameters by identify --consistent it holds friction, rotors
-    and springs too. The graph computes in float64; what the model remembers goes in
+    whose links have no inertia, the correction alone. Of parameters by identify it holds friction, rotors and springs
+    too. The graph computes in float64; what the model remembers goes in
     and out as tensors.
 
     Example: catenary export --model arm.npz --c arm.h
@@ -67,11 +66,8 @@ def export(
     refuse_outputs({"--c": (c, HEADER), "--onnx": (onnx, GRAPH)}, read)
     given = {"friction": friction, "viscous": viscous}
     forces = {name: numbers(f"--{name}", text) for name, text in given.items() if text is not None}
-    if forces and (what is None or c is None or what.endswith(".npz")):
-        raise InputError(
-            "export: --friction and --viscous are for --c of a robot by name or description; identified parameters "
-            "have their own"
-        )
+    if forces and (what is None or c is None):
+        raise InputError("export: --friction and --viscous are for --c of a robot")
     if c is not None:
         _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, forces, as_json)
     elif onnx is not None and what is not None:
@@ -91,14 +87,12 @@ def _c(
 ) -> None:
     from catenary.calibration.files import load_model
     from catenary.dynamics.actuation import joint_friction
-    from catenary.workflows.c_header import c_header, read_identified, write_header
+    from catenary.workflows.c_header import c_header, write_header
 
     calibration = None if model is None else load_model(model)[0]
     loads = None
-    known = None if robot is None or robot.endswith(".npz") else description.load(robot)
-    if robot is not None and robot.endswith(".npz"):
-        known, loads = read_identified(Path(robot))
-    elif known is not None and forces:
+    known = None if robot is None else description.load(robot)
+    if known is not None and forces:
         each = {name: values[0] if len(values) == 1 else values for name, values in forces.items()}
         loads = joint_friction(known, each.get("friction", 0.0), each.get("viscous", 0.0))
     header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)

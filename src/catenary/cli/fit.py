@@ -1,6 +1,5 @@
 """catenary fit and evaluate."""
 
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -40,7 +39,6 @@ Recordings = Annotated[
         "with --map.",
     ),
 ]
-LARGEST = sys.float_info.max
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
 Seed = Annotated[int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
 MaxError = Annotated[
@@ -104,8 +102,9 @@ class ModelOptions:
         Option(
             metavar="R",
             min=0.0,
-            max=LARGEST,
-            help="Ridge penalty of linear and polynomial models. [default: 0; 10 with memory]",
+            show_default=False,
+            help="Ridge penalty of linear and polynomial models: weight on their squared coefficients, of inputs "
+            "that vary by 1. [default: 0; 10 with --play, and for polynomials with --history]",
         ),
     ] = None
     prior: Annotated[

@@ -42,6 +42,9 @@ def gravity(
     description: DescriptionOptions,
     q: Q = None,
     q_deg: QDeg = None,
+    latex: Annotated[
+        bool, Option("--latex", help="Print the torques as formulas of the joints, for LaTeX, without --q.")
+    ] = False,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
@@ -57,6 +60,14 @@ def gravity(
     gravity = given.told("gravity")
     model = description.load(robot)
     model.require_masses()
+    if latex:
+        if as_json or q is not None or q_deg is not None:
+            raise InputError("gravity: --latex goes without --q, --q-deg and --json")
+        from catenary.gravity.formula import gravity_latex
+
+        print_notes(given.doubts(gravity))
+        print(gravity_latex(model, gravity))
+        return
     values = joint_values(model, q, q_deg)
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]

@@ -24,7 +24,7 @@ from catenary.cli.out_files import (
     refuse_outputs,
 )
 from catenary.cli.robots import DescriptionOptions
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, words
 from catenary.errors import InputError
 from catenary.files import card_path
 
@@ -77,8 +77,23 @@ def identify(
     ] = None,
     consistent: Annotated[
         bool,
-        Option("--consistent", help="Physically possible parameters only: positive mass, inertia, friction."),
-    ] = False,
+        Option(
+            "--consistent/--free",
+            help="Physically possible parameters only: positive mass, inertia, friction; or any that fit.",
+        ),
+    ] = True,
+    friction: Annotated[
+        str | None,
+        Option(
+            metavar="PART,...",
+            help="Parts that held-out blocks may add to Coulomb and viscous friction: asymmetric, stribeck, load, "
+            "presliding; or none. [default: all]",
+        ),
+    ] = None,
+    prior: Annotated[
+        bool,
+        Option("--prior/--no-prior", help="Draw towards the masses of the robot's file, where it has any."),
+    ] = True,
     blocks: Annotated[
         float | None, Option(metavar="S", help="Hold out every second block of S seconds (static: S rows).")
     ] = None,
@@ -88,7 +103,7 @@ def identify(
     accept: Accept = None,
     urdf: Annotated[
         Path | None,
-        Option(metavar="FILE", parser=out_path, help="Also write the robot as URDF; needs --consistent."),
+        Option(metavar="FILE", parser=out_path, help="Also write the robot as URDF; not with --free."),
     ] = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
@@ -98,7 +113,7 @@ def identify(
     Example: catenary identify psm_one.npz --robot dvrk_psm --test another_day.npz --out psm.npz
     """
     from catenary.identification.files import save_identification
-    from catenary.identification.options import IdentifyOptions
+    from catenary.identification.options import FRICTION_PARTS, IdentifyOptions
     from catenary.reports.identification import absolute_table, excitation_facts, residual_table
     from catenary.workflows.identify import identify_files
 
@@ -109,11 +124,13 @@ def identify(
         period_samples=period,
         weighting=weighting,  # type: ignore[arg-type]
         consistent=consistent,
+        friction=FRICTION_PARTS if friction is None else () if friction == "none" else words(friction),
+        prior=prior,
         blocks=blocks,
     )
     tests = test or []
     if urdf is not None and not consistent:
-        raise InputError("--urdf: only a physically consistent fit gives links an inertia; add --consistent")
+        raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     refuse_outputs(
         {
             "--out": (out, PARAMETERS),

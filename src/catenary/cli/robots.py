@@ -28,7 +28,7 @@ Robot = Annotated[
     str,
     Argument(
         metavar="ROBOT",
-        help="Catalogue name (see catenary robots) or a URDF, MJCF or TOML file.",
+        help="Catalogue name (see catenary robots), a URDF, MJCF or TOML file, or an identified .npz.",
         autocompletion=robots_beginning,
     ),
 ]

@@ -15,7 +15,7 @@ import numpy as np
 from rosbags.serde import SerdeError
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.message import Message, has_header, message_class, message_fields
+from catenary.crtk.message import HEADER, Message, has_header, message_class, message_fields
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import (
     MESSAGES,
@@ -55,7 +55,7 @@ def codec(name: str) -> Codec:
         FileFormatError: catenary does not know the type.
     """
     name = current_name(name)
-    kind, write, finish = message_class(name), _message_writer(name), _completion(name)
+    kind, write, finish = message_class(name), _message_writer(name), completion(name)
     store, rosbags_name, numbered = typestore(), ros2_name(name), has_header(name)
 
     def encode(message: Message, seq: int) -> bytes:
@@ -64,7 +64,7 @@ def codec(name: str) -> Codec:
         try:
             data = write(message)
         except NO_MESSAGE as error:
-            raise InputError(f"{name}: {_misfit(name, message) or error}") from error
+            raise misfit(name, message, error) from error
         return _COUNT.pack(seq % 2**32) + data[_COUNT.size :] if numbered else data
 
     def decode(data: bytes) -> Message:
@@ -74,6 +74,11 @@ def codec(name: str) -> Codec:
             raise FileFormatError(f"{name}: {len(data)} bytes are no such message ({error})") from error
 
     return Codec(encode, decode)
+
+
+def misfit(name: str, message: Message, error: Exception) -> InputError:
+    """Return the error of a message that cannot be written, which names the field."""
+    return InputError(f"{name}: {_misfit(name, message) or error}")
 
 
 def _misfit(name: str, message: Message) -> str | None:
@@ -94,7 +99,7 @@ def _message_writer(name: str) -> _Write:
     """Return what writes a message of a type: its fields, one after the other."""
     kind, parts = message_class(name), fields(name)
     are_numbers = all(field.type in NUMBERS and field.length is None for field in parts)
-    pack = struct.Struct("<" + "".join(map(_letter, parts)) if are_numbers else "").pack
+    pack = struct.Struct("<" + "".join(map(number_letter, parts)) if are_numbers else "").pack
     writers = [_writer(field) for field in parts]
 
     def write(message: Message) -> bytes:
@@ -111,7 +116,9 @@ def _message_writer(name: str) -> _Write:
 def _writer(field: Field) -> _Write:
     """Return what writes a field's value."""
     if field.type in NUMBERS:
-        return struct.Struct("<" + _letter(field)).pack if field.length is None else _array_writer(field)
+        return (
+            struct.Struct("<" + number_letter(field)).pack if field.length is None else _array_writer(field)
+        )
     if field.length is not None:
         return _sequence_writer(field)
     if field.type in TIMES:
@@ -120,7 +127,7 @@ def _writer(field: Field) -> _Write:
     return _text if field.type == "string" else _message_writer(field.type)
 
 
-def _letter(field: Field) -> str:
+def number_letter(field: Field) -> str:
     """Return the letter by which `struct` knows a number."""
     return "?" if field.type == "bool" else np.dtype(NUMBERS[field.type]).char.translate(_EIGHT_BYTES)
 
@@ -153,10 +160,22 @@ def _sequence_writer(field: Field) -> _Write:
 
 def _array_writer(field: Field) -> _Write:
     """Return what writes an array of numbers."""
+    numbers, length = number_bytes(field), field.length
+
+    def write(value: Any) -> bytes:
+        count, data = numbers(value)
+        return data if length else _COUNT.pack(count) + data
+
+    return write
+
+
+@cache
+def number_bytes(field: Field) -> Callable[[Any], tuple[int, bytes]]:
+    """Return what checks an array of numbers, and makes its bytes; it gives their number, too."""
     kind, length = np.dtype(NUMBERS[field.type]), field.length
     is_whole = kind.kind in "iu"
 
-    def write(value: Any) -> bytes:
+    def write(value: Any) -> tuple[int, bytes]:
         array = value if type(value) is np.ndarray else np.asarray(value)
         if array.ndim != 1:
             raise ValueError(f"{array.ndim} dimensions")
@@ -168,17 +187,17 @@ def _array_writer(field: Field) -> _Write:
             if is_whole and not np.array_equal(array.astype(kind), array):
                 raise OverflowError(f"out of the range of {kind}")
             array = array.astype(kind)
-        data = array.tobytes()
-        return data if length else _COUNT.pack(len(array)) + data
+        return len(array), array.tobytes()
 
     return write
 
 
 @cache
-def _completion(name: str) -> _Change:
-    """Return what makes a message out of rosbags' object of a type."""
-    kind, parts = message_class(name), fields(name)
-    changes = [(k, change) for k, field in enumerate(parts) if (change := _completed(field))]
+def completion(name: str, ros: int = 1) -> _Change:
+    """Return what makes a message out of rosbags' object of a type, of ROS 1 or 2, whose headers have no `seq`."""
+    lacking = (0,) if ros == 2 and name == HEADER else ()
+    kind, parts = message_class(name), fields(name)[len(lacking) :]
+    changes = [(k, change) for k, field in enumerate(parts) if (change := _completed(field, ros))]
     if not parts:
         return lambda given: kind()
     values_of = attrgetter(*(field.name for field in parts))
@@ -187,18 +206,18 @@ def _completion(name: str) -> _Change:
         values = [values_of(given)] if len(parts) == 1 else list(values_of(given))
         for k, change in changes:
             values[k] = change(values[k])
-        return kind._make(values)
+        return kind._make((*lacking, *values) if lacking else values)
 
     return complete
 
 
-def _completed(field: Field) -> _Change | None:
+def _completed(field: Field, ros: int) -> _Change | None:
     """Return what makes a field's value out of rosbags'; None where it is as it is."""
     if field.type in NUMBERS:
         return None if field.length is None else np.array  # aligned, and the receiver's own
     if field.length is not None:
-        single = _completed(field._replace(length=None))
+        single = _completed(field._replace(length=None), ros)
         return tuple if single is None else lambda values: tuple(map(single, values))
     if field.type in TIMES:
         return lambda time: time.sec * SECOND + time.nanosec
-    return None if field.type == "string" else _completion(field.type)
+    return None if field.type == "string" else completion(field.type, ros)

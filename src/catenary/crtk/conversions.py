@@ -45,7 +45,14 @@ def joint_state_message(
     return message_class("sensor_msgs/JointState")(header(stamp), names, *values)
 
 
-def joint_values(message: Message, names: tuple[str, ...], field: str = "position") -> Floats:
+def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return which of our joints a sensor_msgs/JointState names, in its order."""
+    return tuple(name for name in _own_names(tuple(message.name[: 2 * len(names)]), names) if name in names)
+
+
+def joint_values(
+    message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
+) -> Floats:
     """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
 
     With names, each number goes to the joint of its name, in whatever order they come; a RAVEN-II's own names, such as
@@ -56,6 +63,7 @@ def joint_values(message: Message, names: tuple[str, ...], field: str = "positio
         message: What came.
         names: Our joints.
         field: "position", "velocity" or "effort".
+        rest: (n,) numbers of joints that are not named; None refuses a message that lacks some.
 
     Raises:
         InputError: A name is unknown, missing or given twice, numbers and names differ in count, or one is not finite.
@@ -80,12 +88,14 @@ def joint_values(message: Message, names: tuple[str, ...], field: str = "positio
         return values
     by_name = dict(zip(given, values, strict=True))
     unknown = [name for name in given if name not in names]
-    absent = [name for name in names if name not in by_name]
+    absent = [] if rest is not None else [name for name in names if name not in by_name]
     twice = sorted({name for name in given if given.count(name) > 1})
     if unknown or absent or twice:
         faults = [("unknown", unknown), ("missing", absent), ("given twice", twice)]
         text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
         raise InputError(f"JointState.name: {text}; the joints are {', '.join(names)}")
+    if rest is not None:
+        by_name = dict(zip(names, rest, strict=True)) | by_name
     return np.array([by_name[name] for name in names])
 
 

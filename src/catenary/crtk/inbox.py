@@ -159,7 +159,10 @@ class Subscription:
             self.oversized += 1
 
     def push(self, data: Any, time: int, origin: Origin | None = None, sent: int | None = None) -> None:
-        """Take in a message as ROS 1's bytes, at `time` [ns]; transports call this, from any thread."""
+        """Take in a message's bytes at `time` [ns], ROS 1's where it has bounds; transports call this.
+
+        `sent` [ns] is the publisher's time of the day, where the transport tells. Any thread may call.
+        """
         if self.largest is not None and not self.has_room_for(len(data)):
             return
         if self._has_few_names is not None and not self._has_few_names(data):

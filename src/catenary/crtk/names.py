@@ -20,8 +20,13 @@ Direction = Literal["out", "in"]  # from the robot, to the robot
 JOINT_STATE = "sensor_msgs/JointState"
 TRANSFORM = "geometry_msgs/TransformStamped"
 POSE = "geometry_msgs/PoseStamped"
+TWIST = "geometry_msgs/TwistStamped"
+WRENCH = "geometry_msgs/WrenchStamped"
+MATRIX = "std_msgs/Float64MultiArray"
 COMMAND = "crtk_msgs/StringStamped"
 WARNING = "warning"  # verb: what an arm has to say of commands that it did not obey; ours, in both dialects
+DIAGNOSTICS = "/diagnostics"  # topic of all robots: their states, and why they are in FAULT
+DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
 BUTTON = "/silver_button"  # service: the RAVEN-II's start button, which no public topic presses
 BUTTON_TYPE = "std_srvs/Trigger"
 NAMESPACES: dict[Arm, str] = {"gold": "/arm1", "green": "/arm2"}  # of a RAVEN-II
@@ -46,11 +51,16 @@ _RAVEN_ROBOT: _Verbs = {
     "state_command": (COMMAND, "in"),
     "raven_automove": ("raven_2/raven_automove", "in"),
 }
-_SWAPPED: _Verbs = {"measured_js": (JOINT_STATE, "out"), "measured_cp": (TRANSFORM, "out")}
+_SWAPPED: _Verbs = {
+    "measured_js": (JOINT_STATE, "out"),
+    "measured_cp": (TRANSFORM, "out"),
+    "measured_cv": (TWIST, "out"),
+}
 _RAVEN_ARM: _Verbs = {
     "operating_state": ("crtk_msgs/operating_state", "out"),
     "setpoint_js": (JOINT_STATE, "out"),
     "setpoint_cp": (TRANSFORM, "out"),
+    "setpoint_cv": (TWIST, "out"),
     WARNING: ("std_msgs/String", "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(("servo_jr", "servo_jp", "servo_jv"), (JOINT_STATE, "in")),
@@ -60,21 +70,24 @@ _GRASP: _Verbs = {
     "measured_js": (JOINT_STATE, "out"),
     "servo_jr": (JOINT_STATE, "in"),
     "servo_jp": (JOINT_STATE, "in"),
+    "servo_jv": (JOINT_STATE, "in"),
 }
 _CRTK: _Verbs = {
     "operating_state": ("crtk_msgs/OperatingState", "out"),
     **dict.fromkeys(("measured_js", "setpoint_js"), (JOINT_STATE, "out")),
     **dict.fromkeys(("measured_cp", "setpoint_cp"), (POSE, "out")),
-    "measured_cv": ("geometry_msgs/TwistStamped", "out"),
-    "measured_cf": ("geometry_msgs/WrenchStamped", "out"),
+    **dict.fromkeys(("measured_cv", "setpoint_cv"), (TWIST, "out")),
+    **dict.fromkeys(("measured_cf", "body/measured_cf", "spatial/measured_cf"), (WRENCH, "out")),
+    **dict.fromkeys(("jacobian", "body/jacobian", "spatial/jacobian"), (MATRIX, "out")),
     WARNING: ("std_msgs/String", "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(
         ("servo_jp", "servo_jr", "servo_jv", "servo_jf", "move_jp", "move_jr"), (JOINT_STATE, "in")
     ),
     **dict.fromkeys(("servo_cp", "servo_cr", "move_cp", "move_cr"), (POSE, "in")),
-    "servo_cv": ("geometry_msgs/TwistStamped", "in"),
-    "servo_cf": ("geometry_msgs/WrenchStamped", "in"),
+    "servo_cv": (TWIST, "in"),
+    **dict.fromkeys(("servo_cf", "body/servo_cf", "spatial/servo_cf"), (WRENCH, "in")),
+    "body/set_cf_orientation_absolute": ("std_msgs/Bool", "in"),
     **dict.fromkeys(("hold", "free"), ("std_msgs/Empty", "in")),
     "use_gravity_compensation": ("std_msgs/Bool", "in"),
 }

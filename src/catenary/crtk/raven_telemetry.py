@@ -63,6 +63,15 @@ class RavenTelemetry:
         message = self.latest.message()
         return self._throttled.message() if message is None else message
 
+    @property
+    def topic(self) -> str:
+        """Topic that raven_state has come on."""
+        return (self._throttled if self.latest.message() is None else self.latest).topic
+
+    def age(self) -> float:
+        """Return the seconds since the newest raven_state came in."""
+        return min(self.latest.age(), self._throttled.age())
+
     def operating_state(self) -> OperatingState:
         """Return the operating state that the run level stands for; one in FAULT reads DISABLED."""
         message = self.message()

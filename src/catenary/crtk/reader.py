@@ -21,7 +21,7 @@ from catenary.crtk.conversions import operating_state as operating_state_of
 from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
 from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity
 from catenary.crtk.message import Message
-from catenary.crtk.names import JOINT_STATE, Dialect, find_topic
+from catenary.crtk.names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, Dialect, find_topic
 from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError, TransportError, UnsupportedCommandError
@@ -86,6 +86,9 @@ class CrtkReader:
         self._origin: int | None = None  # [ns] stamp of the first state
         self._latest: dict[str, Latest] = {}
         self._state: RavenTelemetry | None = None
+        self._diagnostics: Latest | None = None
+        # what is in front of the arm's commands, /arm1 or /PSM1: by it /diagnostics names the arm
+        self.command_place = find_topic(dialect, "setpoint_js", arm, namespace).name.rpartition("/")[0]
         self._gravity: MeasuredGravity | None = None
         self._tracker: Latest | None = None
         # of telemetry: raven_state's fields, and encoders that were published when this began
@@ -99,6 +102,7 @@ class CrtkReader:
                 self.columns = self._state.columns
             elif namespace is not None:
                 self._tracker = Latest(transport, f"/{namespace.strip('/')}/{TRACKER}", JOINT_STATE)
+            self._diagnostics = Latest(transport, DIAGNOSTICS, DIAGNOSTICS_TYPE)
             self._gravity = None if imu is None else MeasuredGravity(transport, imu)
             self._begin()
             self._connect(connect_timeout)
@@ -178,6 +182,23 @@ class CrtkReader:
             return self._state.operating_state()
         return operating_state_of(message)
 
+    @property
+    def fault_reason(self) -> str:
+        """Why the arm is in FAULT, as /diagnostics tells; empty where nobody tells."""
+        message = None if self._diagnostics is None else self._diagnostics.message()
+        place = self.command_place
+        for status in () if message is None else message.status:
+            if status.hardware_id == place and status.message.startswith("FAULT: "):
+                return str(status.message.removeprefix("FAULT: "))
+        return ""
+
+    def stale_inputs(self) -> tuple[str, ...]:
+        """Return topics beside measured_js from which nothing has come for `stale_after`, with their ages."""
+        heard = [] if self._state is None else [(self._state.topic, self._state.age())]
+        if self._gravity is not None:
+            heard.append((self._gravity.latest.topic, self._gravity.latest.age()))
+        return tuple(f"{topic}: {age:.2f} s old" for topic, age in heard if age > self.stale_after)
+
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every declared column; NaN for an encoder that fell silent."""
         return {} if self._state is None else self._state.sample()
@@ -231,7 +252,7 @@ class CrtkReader:
 
     def close(self) -> None:
         """End its topics; the transport stays open."""
-        for part in (*self._latest.values(), self._state, self._gravity, self._tracker):
+        for part in (*self._latest.values(), self._state, self._diagnostics, self._gravity, self._tracker):
             if part is not None:
                 part.close()
 
@@ -275,6 +296,9 @@ class CrtkReader:
         if self._state is None:
             needed.append(self._latest["operating_state"])
         faults = [self._silence(latest) for latest in needed if latest.message() is None]
+        measured = self._latest["measured_js"].message()
+        if measured is not None and not np.isfinite(measured.position).all():
+            faults.append(f"{self._latest['measured_js'].topic}: holds NaN or infinity")
         if self._state is not None and self._state.message() is None:
             faults.append(self._silence(self._state.latest))
         return faults

@@ -13,7 +13,7 @@ import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from catenary.crtk.bounds import Bounds
 from catenary.crtk.clock import Clock, Rate
@@ -138,8 +138,9 @@ class Transport(ABC):
         """
         self.require_open()
         topic = absolute(topic)
+        decode = self._decoder(type_name, bounds)
         subscription = Subscription(
-            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth, bounds
+            topic, current_name(type_name), self.inbox, decode, callback, depth, bounds
         )
         self._subscribe(subscription, type_name)
         return subscription
@@ -230,12 +231,16 @@ class Transport(ABC):
 
     # what a transport does of these, with names and types that have been checked
 
+    def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
+        """Return what makes a message of the bytes that a subscription is given: ROS 1's, where it has bounds."""
+        return codec(type_name).decode
+
     @abstractmethod
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher: ...
 
     @abstractmethod
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
-        """Have messages pushed into a subscription, as ROS 1's bytes; the type is as the program spells it."""
+        """Have messages pushed into a subscription, as its decoder reads them; the type is as the program spells it."""
 
     @abstractmethod
     def _serve(self, name: str, type_name: str, handler: Handler) -> None: ...

@@ -1,26 +1,26 @@
 """What friction, rotors, springs and known torques ask of the actuators, as columns of a regressor."""
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.robots.actuation import Actuation, Friction, LeverSpring
+from catenary.robots.actuation import (
+    Actuation,
+    ActuationKind,
+    ActuationTerm,
+    Friction,
+    LeverSpring,
+    actuation_terms,
+)
 from catenary.robots.model import RobotModel
 
-ActuationKind = Literal["coulomb", "viscous", "offset", "motor_inertia", "spring"]
-NEVER_NEGATIVE: tuple[ActuationKind, ...] = ("coulomb", "viscous", "motor_inertia", "spring")
-
-
-class ActuationTerm(NamedTuple):
-    """One parameter beside those of the links."""
-
-    kind: ActuationKind
-    name: str  # of the friction, rotor or spring
-    combination: Floats  # (n,)
-    lever: LeverSpring | None = None
+NEVER_NEGATIVE: tuple[ActuationKind, ...] = (
+    "coulomb", "viscous", "load", "presliding", "motor_inertia", "spring",
+)  # fmt: skip
+SLIDING: tuple[ActuationKind, ...] = ("coulomb", "viscous", "asymmetric", "stribeck", "load", "presliding")
 
 
 class ActuationLoads(NamedTuple):
@@ -31,10 +31,33 @@ class ActuationLoads(NamedTuple):
     terms: tuple[ActuationTerm, ...]
     values: Floats  # (k,) SI, of the terms
 
-    def torque(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
-        """Return the torques (N, n) [Nm or N] that they ask of the actuators at q, qd, qdd (N, n), known ones too."""
-        columns = actuation_columns(self.terms, q, qd, qdd, self.actuation.coulomb_velocity)
-        torque: Floats = columns @ self.values + known_torque(self.actuation, q)
+    @property
+    def depends_on_load(self) -> bool:
+        """Whether friction grows with what the links ask of the actuators."""
+        return any(term.kind == "load" for term in self.terms)
+
+    def torque(self, q: Floats, qd: Floats, qdd: Floats, links: Floats | None = None) -> Floats:
+        """Return the torques (N, n) [Nm or N] that they ask of the actuators at q, qd, qdd (N, n), known ones too.
+
+        Args:
+            q: (N, n), and so are the others.
+            qd: Velocities.
+            qdd: Accelerations.
+            links: Torques that the links ask; needed where friction depends on the load.
+
+        Raises:
+            InputError: They are needed and not given.
+        """
+        if self.depends_on_load and links is None:
+            raise InputError("friction depends on the load: expected the torques of the links as well")
+        known = known_torque(self.actuation, q)
+        smooth = self.actuation.coulomb_velocity
+        columns = actuation_columns(self.terms, q, qd, qdd, smooth)
+        if links is not None and self.depends_on_load:
+            drives = [k for k, term in enumerate(self.terms) if term.kind in ("motor_inertia", "spring")]
+            carried = links + known + columns[:, :, drives] @ self.values[drives]
+            columns = actuation_columns(self.terms, q, qd, qdd, smooth, carried)
+        torque: Floats = columns @ self.values + known
         return torque
 
 
@@ -62,44 +85,71 @@ def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) ->
     return ActuationLoads(model.n, actuation, actuation_terms(actuation), values.ravel())
 
 
-def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:
-    """Return the parameters in the order of their columns; at rest only constants and springs are left."""
-    terms: list[ActuationTerm] = []
-    for friction in actuation.friction:
-        for kind in ("coulomb", "viscous", "offset"):
-            if getattr(friction, kind) and (kind == "offset" or not static):
-                terms.append(ActuationTerm(kind, friction.name, friction.combination))
-    if not static:
-        terms += [ActuationTerm("motor_inertia", m.name, m.combination) for m in actuation.motor_inertia]
-    return (*terms, *(ActuationTerm("spring", s.name, s.combination, s.lever) for s in actuation.springs))
+def known_loads(model: RobotModel) -> ActuationLoads | None:
+    """Return the friction, rotors and springs that a robot brings with their numbers; None where they are not known."""
+    actuation = model.actuation
+    if actuation is None or actuation.values is None:
+        return None
+    return ActuationLoads(model.n, actuation, actuation_terms(actuation), actuation.values)
 
 
 def actuation_columns(
-    terms: tuple[ActuationTerm, ...], q: Floats, qd: Floats, qdd: Floats, coulomb_velocity: float
+    terms: tuple[ActuationTerm, ...],
+    q: Floats,
+    qd: Floats,
+    qdd: Floats,
+    coulomb_velocity: float,
+    carried: Floats | None = None,
 ) -> Floats:
     """Return torques (N, n, k) per unit of each term, at q, qd, qdd (N, n).
 
-    A term acts on s = c . q: Coulomb friction by the sign of its rate (tanh(rate / v0) with `coulomb_velocity` v0
-    above zero), viscous friction by its rate, a rotor by its second derivative, a linear spring by s itself. The load
-    f(s) appears as c f in the robot's coordinates.
+    A term acts on s = c . q: the load f(s) appears as c f in the robot's coordinates.
+
+    Args:
+        terms: The terms.
+        q: (N, n), and so are the others.
+        qd: Velocities.
+        qdd: Accelerations.
+        coulomb_velocity: v0 of tanh(v / v0) [rad/s or m/s]; a sign function at 0.
+        carried: (N, n) torques of all but friction, which load-dependent friction grows with; none when None.
     """
-    out = np.zeros((*q.shape, len(terms)))
+    out = np.empty((*q.shape, len(terms)))
     for k, term in enumerate(terms):
-        c = term.combination
-        if term.kind == "coulomb":
-            load = np.tanh(qd @ c / coulomb_velocity) if coulomb_velocity > 0.0 else np.sign(qd @ c)
-        elif term.kind == "viscous":
-            load = qd @ c
-        elif term.kind == "offset":
-            load = np.ones(len(q))
-        elif term.kind == "motor_inertia":
-            load = qdd @ c
-        elif term.lever is not None:
-            load = lever_load(term.lever, q @ c)
-        else:
-            load = q @ c
-        out[:, :, k] = load[:, None] * c
+        load = term_load(term, q, qd, qdd, coulomb_velocity, carried)
+        out[:, :, k] = load[:, None] * term.combination
     return out
+
+
+def term_load(
+    term: ActuationTerm,
+    q: Floats,
+    qd: Floats,
+    qdd: Floats,
+    coulomb_velocity: float,
+    carried: Floats | None = None,
+) -> Floats:
+    """Return the load f(s) (N,) of one term along s = c . q, per unit; friction as in steady sliding.
+
+    Coulomb friction by the sign of the rate (tanh(rate / v0) with `coulomb_velocity` v0 above zero), and so the other
+    kinds that have its direction; viscous friction by the rate, a rotor by the second derivative, a linear spring by
+    s itself.
+    """
+    c = term.combination
+    if term.kind in ("coulomb", "stribeck", "load", "presliding"):
+        rate = qd @ c
+        load = np.tanh(rate / coulomb_velocity) if coulomb_velocity > 0.0 else np.sign(rate)
+        if term.kind == "stribeck":
+            load = load * np.exp(-((rate / term.scale) ** 2))
+        elif term.kind == "load":
+            load = load * (0.0 if carried is None else np.abs(carried @ c) / (c @ c))
+        return np.asarray(load, dtype=np.float64)
+    if term.kind == "offset":
+        return np.ones(len(q))
+    if term.kind == "motor_inertia":
+        return np.asarray(qdd @ c)
+    if term.kind in ("viscous", "asymmetric"):
+        return np.asarray(qd @ c if term.kind == "viscous" else np.abs(qd @ c))
+    return lever_load(term.lever, q @ c) if term.lever is not None else np.asarray(q @ c)
 
 
 def lever_load(lever: LeverSpring, s: Floats) -> Floats:

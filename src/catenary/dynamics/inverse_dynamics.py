@@ -68,7 +68,7 @@ def inverse_dynamics(
     model.require_inertia()
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     gravities = gravity_rows(gravity, len(rows))
-    base_motion = np.zeros((1, 3, 3)) if base is None else _base_rows(base, len(rows))
+    base_motion = np.zeros((1, 3, 3)) if base is None else base_rows(base, len(rows))
     out = np.empty((len(rows), model.n))
     arm = model.tree, model.coupling, model.offset
     _inverse_dynamics_rows(*arm, rows, velocities, accelerations, gravities, base_motion, out)
@@ -128,8 +128,12 @@ def _vector_rows(name: str, vectors: ArrayLike, count: int) -> Floats:
     return rows
 
 
-def _base_rows(base: BaseMotion, count: int) -> Floats:
-    """Return a base's motion as one (3, 3) for all configurations, or one for each: (1 or N, 3, 3)."""
+def base_rows(base: BaseMotion, count: int) -> Floats:
+    """Return a base's motion as one (3, 3) for all configurations, or one for each: (1 or N, 3, 3).
+
+    Raises:
+        InputError: Another shape or number of rows, NaN or infinity.
+    """
     motions = [
         _vector_rows(f"base {name.replace('_', ' ')}", base[r], count)
         for r, name in enumerate(BaseMotion._fields)

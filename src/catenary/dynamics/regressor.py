@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.coordinates import place_tree, to_tree
-from catenary.dynamics.inverse_dynamics import gravity_rows, motion_rows
+from catenary.dynamics.inverse_dynamics import BaseMotion, base_rows, gravity_rows, motion_rows
 from catenary.dynamics.vectors import Numbers, add, cross, dot, put, row, scale, times, transpose_times
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
@@ -22,7 +22,12 @@ PARAMETER_UNITS = ("kg", "kg m", "kg m", "kg m", *(["kg m2"] * 6))
 
 
 def torque_regressor(
-    model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike
+    model: RobotModel,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    gravity: ArrayLike,
+    base: BaseMotion | None = None,
 ) -> Floats:
     """Return the matrix Y of tau = Y phi, for the robot's links and its coordinates; needs no inertia.
 
@@ -32,6 +37,7 @@ def torque_regressor(
         qd: The same shape, velocities.
         qdd: The same shape, accelerations.
         gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
+        base: Motion of the base, the same for every row or one for each; at rest when None.
 
     Returns:
         (n, 10 n_tree) or (N, n, 10 n_tree); columns by link in the order of `model.link_names`, within a link in that
@@ -43,7 +49,9 @@ def torque_regressor(
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     gravities = gravity_rows(gravity, len(rows))
     out = np.zeros((len(rows), model.n, PER_LINK * len(model.link_names)))
-    _regressor_rows(model.tree, model.coupling, model.offset, rows, velocities, accelerations, gravities, out)
+    motion = np.zeros((1, 3, 3)) if base is None else base_rows(base, len(rows))
+    arm = model.tree, model.coupling, model.offset
+    _regressor_rows(*arm, rows, velocities, accelerations, gravities, motion, out)
     return out[0] if single else out
 
 
@@ -186,6 +194,7 @@ def _regressor_rows(
     qd: Floats,
     qdd: Floats,
     gravity: Floats,
+    base_motion: Floats,
     out: Floats,
 ) -> None:
     n = len(tree.parent)
@@ -199,8 +208,11 @@ def _regressor_rows(
         place_tree(tree, coupling, offset, q[k], work, rotation, position)
         to_tree(coupling, qd[k], xd)
         to_tree(coupling, qdd[k], xdd)
+        base = base_motion[k if len(base_motion) > 1 else 0]
+        omega[n] = base[0]
+        alpha[n] = base[1]
         for r in range(3):
-            acceleration[n, r] = -gravity[k if len(gravity) > 1 else 0, r]
+            acceleration[n, r] = base[2, r] - gravity[k if len(gravity) > 1 else 0, r]
         regressor_recursion(tree, rotation, position, xd, xdd, omega, alpha, acceleration, wrench, matrix)
         for i in range(n):
             for c in range(coupling.shape[1]):

@@ -7,17 +7,18 @@ model's symbols (symbols.py), not by its numbers; a parameter without effect on 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_batch
+from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kernels import MANY, known_kernel
 from catenary.dynamics.lines import empty, placed
 from catenary.dynamics.vectors import Vector, cross, dot, put, row, transpose_times
 from catenary.errors import InputError
-from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
+from catenary.gravity.entries import mass_entries, moment_entries
 from catenary.gravity.regressor import (
     CARRIED_MASS,
     RegressorColumn,
@@ -26,6 +27,7 @@ from catenary.gravity.regressor import (
     regressor_columns,
     require_parameters,
 )
+from catenary.gravity.shared_terms import SharedTerms
 from catenary.gravity.symbols import (
     Expression,
     NamedSymbol,
@@ -36,9 +38,11 @@ from catenary.gravity.symbols import (
     monomials,
     symbols_of,
 )
+from catenary.gravity.terms import SHORT, Terms, sum_of, terms_text
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel
+from catenary.robots.quarter_turns import with_quarter_turns
 
 LEVEL = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c
 NO_EFFECT = 1e-11  # of the largest entry; random configurations show any other column
@@ -142,7 +146,7 @@ class CompactRegressor:
             MissingInertiaError: Links without inertia.
             InputError: A robot of another structure or geometry.
         """
-        robot = self.model if model is None else model
+        robot = self.model if model is None else with_quarter_turns(model)
         if robot is not self.model:
             _require_same_structure(self.model, robot)
         return self.compress(gravity_parameters(robot).values)
@@ -154,21 +158,40 @@ class CompactRegressor:
     def latex(self) -> str:
         """Return the regressor on a level base, its entries of more than three terms, and its parameters, for LaTeX.
 
-        An entry that takes more than 64 terms on the way stays a name, Z_{r,c}.
+        Entries that take more than 64 terms on the way are written in terms that they share, gamma and u, which stand
+        before them (shared_terms.py).
         """
         rows = r" \\ ".join(" & ".join(row) for row in self._entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
         lines = [
             rf"g = g_c \begin{{bmatrix}} {rows} \end{{bmatrix}} \begin{{bmatrix}} {vector} \end{{bmatrix}}"
         ]
+        table, shared = self.written(LEVEL)
+        lines += [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
         lines += [
-            f"Z_{{{r},{c}}} = {terms_text(terms, latex=True)}"
-            for r, row in enumerate(self._terms(), 1)
+            f"Z_{{{r},{c}}} = {terms_text(table[r - 1][c - 1], latex=True)}"
+            for r, row in enumerate(self._terms(LEVEL), 1)
             for c, terms in enumerate(row, 1)
-            if terms is not None and len(terms) > SHORT
+            if terms is None or len(terms) > SHORT
         ]
         lines += [f"s_{{{k + 1}}} = {expression_latex(e)}" for k, e in enumerate(self.expressions)]
         return "\n".join(lines)
+
+    def written(self, gravity: ArrayLike) -> tuple[list[list[Terms]], dict[str, Terms]]:
+        """Return the entries (n, p) under a constant gravity (3,), and by name terms that the longest share."""
+        down = as_array("gravity", gravity, (3,))
+        shared = SharedTerms(self.model, down)
+        table: list[list[Terms]] = []
+        for r, entries in enumerate(self._terms(down)):
+            written = []
+            for c, terms in enumerate(entries):
+                total = terms
+                if total is None:
+                    parts = [shared.entry(r, *self.columns[k]) for k in self._of(c)]
+                    total = reduce(sum_of, parts)
+                written.append(total)
+            table.append(written)
+        return table, shared.definitions
 
     def __str__(self) -> str:
         table = self.entries()
@@ -195,21 +218,25 @@ class CompactRegressor:
                 else name.format(r + 1, c + 1)
                 for c, terms in enumerate(row)
             ]
-            for r, row in enumerate(self._terms())
+            for r, row in enumerate(self._terms(LEVEL))
         ]
 
-    def _terms(self) -> list[list[Terms | None]]:
-        """Return the entries on a level base as sums of products, (n, p); None for what is too long."""
+    def _of(self, column: int) -> list[int]:
+        """Return which columns are merged in one."""
+        return [k for k, target in enumerate(self.targets) if target == column]
+
+    def _terms(self, gravity: Floats) -> list[list[Terms | None]]:
+        """Return the entries under a constant gravity as sums of products, (n, p); None for what is too long."""
         columns = []
         for c in range(len(self.expressions)):
             # merged masses have one expression but several columns: their sum would be long
-            own = [self.columns[k] for k, target in enumerate(self.targets) if target == c]
+            own = [self.columns[k] for k in self._of(c)]
             link, along = own[0]
             column: list[Terms | None] = [None] * self.model.n
             if len(own) == 1 and along == CARRIED_MASS:
-                column = mass_entries(self.model, link, LEVEL)
+                column = mass_entries(self.model, link, gravity)
             elif len(own) == 1:
-                column = moment_entries(self.model, link, np.eye(3)[along], LEVEL)
+                column = moment_entries(self.model, link, np.eye(3)[along], gravity)
             columns.append(column)
         return [[column[r] for column in columns] for r in range(self.model.n)]
 
@@ -223,8 +250,10 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     any gravity (a first moment along the first joint's axis) are deleted as well.
 
     Args:
-        model: The robot; it needs no inertia.
+        model: The robot; it needs no inertia. Turns that are quarter turns to within 1e-6 rad are taken for such
+            (`with_quarter_turns`).
     """
+    model = with_quarter_turns(model)
     tree = model.tree
     n = len(tree.parent)
     prismatic = [int(k) for k in np.flatnonzero(tree.prismatic)]

@@ -11,34 +11,31 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.gravity.terms import (
+    SymbolicVector,
+    Terms,
+    TooLongError,
+    Turn,
+    angle_atom,
+    cleaned,
+    constant_vector,
+    crossed,
+    dotted,
+    multiplied,
+    scaled,
+    sum_of,
+    times,
+    turned,
+)
 from catenary.robots.model import RobotModel
 
-SHORT = 3  # terms; longer entries are called by a name
-MOST = 64  # terms on the way; an entry that needs more is not written out
-ROUNDING = 1e-12
-
-Atom = tuple[str, tuple[tuple[int, float], ...]]  # "c", "s" or "q" of a sum of factors times coordinates
-Terms = dict[tuple[Atom, ...], float]  # product of atoms, in order -> coefficient
-SymbolicVector = tuple[Terms, Terms, Terms]
 Written = TypeVar("Written", Terms, SymbolicVector)
-
-
-class _TooLongError(Exception):
-    """An entry has too many terms on the way."""
-
-
-class _Turn(NamedTuple):
-    """A rotation about a constant axis, after a constant rotation of the frame."""
-
-    before: Floats  # (3, 3)
-    axis: Floats  # (3,)
-    angle: tuple[Floats, float]  # (n,) factors of the coordinates, offset [rad]
 
 
 class _Way(NamedTuple):
     """The way from the base to one link."""
 
-    turns: list[_Turn]
+    turns: list[Turn]
     end: Floats  # (3, 3) constant rotation after the last turn
     joints: dict[int, tuple[int, Floats]]  # joint -> its turn (-1 before the first), and its axis there
 
@@ -57,10 +54,10 @@ def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) 
             for joint, (turn, z) in way.joints.items():
                 weight = float(model.coupling[joint, row])
                 if weight != 0.0 and not model.tree.prismatic[joint]:  # -weight gravity . (z x e)
-                    held = _dot(_short(down[turn]), _cross(z, _short(seen[turn])))
-                    total = _sum(total, _scaled(held, -weight))
+                    held = dotted(_short(down[turn]), crossed(z, _short(seen[turn])))
+                    total = sum_of(total, scaled(held, -weight))
             entries.append(total)
-        except _TooLongError:
+        except TooLongError:
             entries.append(None)
     return entries
 
@@ -85,40 +82,40 @@ def full_entry(
         return {}
     try:
         z = _in_base(model, joint, model.tree.axis[joint])
-        e = _constant(axis) if frame < 0 else _in_base(model, frame, axis)
+        e = constant_vector(axis) if frame < 0 else _in_base(model, frame, axis)
         # -gravity . (z x e) = (gravity x e) . z
-        return _scaled(_dot(_cross(gravity, e), z), weight)
-    except _TooLongError:
+        return scaled(dotted(crossed(gravity, e), z), weight)
+    except TooLongError:
         return None
 
 
 def _in_base(model: RobotModel, link: int, axis: Floats) -> SymbolicVector:
     """Return an axis of a link in the base frame."""
     way = _way(model, link)
-    v = _constant(way.end @ axis)
+    v = constant_vector(way.end @ axis)
     for turn in reversed(way.turns):
-        v = _times(turn.before, _turned(turn, v, back=False))
+        v = times(turn.before, turned(turn, v, back=False))
     return v
 
 
 def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | None]:
     """Write what the mass that a prismatic joint carries asks of each coordinate; None for what is too long."""
     axis = model.tree.axis[link]
-    x, sign = _angle_atom("q", model.coupling[link])
+    x, sign = angle_atom("q", model.coupling[link])
     offset = float(model.offset[link])
     way = _way(model, link)
     entries: list[Terms | None] = []
     for row, moment in enumerate(moment_entries(model, link, axis, gravity)):
         factor = float(model.coupling[link, row])
         try:
-            total = _sum(_scaled(_multiplied(_short(moment), x), sign), _scaled(_short(moment), offset))
+            total = sum_of(scaled(multiplied(_short(moment), x), sign), scaled(_short(moment), offset))
             if factor != 0.0 and way.turns:
-                own = _dot(_short(_gravity_before(way, gravity)[0]), _short(_seen_before(way, axis)[0]))
-                total = _sum(total, _scaled(own, -factor))
+                own = dotted(_short(_gravity_before(way, gravity)[0]), _short(_seen_before(way, axis)[0]))
+                total = sum_of(total, scaled(own, -factor))
             elif factor != 0.0:
-                total = _sum(total, _clean({(): -factor * float(gravity @ (way.end @ axis))}))
+                total = sum_of(total, cleaned({(): -factor * float(gravity @ (way.end @ axis))}))
             entries.append(total)
-        except _TooLongError:
+        except TooLongError:
             entries.append(None)
     return entries
 
@@ -127,44 +124,11 @@ def _short(written: Written | None) -> Written:
     """Return what could be written out.
 
     Raises:
-        _TooLongError: It could not.
+        TooLongError: It could not.
     """
     if written is None:
-        raise _TooLongError
+        raise TooLongError
     return written
-
-
-def terms_text(terms: Terms, *, latex: bool = False) -> str:
-    """Write a sum of products: c1 c23 - 0.5 s1."""
-    text = ""
-    for atoms, value in sorted(terms.items(), key=lambda item: (len(item[0]), item[0])):
-        names = " ".join(_atom_text(atom, latex=latex) for atom in atoms)
-        size = f"{abs(value):.6g}"
-        word = names if names and size == "1" else f"{size} {names}".rstrip()
-        sign = "-" if value < 0.0 else "+"
-        text += f" {sign} {word}" if text else f"-{word}" if value < 0.0 else word
-    return text or "0"
-
-
-def _atom_text(atom: Atom, *, latex: bool) -> str:
-    kind, factors = atom
-    if kind == "q":
-        name = _angle_text(factors, latex=latex)
-        return name if len(factors) == 1 and factors[0][1] == 1.0 else f"({name})"
-    if all(factor == 1.0 for _, factor in factors):
-        index = ("," if any(k > 8 for k, _ in factors) else "").join(str(k + 1) for k, _ in factors)
-        return f"{kind}_{{{index}}}" if latex else f"{kind}{index}"
-    name = {"c": r"\cos", "s": r"\sin"}[kind] if latex else kind
-    return f"{name}({_angle_text(factors, latex=latex)})"
-
-
-def _angle_text(factors: tuple[tuple[int, float], ...], *, latex: bool) -> str:
-    text = ""
-    for k, factor in factors:
-        size = f"{abs(factor):.6g}"
-        name = f"{'' if size == '1' else size + ' '}q{f'_{{{k + 1}}}' if latex else k + 1}"
-        text += (("-" if factor < 0.0 else "+") if text or factor < 0.0 else "") + name
-    return text
 
 
 def _way(model: RobotModel, link: int) -> _Way:
@@ -172,7 +136,7 @@ def _way(model: RobotModel, link: int) -> _Way:
     path = [link]
     while tree.parent[path[0]] >= 0:
         path.insert(0, int(tree.parent[path[0]]))
-    turns: list[_Turn] = []
+    turns: list[Turn] = []
     joints: dict[int, tuple[int, Floats]] = {}
     constant = np.eye(3)
     for i in path:
@@ -185,10 +149,10 @@ def _way(model: RobotModel, link: int) -> _Way:
         if turns and np.linalg.norm(np.cross(turns[-1].axis, z)) < 1e-9:
             before, axis, (factors, offset) = turns[-1]
             sign = 1.0 if axis @ z > 0.0 else -1.0
-            turns[-1] = _Turn(before, axis, (factors + sign * angle[0], offset + sign * angle[1]))
+            turns[-1] = Turn(before, axis, (factors + sign * angle[0], offset + sign * angle[1]))
             joints[i] = (len(turns) - 1, sign * axis)
         else:
-            turns.append(_Turn(constant, tree.axis[i], angle))
+            turns.append(Turn(constant, tree.axis[i], angle))
             constant = np.eye(3)
             joints[i] = (len(turns) - 1, tree.axis[i])
     return _Way(turns, constant, joints)
@@ -197,13 +161,13 @@ def _way(model: RobotModel, link: int) -> _Way:
 def _gravity_before(way: _Way, gravity: Floats) -> list[SymbolicVector | None]:
     """Return gravity in the frame that each turn starts from; None from where it is too long."""
     out: list[SymbolicVector | None] = [None] * len(way.turns)
-    v = _constant(gravity)
+    v = constant_vector(gravity)
     try:
         for k, turn in enumerate(way.turns):
-            here = _times(turn.before.T, v)
+            here = times(turn.before.T, v)
             out[k] = here
-            v = _turned(turn, here, back=True)
-    except _TooLongError:
+            v = turned(turn, here, back=True)
+    except TooLongError:
         pass
     return out
 
@@ -211,90 +175,12 @@ def _gravity_before(way: _Way, gravity: Floats) -> list[SymbolicVector | None]:
 def _seen_before(way: _Way, axis: Floats) -> list[SymbolicVector | None]:
     """Return an axis of the way's end in the frame that each turn starts from; None where it is too long."""
     out: list[SymbolicVector | None] = [None] * len(way.turns)
-    v = _constant(way.end @ axis)
+    v = constant_vector(way.end @ axis)
     try:
         for k in range(len(way.turns) - 1, -1, -1):
-            turned = _turned(way.turns[k], v, back=False)
-            out[k] = turned
-            v = _times(way.turns[k].before, turned)
-    except _TooLongError:
+            here = turned(way.turns[k], v, back=False)
+            out[k] = here
+            v = times(way.turns[k].before, here)
+    except TooLongError:
         pass
     return out
-
-
-def _turned(turn: _Turn, v: SymbolicVector, *, back: bool) -> SymbolicVector:
-    """Turn a vector by Rodrigues' formula, u u.v + c (v - u u.v) + s u x v, or back."""
-    u = turn.axis
-    factors, offset = turn.angle
-    along = _times(np.outer(u, u), v)
-    across = _times(np.eye(3) - np.outer(u, u), v)
-    sideways = _cross(-u if back else u, v)
-    cosine, sine = np.cos(offset), np.sin(offset)
-    moving = bool(np.abs(factors).max(initial=0.0) > ROUNDING)
-    c, (s, sign) = _angle_atom("c", factors)[0], _angle_atom("s", factors)
-    out = []
-    for k in range(3):
-        # the offset's own sine and cosine: cos(a + o) = cos a cos o - sin a sin o, and so on
-        with_c = _sum(_scaled(across[k], cosine), _scaled(sideways[k], sine))
-        with_s = _sum(_scaled(across[k], -sine), _scaled(sideways[k], cosine))
-        turning = _sum(_multiplied(with_c, c), _scaled(_multiplied(with_s, s), sign)) if moving else with_c
-        out.append(_sum(along[k], turning))
-    return out[0], out[1], out[2]
-
-
-def _angle_atom(kind: str, factors: Floats) -> tuple[Atom, float]:
-    """Return the atom of an angle whose first factor is positive, and the sign that a sine then has."""
-    nonzero = [(k, float(f)) for k, f in enumerate(factors) if abs(f) > ROUNDING]
-    sign = -1.0 if nonzero and nonzero[0][1] < 0.0 else 1.0
-    return (kind, tuple((k, round(sign * f, 12)) for k, f in nonzero)), sign
-
-
-def _constant(v: Floats) -> SymbolicVector:
-    return _clean({(): float(v[0])}), _clean({(): float(v[1])}), _clean({(): float(v[2])})
-
-
-def _times(matrix: Floats, v: SymbolicVector) -> SymbolicVector:
-    rows = []
-    for r in range(3):
-        total: Terms = {}
-        for k in range(3):
-            total = _sum(total, _scaled(v[k], float(matrix[r, k])))
-        rows.append(total)
-    return rows[0], rows[1], rows[2]
-
-
-def _cross(a: Floats, v: SymbolicVector) -> SymbolicVector:
-    return _times(np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]]), v)
-
-
-def _dot(a: SymbolicVector, b: SymbolicVector) -> Terms:
-    total: Terms = {}
-    for k in range(3):
-        for left, x in a[k].items():
-            for right, y in b[k].items():
-                product = tuple(sorted(left + right))
-                total[product] = total.get(product, 0.0) + x * y
-                if len(total) > MOST:
-                    raise _TooLongError
-    return _clean(total)
-
-
-def _sum(a: Terms, b: Terms) -> Terms:
-    total = dict(a)
-    for atoms, value in b.items():
-        total[atoms] = total.get(atoms, 0.0) + value
-    if len(total) > MOST:
-        raise _TooLongError
-    return _clean(total)
-
-
-def _scaled(terms: Terms, factor: float) -> Terms:
-    return _clean({atoms: factor * value for atoms, value in terms.items()})
-
-
-def _multiplied(terms: Terms, atom: Atom) -> Terms:
-    return {tuple(sorted((*atoms, atom))): value for atoms, value in terms.items()}
-
-
-def _clean(terms: Terms) -> Terms:
-    return {atoms: value for atoms, value in terms.items() if abs(value) > ROUNDING}

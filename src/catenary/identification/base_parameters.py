@@ -7,7 +7,7 @@ parameters of serial robots"; Gautier 1991, "Numerical calculation of the base i
 J. Robotic Systems 8(4)] Whatever data are taken in the same gravity tell these combinations, and nothing else.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -16,11 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
+from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.errors import InputError
 from catenary.identification.columns import FIRST_MOMENTS, Parameters
+from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
+CHUNK = 4000  # rows whose regressor is held in memory at a time
 RANDOM_ROWS = 400
 DEPENDENT = 1e-8  # of the largest column; random motion leaves a gap of eight decades around it
 ROUNDING = 1e-9  # of the largest entry of `combination`
@@ -31,6 +34,7 @@ TILTED = (
     float(-STANDARD_GRAVITY * np.cos(np.deg2rad(30))),
 )
 Identifiability = Literal["alone", "combined", "none"]  # by itself; with others; not at all
+Base = Literal["still", "tilted", "turning"]
 Columns = NDArray[np.int64]
 
 
@@ -63,9 +67,32 @@ class BaseParameters:
         """Which of all parameters (k,) torques tell by themselves, in combination with others, or not at all."""
         return tuple(_identifiable(self.combination, c) for c in range(self.combination.shape[1]))
 
-    def regressor(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        """Return the matrix (N, n, b) of tau = Y_b beta at motions (N, n)."""
-        return self.parameters.regressor(q, qd, qdd, gravity)[:, :, self.columns]
+    def regressor(
+        self,
+        q: Floats,
+        qd: Floats,
+        qdd: Floats,
+        gravity: Floats,
+        *,
+        base: BaseMotion | None = None,
+        loads: Floats | None = None,
+    ) -> Floats:
+        """Return the matrix (N, n, b) of tau = Y_b beta at motions (N, n); arguments as `Parameters.regressor`."""
+        return self.parameters.regressor(q, qd, qdd, gravity, base=base, loads=loads)[:, :, self.columns]
+
+    def chunks(self, samples: Samples, gravity: Floats) -> Iterator[tuple[slice, Floats]]:
+        """Yield parts of a recording's rows with their matrix (N, n, b), a chunk at a time.
+
+        Args:
+            samples: The recording.
+            gravity: (3,) [m/s2] where it holds none itself.
+        """
+        loads = self.parameters.loads(samples)
+        for first in range(0, max(len(samples), 1), CHUNK):
+            part = slice(first, first + CHUNK)
+            motion = samples.q[part], samples.qd[part], samples.qdd[part]
+            down, base = samples.gravity_rows(gravity, part), samples.base_motion(part)
+            yield part, self.regressor(*motion, down, base=base, loads=loads[part])
 
     def describe(self, index: int, names: Sequence[str] | None = None, digits: int = 5) -> str:
         """Return one base parameter as the sum that it is: mx(elbow) + 0.4 m(hand).
@@ -86,7 +113,12 @@ class BaseParameters:
 
 
 def base_parameters(
-    parameters: Parameters, gravity: Floats, recorded: tuple[Floats, Floats, Floats], rng: np.random.Generator
+    parameters: Parameters,
+    gravity: Floats,
+    recorded: tuple[Floats, Floats, Floats],
+    rng: np.random.Generator,
+    *,
+    base: Base = "still",
 ) -> BaseParameters:
     """Find the base parameters on random and recorded motion together, the best conditioned columns first.
 
@@ -95,6 +127,8 @@ def base_parameters(
         gravity: (3,) [m/s2] in base axes.
         recorded: q, qd, qdd, (N, n) each, of what was recorded.
         rng: Source of the random motion.
+        base: "still", gravity is the same all the time; "tilted", its direction varies; "turning", the base also
+            turns while it is recorded.
     """
     model = parameters.model
     low = np.where(np.isfinite(model.lower), model.lower, -2.0)
@@ -108,8 +142,15 @@ def base_parameters(
     ]
     some = np.linspace(0, len(recorded[0]) - 1, min(len(recorded[0]), RANDOM_ROWS)).astype(np.int64)
     motion = [np.concatenate([a, b[some]]) for a, b in zip(random, recorded, strict=True)]
-    Y = parameters.regressor(motion[0], motion[1], motion[2], gravity).reshape(-1, len(parameters.names))
-    return _reduced(parameters, Y, None)
+    rows = len(motion[0])
+    down, turning = gravity, None
+    if base != "still":
+        directions = rng.normal(size=(rows, 3))
+        down = np.linalg.norm(gravity) * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    if base == "turning" and not static:
+        turning = BaseMotion(rng.normal(size=(rows, 3)), rng.normal(scale=5.0, size=(rows, 3)))
+    Y = parameters.regressor(motion[0], motion[1], motion[2], down, base=turning)
+    return _reduced(parameters, Y.reshape(-1, len(parameters.names)), None)
 
 
 def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL) -> BaseParameters:
@@ -154,6 +195,8 @@ def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> 
     """Reduce a regressor over many rows (N, k) to independent columns, in an order of preference if there is one."""
     k = Y.shape[1]
     size = np.linalg.norm(Y, axis=0)
+    own = np.array(parameters.own, dtype=np.int64)
+    size[own] = 0.0
     seen = size > DEPENDENT * size.max(initial=0.0)
     unit = Y * (seen / np.where(seen, size, 1.0))
     chosen = _independent(unit, order) if seen.any() else np.array([], dtype=np.int64)
@@ -167,6 +210,10 @@ def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> 
         K = np.linalg.lstsq(unit[:, chosen], unit[:, rest], rcond=None)[0]
         combination[:, rest] = K * size[rest] / size[chosen][:, None]
         combination[np.abs(combination) < ROUNDING * np.abs(combination).max()] = 0.0
+    if len(own):
+        combination = np.vstack([combination, np.eye(k)[own]])
+        order_of = np.argsort(np.concatenate([chosen, own]))
+        chosen, combination = np.concatenate([chosen, own])[order_of], combination[order_of]
     return BaseParameters(parameters, chosen, combination, condition)
 
 

@@ -6,11 +6,16 @@ from functools import cached_property
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import NEVER_NEGATIVE, ActuationTerm, actuation_columns, actuation_terms
+from catenary.dynamics.actuation import NEVER_NEGATIVE, SLIDING, term_load
+from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
 from catenary.identification.options import Terms, actuation_of
+from catenary.identification.samples import Samples
+from catenary.robots.actuation import ActuationTerm, actuation_terms
 from catenary.robots.model import RobotModel
 
+# kinds that no random motion finds dependent on others: they stand beside what is reduced
+OWN = ("asymmetric", "stribeck", "load", "presliding")
 FIRST_MOMENTS = 4  # of a link's ten parameters, mass and first moment: all that shows at rest
 
 
@@ -62,24 +67,103 @@ class Parameters:
             "coulomb": force,
             "offset": force,
             "viscous": f"{force} s/{length}",
+            "asymmetric": f"{force} s/{length}",
+            "stribeck": force,
+            "presliding": force,
+            "load": "",
             "motor_inertia": "kg" if slides else "kg m2",
             "spring": f"{force}/{length}",
         }[term.kind]
 
     @cached_property
+    def own(self) -> tuple[int, ...]:
+        """Columns of friction that are independent of all others."""
+        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in OWN)
+
+    @cached_property
+    def carrying(self) -> tuple[int, ...]:
+        """Columns of what load-dependent friction grows with: links, rotors, springs."""
+        beside = (k for k, term in enumerate(self.actuation) if term.kind not in (*SLIDING, "offset"))
+        return (*range(self._first), *(self._first + k for k in beside))
+
+    @property
+    def _first(self) -> int:
+        return len(self.links) * self.per_link
+
+    @cached_property
     def never_negative(self) -> tuple[int, ...]:
         """Columns whose parameter cannot be below zero."""
-        first = len(self.links) * self.per_link
-        return tuple(first + k for k, term in enumerate(self.actuation) if term.kind in NEVER_NEGATIVE)
+        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in NEVER_NEGATIVE)
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """Rows (r, k) of B phi >= 0: no friction drives, no rotor or spring is below zero.
+
+        Stribeck's part may be negative down to Coulomb's: friction that rises with speed. What differs by direction
+        is at most the viscous friction.
+        """
+        place = {(t.kind, t.name): self._first + k for k, t in enumerate(self.actuation)}
+        rows = [{column: 1.0} for column in self.never_negative]
+        for (kind, name), column in place.items():
+            if kind == "stribeck":
+                rows.append({column: 1.0} | _one(place.get(("coulomb", name))))
+            elif kind == "asymmetric":
+                rows += [{column: sign} | _one(place.get(("viscous", name))) for sign in (1.0, -1.0)]
+        B = np.zeros((len(rows), len(self.names)))
+        for r, row in enumerate(rows):
+            for column, factor in row.items():
+                B[r, column] = factor
+        return B
 
     def link_columns(self, place: int) -> slice:
         """Return the columns of the link at a place in `links`."""
         return slice(place * self.per_link, (place + 1) * self.per_link)
 
-    def regressor(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n)."""
-        whole = torque_regressor(self.model, q, qd, qdd, gravity)
+    def regressor(
+        self,
+        q: Floats,
+        qd: Floats,
+        qdd: Floats,
+        gravity: Floats,
+        *,
+        base: BaseMotion | None = None,
+        loads: Floats | None = None,
+    ) -> Floats:
+        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n).
+
+        Args:
+            q: (N, n), and so are its rates.
+            qd: Velocities.
+            qdd: Accelerations.
+            gravity: (3,) or (N, 3) [m/s2] in base axes.
+            base: How the base turns, if it does.
+            loads: (N, t) of the actuation's terms, per unit; as in steady sliding, without load, when None.
+        """
+        whole = torque_regressor(self.model, q, qd, qdd, gravity, base)
         wanted = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]
-        smoothing = actuation_of(self.model).coulomb_velocity
-        columns = actuation_columns(self.actuation, q, qd, qdd, smoothing)
+        if loads is None:
+            smoothing = actuation_of(self.model).coulomb_velocity
+            each = [term_load(term, q, qd, qdd, smoothing) for term in self.actuation]
+            loads = np.column_stack(each) if each else np.zeros((len(q), 0))
+        along = np.array([term.combination for term in self.actuation]).reshape(-1, q.shape[1])
+        columns = loads[:, None, :] * along.T[None]
         return np.concatenate([whole[:, :, wanted], columns], axis=2)
+
+    def loads(self, samples: Samples) -> Floats:
+        """Return the loads (N, t) of the actuation's terms on a recording's rows, as friction remembers its course."""
+        smoothing = actuation_of(self.model).coulomb_velocity
+        out = np.empty((len(samples), len(self.actuation)))
+        for k, term in enumerate(self.actuation):
+            if samples.course is None or not samples.course.remembers(term):
+                out[:, k] = term_load(term, samples.q, samples.qd, samples.qdd, smoothing, samples.carried)
+                continue
+            out[:, k] = samples.course.load(term, smoothing)
+            if term.kind == "load":
+                c = term.combination
+                carried = np.zeros(len(samples)) if samples.carried is None else samples.carried @ c
+                out[:, k] *= np.abs(carried) / (c @ c)
+        return out
+
+
+def _one(column: int | None) -> dict[int, float]:
+    return {} if column is None else {column: 1.0}

@@ -3,79 +3,149 @@
 A link's ten parameters are those of some distribution of mass if and only if its pseudo-inertia
 J = [[1/2 tr(I) 1 - I, m c], [m c^T, m]] (4 x 4) is positive semidefinite (Wensing, Kim, Slotine, "Linear matrix
 inequalities for physically consistent inertial parameter identification", RA-L 3(1), 2018). Friction, rotors and
-springs cannot be negative. Both sets are convex; clarabel solves the program.
+springs cannot be negative. At rest only mass and first moment show: the centre of mass lies within REACH of the frame.
+All these sets are convex; clarabel solves the program.
 """
 
+from typing import Any
+
+import clarabel
 import numpy as np
+from scipy import sparse
 
 from catenary.arrays import Floats
-from catenary.errors import InputError, MissingPackageError
+from catenary.dynamics.regressor import PER_LINK
+from catenary.errors import InputError
 from catenary.identification.base_parameters import BaseParameters
 
 LENGTH = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
 LEAST = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
 PREFER_SMALL = 1e-7  # of the squared torque per kg: what torques do not show is as little mass as may be
+LEAST_PRIOR = 1e-7  # of the squared torque: with a prior, what torques do not show is the prior's
+REACH = 0.5  # [m] from a link's frame to its centre of mass, at most, where no inertia tells
 
 
-def consistent_fit(base: BaseParameters, R: Floats) -> Floats:
+def consistent_fit(
+    base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = LEAST_PRIOR
+) -> Floats:
     """Return all parameters phi (k,) that minimise ||Y phi - tau|| among the physically consistent ones.
 
     Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken.
+    With a prior J0 of the links, weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared
+    torque: the distance that does not depend on the choice of units and frames (Lee, Wensing, Park, "Geometric robot
+    dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020).
 
     Args:
         base: The base parameters.
         R: (b + 1, b + 1) triangle of the weighted [Y_b | tau].
+        prior: (k,) parameters; of links with no mass there nothing is expected. None where nothing is known.
+        weight: Of the prior, at least LEAST_PRIOR.
 
     Raises:
-        MissingPackageError: clarabel is not installed.
-        InputError: Poses at rest, which show no inertia; or the solver found no solution.
+        InputError: The solver found no solution.
     """
-    try:
-        import clarabel
-    except ImportError as error:
-        raise MissingPackageError(
-            'a physically consistent fit needs clarabel: pip install "catenary[consistent]"'
-        ) from error
-    from scipy import sparse
-
-    parameters = base.parameters
-    if parameters.terms == "static":
-        raise InputError("poses at rest show no inertia: a consistent fit needs full dynamics")
     b, k = base.combination.shape
-    scale, count = _scale(base), len(parameters.links)
+    scale = _scale(base)
     size = float(np.linalg.norm(R[:, b]))
     fit = (R[: b + 1, :b] / size) @ (base.combination * scale)
-    # variables: phi / scale, then the b + 1 residuals, so that no matrix is squared
-    rows = b + 1
+    right = R[:, b] / size
+    if prior is not None:
+        drawn, towards = _prior_rows(base, prior, scale)
+        fit = np.vstack([fit, np.sqrt(weight) * drawn])
+        right = np.concatenate([right, np.sqrt(weight) * towards])
+    # variables: phi / scale, then the residuals, so that no matrix is squared
+    rows = len(right)
     A = [sparse.hstack([sparse.csc_matrix(fit), -sparse.identity(rows)])]
-    right = [R[:, b] / size]
     cones: list[object] = [clarabel.ZeroConeT(rows)]
-    signs = list(parameters.never_negative)
-    if signs:
-        A.append(
-            sparse.csc_matrix((-np.ones(len(signs)), (range(len(signs)), signs)), (len(signs), k + rows))
-        )
-        right.append(np.zeros(len(signs)))
-        cones.append(clarabel.NonnegativeConeT(len(signs)))
-    trace = np.zeros(k + rows)
-    body = _pseudo_inertia_map() @ np.diag(scale[:10])
-    for place in range(count):
-        block = np.zeros((10, k + rows))
-        block[:, parameters.link_columns(place)] = -body
-        A.append(sparse.csc_matrix(block))
-        right.append(-LEAST * _triangle(np.eye(4)))
-        cones.append(clarabel.PSDTriangleConeT(4))
-        trace[parameters.link_columns(place)] = PREFER_SMALL * (_triangle(np.eye(4)) @ body)
+    bounded, limits, sets = consistent_cones(base)
+    A.append(sparse.hstack([sparse.csc_matrix(bounded), sparse.csc_matrix((len(limits), rows))]))
+    linear = np.zeros(k + rows)
+    linear[:k] = PREFER_SMALL * trace_row(base)
     quadratic = sparse.csc_matrix(np.diag(np.concatenate([np.zeros(k), np.ones(rows)])))
+    phi = solve_program(quadratic, linear, sparse.vstack(A), np.concatenate([right, limits]), [*cones, *sets])
+    return phi[:k] * scale
+
+
+def consistent_cones(base: BaseParameters) -> tuple[Floats, Floats, list[object]]:
+    """Return A, b and cones of b - A phi / scale in cones: what parameters of bodies and friction keep."""
+    parameters, scale = base.parameters, _scale(base)
+    k = base.combination.shape[1]
+    A, right, cones = [-parameters.bounds * scale], [np.zeros(len(parameters.bounds))], list[object]()
+    if len(parameters.bounds):
+        cones.append(clarabel.NonnegativeConeT(len(parameters.bounds)))
+    body = _pseudo_inertia_map() @ np.diag(scale[:10]) if parameters.per_link == PER_LINK else None
+    for place in range(len(parameters.links)):
+        columns = parameters.link_columns(place)
+        if body is not None:
+            block = np.zeros((10, k))
+            block[:, columns] = -body
+            right.append(-LEAST * _triangle(np.eye(4)))
+            cones.append(clarabel.PSDTriangleConeT(4))
+        else:
+            block = np.zeros((4, k))
+            block[:, columns] = -np.diag([REACH, 1.0, 1.0, 1.0]) * scale[columns]
+            right.append(np.array([-LEAST * REACH, 0.0, 0.0, 0.0]))
+            cones.append(clarabel.SecondOrderConeT(4))
+        A.append(block)
+    return np.vstack(A), np.concatenate(right), cones
+
+
+def trace_row(base: BaseParameters) -> Floats:
+    """Return the row (k,) that gives the links' sum of pseudo-inertia traces, or of masses, of phi / scale."""
+    parameters, row = base.parameters, np.zeros(base.combination.shape[1])
+    for place in range(len(parameters.links)):
+        if parameters.per_link == PER_LINK:
+            body = _pseudo_inertia_map() @ np.diag(_scale(base)[:10])
+            row[parameters.link_columns(place)] = _triangle(np.eye(4)) @ body
+        else:
+            row[parameters.link_columns(place)] = [1.0, 0.0, 0.0, 0.0]
+    return row
+
+
+def solve_program(quadratic: Any, linear: Floats, A: Any, right: Floats, cones: list[object]) -> Floats:
+    """Minimise 1/2 x' P x + q' x with b - A x in cones.
+
+    Raises:
+        InputError: The solver found no solution.
+    """
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    solver = clarabel.DefaultSolver(
-        quadratic, trace, sparse.csc_matrix(sparse.vstack(A)), np.concatenate(right), cones, settings
-    )
-    solution = solver.solve()
+    program = quadratic, linear, sparse.csc_matrix(A), right, cones
+    solution = clarabel.DefaultSolver(*program, settings).solve()
     if str(solution.status) not in ("Solved", "AlmostSolved"):
-        raise InputError(f"no physically consistent parameters found: the solver says {solution.status}")
-    return np.array(solution.x[:k]) * scale
+        raise InputError(
+            f"no physically consistent parameters found: the solver says {solution.status}; --free fits without"
+        )
+    return np.array(solution.x)
+
+
+def _prior_rows(base: BaseParameters, prior: Floats, scale: Floats) -> tuple[Floats, Floats]:
+    """Return rows D and values d of ||D phi / scale - d||^2, the distance of links from their prior."""
+    parameters = base.parameters
+    rows, values = [], []
+    for place in range(len(parameters.links)):
+        columns = parameters.link_columns(place)
+        own = prior[columns]
+        if not own[0] > 0.0:
+            continue
+        if parameters.per_link == PER_LINK:
+            J0 = pseudo_inertia(own)
+            J0 = J0 + 1e-3 * np.trace(J0[:3, :3]) * np.diag([1.0, 1.0, 1.0, 0.0])  # a point's has no inverse
+            inverse = np.linalg.inv(np.linalg.cholesky(J0))
+            block = np.column_stack([_triangle(inverse @ pseudo_inertia(e) @ inverse.T) for e in np.eye(10)])
+        else:  # a ball about the centre of mass that is expected
+            centre = own[1:] / own[0]
+            block = np.zeros((4, 4))
+            block[0, 0] = 1.0 / own[0]
+            block[1:, 0] = -centre / (own[0] * LENGTH)
+            block[1:, 1:] = np.eye(3) / (own[0] * LENGTH)
+        wide = np.zeros((len(block), len(scale)))
+        wide[:, columns] = block * scale[columns]
+        rows.append(wide)
+        values.append(block @ own)
+    if not rows:
+        return np.zeros((0, len(scale))), np.zeros(0)
+    return np.vstack(rows), np.concatenate(values)
 
 
 def pseudo_inertia(phi: Floats) -> Floats:
@@ -93,8 +163,9 @@ def pseudo_inertia(phi: Floats) -> Floats:
 
 def _scale(base: BaseParameters) -> Floats:
     """Bring the unknowns to one size: links by a length, actuation by one."""
-    link = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])
-    rest = base.combination.shape[1] - 10 * len(base.parameters.links)
+    per_link = base.parameters.per_link
+    link = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])[:per_link]
+    rest = base.combination.shape[1] - per_link * len(base.parameters.links)
     return np.concatenate([np.tile(link, len(base.parameters.links)), np.ones(rest)])
 
 

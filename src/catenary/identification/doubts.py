@@ -131,13 +131,12 @@ def _known_torques(result: Identification, samples: Samples, fitted: bool) -> tu
     model = result.model
     whose = "the robot's own masses" if fitted else "what was identified"
     if not fitted:
-        own = result.predict_unknown(samples.q, samples.qd, samples.qdd, np.array(result.options.gravity))
+        own = result.predict_samples(samples)
     elif model.missing_inertia:
         return [], set()
     else:
-        own = np.asarray(
-            inverse_dynamics(model, samples.q, samples.qd, samples.qdd, gravity=result.options.gravity)
-        )
+        down, base = samples.gravity_rows(np.array(result.options.gravity)), samples.base_motion()
+        own = np.asarray(inverse_dynamics(model, samples.q, samples.qd, samples.qdd, down, base))
     found, against = [], set[int]()
     for i in range(model.n):
         # friction and offsets beside the model's own torque

@@ -18,10 +18,12 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import card_path, write_atomically
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.columns import Parameters
+from catenary.identification.friction_choice import FrictionPart
 from catenary.identification.identification import Identification
 from catenary.identification.options import IdentifyOptions, Terms
 from catenary.identification.residuals import LogResidual, Verdict
 from catenary.robots.actuation import Weighting
+from catenary.robots.identified import IDENTIFIED
 from catenary.robots.model_record import robot_from_record, robot_record
 
 FORMAT = "catenary.identification.1"
@@ -40,6 +42,8 @@ class OptionsRecord(Recorded):
     period_samples: int | None
     weighting: Weighting | None
     consistent: bool
+    friction: tuple[str, ...] = ()
+    prior: bool = False
     blocks: float | None
     seed: Annotated[int, Field(ge=0)]
 
@@ -55,6 +59,15 @@ class ResidualRecord(Recorded):
     verdict: Verdict | None
 
 
+class FrictionPartRecord(Recorded):
+    """A part that held-out blocks added to a friction, as `FrictionPart`."""
+
+    friction: str
+    kind: str
+    scale: float | None
+    gain: float
+
+
 class IdentificationStructure(Recorded):
     """All of an identification but its arrays."""
 
@@ -64,6 +77,8 @@ class IdentificationStructure(Recorded):
     condition: float
     training: tuple[ResidualRecord, ...]
     tests: tuple[ResidualRecord, ...]
+    friction: tuple[FrictionPartRecord, ...] = ()
+    prior_weight: float | None = None
 
 
 class IdentificationCard(Recorded):
@@ -95,6 +110,8 @@ def identification_card(
         "rank": result.rank,
         "condition": result.condition,
         "physically_consistent": result.phi is not None,
+        "prior_weight": result.prior_weight,
+        "friction": [asdict(part) for part in result.friction],
         "parameters": [
             {
                 "name": base.names[i],
@@ -145,6 +162,8 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
         "condition": result.condition,
         "training": [residual_record(r) for r in result.training],
         "tests": [residual_record(r) for r in result.tests],
+        "friction": [asdict(part) for part in result.friction],
+        "prior_weight": result.prior_weight,
     }
     text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
     arrays: dict[str, Any] = {
@@ -158,6 +177,7 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
     }
     if result.phi is not None:
         arrays["phi"] = result.phi
+        arrays[IDENTIFIED] = np.array(json.dumps(robot_record(result.robot())))
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     write_atomically(path, buffer.getvalue())
@@ -204,6 +224,8 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             training=tuple(_residual(entry) for entry in structure.training),
             tests=tuple(_residual(entry) for entry in structure.tests),
             phi=arrays.get("phi"),
+            friction=tuple(FrictionPart(**part.model_dump()) for part in structure.friction),
+            prior_weight=structure.prior_weight,
         )
         card = json_table(str(arrays["card"]), "card", finite=False)
         parse_settings(card, IdentificationCard, "card")

@@ -7,19 +7,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation import ActuationLoads, known_torque
+from catenary.dynamics.actuation import actuation_columns, known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
-from catenary.identification.base_parameters import BaseParameters, base_parameters
+from catenary.identification.base_parameters import CHUNK, Base, BaseParameters, base_parameters
 from catenary.identification.columns import Parameters
-from catenary.identification.consistency import consistent_fit
-from catenary.identification.least_squares import CHUNK, covariance, excitation, solve, triangles, weigh
+from catenary.identification.consistency import LEAST_PRIOR, consistent_fit
+from catenary.identification.friction_choice import FrictionPart, choose_friction
+from catenary.identification.least_squares import (
+    Triangles,
+    covariance,
+    excitation,
+    solve,
+    triangles,
+    weigh,
+)
 from catenary.identification.options import IdentifyOptions, actuation_of, filter_of
+from catenary.identification.prior import prior_of, weight_of_prior
 from catenary.identification.residuals import LogResidual, judge, residual
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
+
+TILTING = 0.02  # of gravity: recordings in which its direction varies by less are of one base
+ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,8 @@ class Identification:
     training: tuple[LogResidual, ...]
     tests: tuple[LogResidual, ...] = ()
     phi: Floats | None = None  # (k,) all parameters, where the fit was physically consistent
+    friction: tuple[FrictionPart, ...] = ()  # what held-out blocks added to the robot file's friction
+    prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
 
     @property
     def model(self) -> RobotModel:
@@ -54,7 +68,7 @@ class Identification:
         qdd: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
     ) -> Floats:
-        """Predict the torques of a motion, known ones included: Y_b beta + known.
+        """Predict the torques of a motion, known ones included: Y_b beta + known, friction as in steady sliding.
 
         Args:
             q: (n,) or (N, n) [rad or m].
@@ -79,7 +93,22 @@ class Identification:
     def predict_unknown(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
         """Predict torques (N, n) without those that are known beforehand."""
         parts = [slice(first, first + CHUNK) for first in range(0, max(len(q), 1), CHUNK)]
-        return np.concatenate([self.base.regressor(q[p], qd[p], qdd[p], gravity) @ self.beta for p in parts])
+        return np.concatenate([self._predict(q[p], qd[p], qdd[p], gravity) for p in parts])
+
+    def _predict(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
+        parameters = self.base.parameters
+        Y = self.base.regressor(q, qd, qdd, gravity)
+        predicted: Floats = Y @ self.beta
+        if any(term.kind == "load" for term in parameters.actuation):
+            kept = np.isin(self.base.columns, parameters.carrying)
+            carried = Y[:, :, kept] @ self.beta[kept] + known_torque(actuation_of(self.model), q)
+            smoothing = actuation_of(self.model).coulomb_velocity
+            columns = actuation_columns(parameters.actuation, q, qd, qdd, smoothing, carried)
+            first = len(parameters.names) - len(parameters.actuation)
+            for place, column in enumerate(self.base.columns):
+                if column >= first and parameters.actuation[column - first].kind == "load":
+                    predicted += columns[:, :, column - first] * self.beta[place]
+        return predicted
 
     def test(self, samples: Sequence[Samples]) -> "Identification":
         """Return this identification with verdicts on recordings that were not fitted."""
@@ -92,36 +121,60 @@ class Identification:
 
     def compare(self, samples: Samples) -> LogResidual:
         """Compute the residual on a recording."""
+        return residual(
+            samples, self.predict_samples(samples), filter_of(self.model, self.options).period_samples
+        )
+
+    def predict_samples(self, samples: Samples) -> Floats:
+        """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its course."""
         gravity = np.array(self.options.gravity)
-        predicted = self.predict_unknown(samples.q, samples.qd, samples.qdd, gravity)
-        return residual(samples, predicted, filter_of(self.model, self.options).period_samples)
+        heard = carrying(self.base, self.beta, [samples], gravity)[0]
+        return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard, gravity)])
 
     def robot(self) -> RobotModel:
-        """Return the robot with the identified inertia.
+        """Return the robot with the identified inertia, friction, rotors and springs.
+
+        Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
 
         Raises:
             MissingInertiaError: The fit was not physically consistent: base parameters are combinations of links',
                 and no inertia of any single link follows from them.
         """
         parameters, consistent = self.base.parameters, self._consistent()
+        static = self.options.terms == "static"
         phi = np.zeros((len(self.model.link_names), PER_LINK))
         for place, link in enumerate(parameters.links):
-            phi[link] = consistent[parameters.link_columns(place)]
-        tree = tree_with_parameters(self.model.tree, phi.reshape(-1))
-        note = "inertia identified from recordings; friction, rotors and springs are not in it"
-        return replace(self.model, tree=tree, missing_inertia=(), notes=(*self.model.notes, note))
-
-    def loads(self) -> ActuationLoads:
-        """Return friction, rotors and springs with the identified numbers, and what torques were known.
-
-        `inverse_dynamics` of `robot()` and these together are what `predict` gives.
-
-        Raises:
-            MissingInertiaError: As `robot`.
-        """
-        parameters = self.base.parameters
-        values = self._consistent()[len(parameters.links) * parameters.per_link :]
-        return ActuationLoads(self.model.n, actuation_of(self.model), parameters.actuation, values)
+            phi[link, : parameters.per_link] = consistent[parameters.link_columns(place)]
+            if static:  # about the centre of mass it is unknown: none, which motion refuses
+                mass, moment = phi[link, 0], phi[link, 1:4]
+                point = moment @ moment * np.eye(3) - np.outer(moment, moment)
+                phi[link, 4:] = (point / mass)[np.triu_indices(3)]
+        values = consistent[len(parameters.links) * parameters.per_link :]
+        actuation = actuation_of(self.model)
+        if static:
+            still = [
+                replace(
+                    f,
+                    coulomb=False,
+                    viscous=False,
+                    asymmetric=False,
+                    stribeck=None,
+                    load=False,
+                    presliding=None,
+                )
+                for f in actuation.friction
+                if f.offset
+            ]
+            actuation = replace(actuation, friction=tuple(still), motor_inertia=())
+        what = "mass and its centre" if static else "inertia, friction, rotors and springs"
+        return replace(
+            self.model,
+            tree=tree_with_parameters(self.model.tree, phi.reshape(-1)),
+            actuation=replace(actuation, values=values),
+            missing_inertia=(),
+            missing_tensor=tuple(self.model.link_names[i] for i in parameters.links) if static else (),
+            notes=(*self.model.notes, f"{what} identified from recordings"),
+        )
 
     def _consistent(self) -> Floats:
         if self.phi is None:
@@ -139,8 +192,9 @@ def identify(
 ) -> Identification:
     """Identify base parameters by weighted least squares over all axes and recordings.
 
-    min_beta sum_a w_a^2 ||tau_a - Y_b,a beta||^2 on filtered signals; with `consistent`, over parameters that bodies
-    and friction can have. The robot needs no inertia.
+    min_beta sum_a w_a^2 ||tau_a - Y_b,a beta||^2 on filtered signals, over parameters that bodies and friction can
+    have (unless not `consistent`), drawn to those of the robot's file where it has any. Parts are added to its friction
+    while held-out blocks of the recordings are predicted better. The robot needs no inertia.
 
     Args:
         logs: Recordings to fit.
@@ -169,22 +223,56 @@ def identify_samples(
 ) -> Identification:
     """Identify from recordings that are filtered already; see `identify`."""
     gravity = as_array("gravity", options.gravity, (3,))
+    plain = _fit(samples, model, replace(options, consistent=False), gravity)
+    actuation, parts = actuation_of(model), tuple[FrictionPart, ...]()
+    if options.terms == "full" and options.friction:
+        heard = carrying(plain.base, plain.beta, samples, gravity)
+        actuation, parts = choose_friction(
+            plain.base, gravity, heard, plain.weights, actuation, options.friction
+        )
+    if not parts and not options.consistent:
+        return plain
+    chosen = replace(model, actuation=actuation) if parts else model
+    return replace(_fit(samples, chosen, options, gravity, like=plain), friction=parts)
+
+
+def _fit(
+    samples: Sequence[Samples],
+    model: RobotModel,
+    options: IdentifyOptions,
+    gravity: Floats,
+    like: Identification | None = None,
+) -> Identification:
+    """Fit with friction as the model has it, and axes weighted as in another fit, if there is one."""
     recorded = [np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd")]
     base = base_parameters(
         Parameters(model, options.terms),
         gravity,
         (recorded[0], recorded[1], recorded[2]),
         np.random.default_rng(options.seed),
+        base=_base_in(samples),
     )
-    reduced = triangles(base, gravity, samples)
-    weighting = options.weighting or actuation_of(model).weighting
-    weights = weigh(weighting, samples, reduced)
-    R = reduced.stacked(weights)
-    rank, condition, weakest = excitation(R)
-    if rank < base.count:
-        raise ExcitationError(_singular(base, rank, condition, weakest), rank=rank, n_base=base.count)
-    phi = consistent_fit(base, R) if options.consistent else None
-    beta = solve(R) if phi is None else base.combination @ phi
+    weights = None if like is None else like.weights
+    beta = None if like is None else _as_in(base, like)
+    loaded = any(term.kind == "load" for term in base.parameters.actuation)
+    for _ in range(ROUNDS if loaded else 1):
+        if loaded and beta is not None:
+            samples = carrying(base, beta, samples, gravity)
+        reduced, weights = _reduced(base, samples, model, options, gravity, weights)
+        R = reduced.stacked(weights)
+        rank, condition, weakest = excitation(R)
+        if rank < base.count:
+            raise ExcitationError(_singular(base, rank, condition, weakest), rank=rank, n_base=base.count)
+        beta = solve(R)
+    assert beta is not None  # for the type checker: there is one round at least
+    assert weights is not None
+    phi, prior_weight = None, None
+    if options.consistent:
+        prior = prior_of(base.parameters) if options.prior else None
+        if prior is not None:
+            prior_weight = weight_of_prior(base, gravity, samples, weights, prior)
+        phi = consistent_fit(base, R, prior, prior_weight or LEAST_PRIOR)
+        beta = base.combination @ phi
     result = Identification(
         base=base,
         beta=beta,
@@ -195,8 +283,57 @@ def identify_samples(
         condition=condition,
         training=(),
         phi=phi,
+        prior_weight=prior_weight,
     )
     return replace(result, training=tuple(result.compare(part) for part in samples))
+
+
+def _reduced(
+    base: BaseParameters,
+    samples: Sequence[Samples],
+    model: RobotModel,
+    options: IdentifyOptions,
+    gravity: Floats,
+    weights: Floats | None,
+) -> tuple[Triangles, Floats]:
+    reduced = triangles(base, gravity, samples)
+    if weights is None:
+        weights = weigh(options.weighting or actuation_of(model).weighting, samples, reduced)
+    return reduced, weights
+
+
+def carrying(
+    base: BaseParameters, beta: Floats, samples: Sequence[Samples], gravity: Floats
+) -> list[Samples]:
+    """Return recordings with what the links, rotors and springs ask in them, which friction may grow with."""
+    kept = np.isin(base.columns, base.parameters.carrying)
+    return [
+        replace(
+            part,
+            carried=part.known
+            + np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part, gravity)]),
+        )
+        for part in samples
+    ]
+
+
+def _base_in(samples: Sequence[Samples]) -> Base:
+    """Return what recordings show of the base: whether gravity turns in them, and the base with it."""
+    if any(part.base is not None for part in samples):
+        return "turning"
+    rows = [part.gravity for part in samples if part.gravity is not None]
+    if not rows:
+        return "still"
+    directions = np.concatenate(rows)
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    spread = float(np.sqrt(np.mean(np.sum((directions - directions.mean(axis=0)) ** 2, axis=1))))
+    return "tilted" if spread > TILTING else "still"
+
+
+def _as_in(base: BaseParameters, like: Identification) -> Floats:
+    """Return the parameters of a fit with other friction, zero where it has none of the name."""
+    known = dict(zip(like.base.names, like.beta, strict=True))
+    return np.array([known.get(name, 0.0) for name in base.names])
 
 
 def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats) -> str:

@@ -11,7 +11,6 @@ from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.samples import Samples
 from catenary.robots.actuation import Weighting
 
-CHUNK = 4000  # rows whose regressor is held in memory at a time
 SINGULAR = 1e-5  # smallest singular value, columns scaled to one, of a motion that shows its parameters
 
 
@@ -39,9 +38,7 @@ def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples])
     n, b = samples[0].q.shape[1], base.count
     R = np.zeros((n, 0, b + 1))
     for part in samples:
-        for first in range(0, len(part), CHUNK):
-            chunk = slice(first, first + CHUNK)
-            Y = base.regressor(part.q[chunk], part.qd[chunk], part.qdd[chunk], gravity)
+        for chunk, Y in base.chunks(part, gravity):
             rows = np.concatenate([Y, part.tau[chunk, :, None]], axis=2).transpose(1, 0, 2)
             stacked = np.concatenate([R, rows], axis=1)
             if stacked.shape[1] < b + 1:  # fewer rows than columns: QR would give a trapezium
@@ -49,6 +46,13 @@ def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples])
             R = np.stack([_triangle(axis) for axis in stacked])
     count = sum(len(part) for part in samples)
     return Triangles(R, count, sum(part.independent * len(part) for part in samples))
+
+
+def joined(parts: Sequence[Triangles]) -> Triangles:
+    """Return the triangles of several sets of rows together."""
+    stacked = np.concatenate([part.R for part in parts], axis=1)
+    R = np.stack([_triangle(axis) for axis in stacked])
+    return Triangles(R, sum(part.rows for part in parts), sum(part.independent for part in parts))
 
 
 def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:

@@ -277,8 +277,9 @@ def _rows(result: Identification, samples: Sequence[Samples], link: int) -> tupl
     X, y = [], []
     own = slice(PER_LINK * link, PER_LINK * (link + 1))
     for part in samples:
-        predicted = result.predict_unknown(part.q, part.qd, part.qdd, gravity)
-        whole = torque_regressor(result.model, part.q, part.qd, part.qdd, gravity)[:, :, own]
+        predicted = result.predict_samples(part)
+        down, base = part.gravity_rows(gravity), part.base_motion()
+        whole = torque_regressor(result.model, part.q, part.qd, part.qdd, down, base)[:, :, own]
         X.append(whole * weights[:, None])
         y.append((part.tau - predicted) * weights)
     return np.concatenate(X), np.concatenate(y)

@@ -10,7 +10,8 @@ Published below the arm's namespace (/arm1 gold, /arm2 green, never swapped; a P
 - `gravity_torque` (sensor_msgs/JointState, effort) on request: what holds the positioning joints still.
 
 Nothing is published while the robot is not homed: its joint positions mean nothing then. Nor is anything of a message
-that holds NaN or lacks joints: it is counted, and the model begins anew. After a silence the model
+that holds NaN or lacks joints: it is counted, and the model begins anew. While another input of the model (torques,
+gravity) is older than the client allows, `is_valid` is false, and that is counted. After a silence the model
 begins anew, as its previous positions belong to another motion. Where this program does not keep up, it publishes less,
 not later: of messages that have waited too long all go into the model, and the newest is published.
 """
@@ -32,7 +33,7 @@ from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, Dialect, calibrate
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.registration import registration_heard
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError, TransportError
+from catenary.errors import CatenaryError, InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages
 from catenary.plant import JointState
 from catenary.recording.topics import JOINTS, PSM_JOINTS, psm_topic
@@ -59,6 +60,7 @@ class WireReport:
     longest_silence: float  # [s]
     not_homed: int  # messages of a robot that was not homed
     unreadable: int  # messages that held NaN or infinity, or other joints
+    stale: int  # messages that were corrected while another input was too old: published as not valid
     outside: tuple[float, ...]  # share of published messages outside the valid range, per joint of the model
     joint_names: tuple[str, ...]
     leaps: dict[str, int]  # by input: positions that play states did not follow
@@ -77,6 +79,7 @@ class WireReport:
             "not_homed",
             "leaps",
             "unreadable",
+            "stale",
         )
         return {name: getattr(self, name) for name in same} | {
             "latency_us": None if self.latency is None else self.latency.in_us(),
@@ -143,7 +146,12 @@ class CalibratedTopics:
         self._begin = self._last = client.transport.steady()
         self.is_silent = False  # nothing has come from the robot for longer than the client allows
         self._came = self._published = self._late = self._not_homed = self._silences = 0
-        self._unreadable = 0
+        self._unreadable = self._stale = 0
+        self.stale: tuple[str, ...] = ()  # inputs that are too old, in words
+        # torques and the like come on other topics than positions; published torques go by gravity
+        self._has_other_inputs = gravity_torque or any(
+            not signal.startswith("q:") for signal in model.features.signals
+        )
         self._longest = 0.0
         self._outside = np.zeros(len(self._places))
         self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
@@ -187,6 +195,7 @@ class CalibratedTopics:
             longest_silence=self._longest,
             not_homed=self._not_homed,
             unreadable=self._unreadable,
+            stale=self._stale,
             outside=tuple((self._outside / max(1, self._published)).tolist()),
             joint_names=self._model.joint_names,
             leaps=self._corrector.leaps,
@@ -218,10 +227,12 @@ class CalibratedTopics:
             return
         try:
             state = self._client.state_of(received.message)
-        except InputError:
+        except CatenaryError:
             self._unreadable += 1
             self._corrector.reset()
             return
+        self.stale = self._client.stale_inputs() if self._has_other_inputs else ()
+        self._stale += bool(self.stale)
         first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
         self._stamps = (first, stamp, count + 1)
         self._corrector.correct_state(state, self._out, self._inside, self._interval)
@@ -231,7 +242,8 @@ class CalibratedTopics:
             return
         inside = self._inside[self._places]
         self._outside += ~inside
-        self._publisher.publish(stamp, self._out, self._interval, state, is_valid=bool(inside.all()))
+        is_valid = bool(inside.all()) and not self.stale
+        self._publisher.publish(stamp, self._out, self._interval, state, is_valid=is_valid)
         self._published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
 
@@ -251,7 +263,10 @@ class CalibratedTopics:
     def _is_homed(self) -> bool:
         try:
             return self._client.operating_state().is_homed
-        except TransportError:  # the messages that wait are the last ones
+        except (
+            TransportError,
+            InputError,
+        ):  # the messages that wait are the last ones, or a state that is none
             return False
 
 

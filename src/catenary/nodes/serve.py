@@ -81,6 +81,7 @@ class ServerStatus(NamedTuple):
     overflowed: int  # messages that slow clients missed since it began
     is_up: bool  # whether the transport's network answers
     warnings: tuple[str, ...]
+    ended_by: str = ""  # of the last one: the signal's name, or Ctrl-C; empty when its time was over
 
 
 class _Counts(NamedTuple):
@@ -217,6 +218,7 @@ def serve(
     clock = time.perf_counter
     begin = last = _Counts.now(server)
     deadline, lost = begin.time, 0
+    ended_by = ""
 
     def status(since: _Counts, now: _Counts) -> ServerStatus:
         took = max(now.time - since.time, 1e-9)
@@ -251,8 +253,8 @@ def serve(
                 given_up = int((now - deadline) / period)
                 lost += given_up
                 deadline += given_up * period
-    except KeyboardInterrupt:  # how a server is ended
-        pass
+    except KeyboardInterrupt as stop:  # how a server is ended; of a signal it is the name
+        ended_by = str(stop) or "Ctrl-C"
     finally:
         settled.end()
         for arm in server.arms.values():
@@ -260,7 +262,8 @@ def serve(
             if arm.machine.can_change:
                 arm.machine.command("pause")
                 arm.advance()
-    return status(begin, _Counts.now(server))
+        server.say_states()
+    return status(begin, _Counts.now(server))._replace(ended_by=ended_by)
 
 
 def _state_text(arm: ServedArm) -> str:

@@ -13,14 +13,15 @@ from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
 from catenary.documents import cut, json_table, no_file, shortened
 from catenary.errors import FileFormatError, InputError
-from catenary.files import damage, sha256_of, written_whole
+from catenary.files import damage, sha256_of, table_ending, written_whole
 from catenary.plant import MotionLog
 from catenary.recording.importers import numbers_of, read_command_log
-from catenary.recording.table_kind import table_ending
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 
 FORMAT = "catenary.motion_log.1"
+# signals of a base that tilts or turns, and arrays (N, 3) of a `.npz`, in base axes
+ROWS_OF_BASE = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
 PER_JOINT = ("q_nominal", "q_encoder", "qd", "tau")  # prefixes of columns
 
 
@@ -193,8 +194,9 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
     """Read a recording of a robot for identification: a `.parquet` motion log, or a `.npz` of positions and torques.
 
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
-    `t` (N,) [s] if the robot moves. `effort` (N, n) in place of `tau` is what the robot reports raw; the robot's file
-    then gives the torque per unit of it.
+    `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
+    base axes, where the base tilts or turns. `effort` (N, n) in place of `tau` is what the robot reports raw; the
+    robot's file then gives the torque per unit of it.
 
     Raises:
         FileFormatError: No such file, unknown kind, damaged, or an array is missing.
@@ -237,6 +239,12 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         if not (np.isfinite(rate) and rate > 0.0):
             raise InputError(f"{path}: fs is {rate}: expected a rate above zero [Hz]")
         time = np.arange(len(q)) / rate
+    signals = {
+        f"{key}:{axis}": column
+        for key in ROWS_OF_BASE
+        if key in content
+        for axis, column in zip("xyz", _three_columns(path, key, numbers(key, 2)), strict=True)
+    }
     known = q.shape[1] == model.n  # another number of joints is refused by name when it is used
     return MotionLog(
         name=path.stem,
@@ -247,10 +255,23 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         time=time,
         qd=numbers("dq", 2) if "dq" in content else None,
         tau=tau,
+        signals=signals,
+        signal_units={name: ROWS_OF_BASE[name.partition(":")[0]] for name in signals},
         robot=model.name,
         sha256=sha256_of(path),
         notes=notes,
     )
+
+
+def _three_columns(path: Path, key: str, values: Floats) -> Floats:
+    """Return the columns of an array (N, 3).
+
+    Raises:
+        InputError: It has another number of columns.
+    """
+    if values.shape[1] != 3:
+        raise InputError(f"{path}: {key}: expected shape (N, 3), got {values.shape}")
+    return values.T
 
 
 def _require_same(

@@ -42,6 +42,8 @@ _GEOMETRY = (
 )
 _STANDARD = (  # of ROS Noetic, as rosbags has them
     *(f"std_msgs/{name}" for name in ("Header", "String", "Bool", "Empty")),
+    *(f"std_msgs/{name}" for name in ("MultiArrayDimension", "MultiArrayLayout", "Float64MultiArray")),
+    *(f"diagnostic_msgs/{name}" for name in ("KeyValue", "DiagnosticStatus", "DiagnosticArray")),
     *(f"sensor_msgs/{name}" for name in ("JointState", "Joy", "Imu")),
     *(f"geometry_msgs/{name}" for name in _GEOMETRY.split()),
 )
@@ -49,7 +51,17 @@ MAX_DEFINITION = 5000  # characters of fields; that of raven_state with all it c
 MESSAGES = (*_STANDARD, *_OWN)  # types that catenary knows
 # request, response
 SERVICES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"std_srvs/Trigger": ("", "bool success\nstring message\n")}
+    {
+        "std_srvs/Trigger": ("", "bool success\nstring message\n"),
+        "crtk_msgs/QueryForwardKinematics": (
+            "float64[] jp\ngeometry_msgs/Pose cp\n",
+            "geometry_msgs/Pose cp\nbool result\nstring message\n",
+        ),
+        "crtk_msgs/QueryInverseKinematics": (
+            "geometry_msgs/Pose cp\nfloat64[] jp\n",
+            "float64[] jp\nbool result\nstring message\n",
+        ),
+    }
 )
 OLD_NAMES: Mapping[str, str] = MappingProxyType({"crtk_msgs/operating_state": "crtk_msgs/OperatingState"})
 
@@ -118,8 +130,17 @@ def service_md5_sum(name: str) -> str:
     """
     if name not in SERVICES:
         raise FileFormatError(f'service type "{name}": unknown; known are {", ".join(sorted(SERVICES))}')
-    text = "".join(half.strip() for half in SERVICES[name])  # right for fields that are no messages
+    text = "".join(_with_sums(half) for half in SERVICES[name])
     return md5(text.encode(), usedforsecurity=False).hexdigest()
+
+
+def _with_sums(definition: str) -> str:
+    """Return the fields of a definition as ROS 1 sums them up: a message's type stands as its own sum."""
+    lines = []
+    for line in definition.strip().splitlines():
+        kind, name = line.split()
+        lines.append(f"{md5_sum(kind)} {name}" if current_name(kind) in MESSAGES else line)
+    return "\n".join(lines)
 
 
 @cache

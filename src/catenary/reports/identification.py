@@ -127,14 +127,9 @@ def torque_picture(found: Identification, samples: Samples) -> Picture:
     from matplotlib.figure import Figure
 
     n = found.model.n
-    gravity = np.array(found.options.gravity)
     every = max(1, len(samples) // SHOWN)
-    motion = samples.q[::every], samples.qd[::every], samples.qdd[::every]
-    tau, time, predicted = (
-        samples.tau[::every],
-        samples.time[::every],
-        found.predict_unknown(*motion, gravity),
-    )
+    tau, time = samples.tau[::every], samples.time[::every]
+    predicted = found.predict_samples(samples)[::every]
     figure = Figure(figsize=(10.0, 1.7 * n), layout="constrained")
     axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
     for i, axis in enumerate(axes):

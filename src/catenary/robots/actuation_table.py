@@ -38,6 +38,10 @@ class FrictionTable(EffectTable):
     coulomb: bool = True
     viscous: bool = True
     offset: bool = True
+    asymmetric: bool = False
+    stribeck_velocity: Positive | None = None  # rad/s or m/s
+    load: bool = False
+    presliding_distance: Positive | None = None  # rad or m
 
 
 class LeverTable(Settings):
@@ -103,7 +107,18 @@ def read_actuation(path: Path, table: ActuationTable, names: Sequence[str]) -> A
 
     return Actuation(
         friction=tuple(
-            Friction(t.name, row("friction", t, t.on), t.coulomb, t.viscous, t.offset) for t in table.friction
+            Friction(
+                t.name,
+                row("friction", t, t.on),
+                t.coulomb,
+                t.viscous,
+                t.offset,
+                t.asymmetric,
+                t.stribeck_velocity,
+                t.load,
+                t.presliding_distance,
+            )
+            for t in table.friction
         ),
         motor_inertia=tuple(MotorInertia(t.name, row("motor_inertia", t, t.on)) for t in table.motor_inertia),
         springs=tuple(Spring(t.name, row("spring", t, t.on), _lever(t.lever)) for t in table.spring),

@@ -30,6 +30,7 @@ from catenary.robots.plausible import (
     check_names,
     check_within,
 )
+from catenary.robots.quarter_turns import quarter_turn_notes
 from catenary.spatial import Pose, as_rotation, identity_pose
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
@@ -143,6 +144,7 @@ def assemble(
         more = f"; and {len(doubted) - SHOWN} more" if len(doubted) > SHOWN else ""
         _log.warning("%s: %s%s", where, "; ".join(doubted[:SHOWN]), more)
 
+    tree, offset = _tree(folded), np.array([link.offset for link in folded.moving])
     moved = [[link.variable.get(c.name, 0.0) for c in coordinates] for link in folded.moving]
     all_frames = _all_frames(where, folded.carrier, frames or {})
     tip = tip if tip is not None else _deepest(ordered)
@@ -153,9 +155,9 @@ def assemble(
         joint_names=tuple(c.name for c in coordinates),
         joint_units=tuple(c.unit for c in coordinates),
         link_names=tuple(link.name for link in folded.moving),
-        tree=_tree(folded),
+        tree=tree,
         coupling=np.array(moved, dtype=float),
-        offset=np.array([link.offset for link in folded.moving]),
+        offset=offset,
         lower=np.array([c.lower for c in coordinates]),
         upper=np.array([c.upper for c in coordinates]),
         velocity_limit=np.array([c.velocity for c in coordinates]),
@@ -169,7 +171,7 @@ def assemble(
         closed_form=closed_form,
         actuation=actuation,
         sources=tuple(sources),
-        notes=tuple(notes),
+        notes=(*notes, *quarter_turn_notes(tuple(link.name for link in folded.moving), tree, offset)),
         doubts=tuple(doubted),
     ).with_massless(massless)
 

@@ -1,4 +1,4 @@
-"""Robots by name, or from a file: TOML tables, URDF and MJCF."""
+"""Robots by name, or from a file: TOML tables, URDF, MJCF, and what was identified."""
 
 from difflib import get_close_matches
 from importlib.resources import as_file, files
@@ -21,8 +21,8 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
     """Load a robot by catalogue name, from a file, or from the text of a URDF.
 
     Args:
-        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, or MJCF (`.xml`, `.mjcf`), or URDF itself,
-            as ROS has it in `robot_description`.
+        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, MJCF (`.xml`, `.mjcf`) or the `.npz` that
+            identification wrote, or URDF itself, as ROS has it in `robot_description`.
         massless: Links that have no inertia in the file and are meant to have none; "all" for all such.
         strict: Refuse inertias that are missing or that no body has, and masses of zero. Otherwise the model names
             them in `doubts`, they are logged, and what would be wrong with them is refused when it is asked for.
@@ -50,7 +50,7 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
 
 
 def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
-    """Load a robot from a `.toml`, `.urdf`, `.xml` or `.mjcf` file; an `.xml` may hold either XML kind.
+    """Load a robot from a `.toml`, `.urdf`, `.xml`, `.mjcf` or `.npz` file; an `.xml` may hold either XML kind.
 
     Raises:
         FileFormatError: The ending, or the XML's root element, is not one of these.
@@ -61,6 +61,10 @@ def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> R
         from catenary.robots.table import load_table
 
         return load_table(path, massless=massless, strict=strict)
+    if kind == ".npz":
+        from catenary.robots.identified import load_identified
+
+        return load_identified(path, massless=massless)
     if kind == ".xacro":
         from catenary.robots.urdf import XACRO_HINT
 
@@ -78,7 +82,7 @@ def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> R
         raise FileFormatError(
             f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)"
         )
-    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml or .mjcf')
+    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml, .mjcf or .npz')
 
 
 def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> RobotModel:

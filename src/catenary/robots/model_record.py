@@ -75,6 +75,10 @@ class FrictionRecord(TermRecord):
     coulomb: bool
     viscous: bool
     offset: bool
+    asymmetric: bool = False
+    stribeck: float | None = None
+    load: bool = False
+    presliding: float | None = None
 
 
 class LeverRecord(Recorded):
@@ -110,6 +114,7 @@ class ActuationRecord(Recorded):
     weighting: Weighting
     coulomb_velocity: Annotated[float, Field(ge=0.0)]
     effort_scale: Row | None = None
+    values: Annotated[tuple[float, ...], Field(max_length=10 * MOST_LINKS)] | None = None
 
 
 class RobotRecord(Recorded):
@@ -262,6 +267,7 @@ def _actuation(content: ActuationRecord, n: int) -> Actuation:
         weighting=content.weighting,
         coulomb_velocity=content.coulomb_velocity,
         effort_scale=None if content.effort_scale is None else np.array(content.effort_scale),
+        values=None if content.values is None else np.array(content.values),
     )
     check_actuation("actuation", actuation, n)
     return actuation

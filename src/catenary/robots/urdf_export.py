@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.errors import UnsupportedModelError
 from catenary.files import write_atomically
+from catenary.robots.joint_drives import JointDrives, joint_drives
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose
 
@@ -32,7 +33,8 @@ def urdf_text(model: RobotModel) -> str:
     """Return a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
 
     A link whose inertia about its centre of mass is not known has none here either. Coordinates that move no link
-    (motors that carry friction only) have no place in URDF and are left out, and so is the actuation.
+    (motors that carry friction only) have no place in URDF and are left out. Of an actuation whose numbers are known
+    the Coulomb and viscous friction of joints by themselves is written (<dynamics>); URDF has nothing for the rest.
 
     Raises:
         UnsupportedModelError: A joint that follows several coordinates at once, or a coordinate that no joint follows
@@ -41,9 +43,10 @@ def urdf_text(model: RobotModel) -> str:
     root = Element("robot", name=model.name)
     SubElement(root, "link", name=BASE)
     drives = _drives(model)
+    friction = None if model.actuation is None else joint_drives(model.actuation, model.n)
     for i in range(len(model.link_names)):
         _add_link(root, model, i)
-        _add_joint(root, model, i, drives)
+        _add_joint(root, model, i, drives, friction)
     for name, (link, pose) in model.frames.items():
         moved = not (np.array_equal(pose.rotation, np.eye(3)) and not pose.position.any())
         if name == BASE or (name in model.link_names and not moved):
@@ -104,7 +107,9 @@ def _add_link(root: Element, model: RobotModel, i: int) -> None:
     SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in entries})
 
 
-def _add_joint(root: Element, model: RobotModel, i: int, drives: list[_Drive]) -> None:
+def _add_joint(
+    root: Element, model: RobotModel, i: int, drives: list[_Drive], friction: JointDrives | None
+) -> None:
     coordinate, factor, leads = drives[i]
     slides = bool(model.tree.prismatic[i])
     low, high = sorted(
@@ -139,6 +144,9 @@ def _add_joint(root: Element, model: RobotModel, i: int, drives: list[_Drive]) -
     fastest = abs(factor) * float(model.velocity_limit[coordinate])
     strongest = float(model.effort_limit[coordinate])
     SubElement(joint, "limit", bounds, velocity=_finite(fastest), effort=_finite(strongest))
+    if leads and friction is not None:
+        damping, coulomb = friction.damping[coordinate], friction.friction[coordinate]
+        SubElement(joint, "dynamics", damping=repr(float(damping)), friction=repr(float(coulomb)))
 
 
 def _add_origin(joint: Element, pose: Pose) -> None:

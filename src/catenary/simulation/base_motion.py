@@ -141,6 +141,10 @@ class BaseTimeline:
         self._number = -1
         self._block = BaseSamples(np.empty((0, 3)), np.empty((0, 3, 3)))
 
+    def of(self, base: MovingBase) -> "BaseTimeline":
+        """Return the timeline of another base, with the same period."""
+        return BaseTimeline(base, self._period)
+
     def rows(self, first: int, count: int) -> tuple[BaseSamples, int]:
         """Return the motion from tick `first` on, and for how many ticks it holds, `count` at most.
 

@@ -22,6 +22,7 @@ from catenary.simulation.own_gravity import grav_dir_of, gravity_of, own_gravity
 from catenary.simulation.records import AXES, OFF, POSITIONING, TOOLS
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.simulation.ticks import run_ticks
+from catenary.transmission.drift import LARGEST_LOSS
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
@@ -64,8 +65,6 @@ class CablePlant(FirmwarePlant[TickLog]):
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')
-        if not payload >= 0.0 or not np.isfinite(payload):
-            raise InputError(f"payload: expected zero or more kg, got {payload}")
         if substeps < 1:
             raise InputError(f"substeps: expected at least 1, got {substeps}")
         rng = np.random.default_rng(0 if seed is None else seed)
@@ -73,12 +72,11 @@ class CablePlant(FirmwarePlant[TickLog]):
         drawn = drawn if seed is None else varied(drawn, rng)
         self.arm = drawn if side == "left" else right_arm(drawn)
         super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
-        self.side, self.seed, self.substeps, self.payload = side, seed, substeps, payload
+        self.side, self.seed, self.substeps = side, seed, substeps
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
-        links = positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree
-        # writable ones, as deep copies are: compiled code is compiled once more for another kind of array
-        self._tree = Tree._make(np.array(part) for part in links)
+        self._positioning = positioning
+        self.carry(payload)
         # the arm's parameters and the firmware's; others may be put in place of them
         self.cable, self.firmware = self.arm.cable.copy(), self.arm.firmware.copy()
         self.state = ArmState()
@@ -137,6 +135,43 @@ class CablePlant(FirmwarePlant[TickLog]):
     def external_encoders(self) -> Floats:
         """Return where the external encoders see the positioning joints, (3,) [rad, rad, m]."""
         return self.encoders.positions(self.encoders.counts(self.state.q))
+
+    # what only a simulator can do
+
+    def carry(self, payload: float) -> None:
+        """Carry a mass [kg] at the tool's wrist from now on, in place of the last one.
+
+        Raises:
+            InputError: Not zero or more.
+        """
+        if not payload >= 0.0 or not np.isfinite(payload):
+            raise InputError(f"payload: expected zero or more kg, got {payload}")
+        self.payload = payload
+        links = self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree
+        # writable ones, as deep copies are: compiled code is compiled once more for another kind of array
+        self._tree = Tree._make(np.array(part) for part in links)
+
+    def rub(self, factor: float) -> None:
+        """Rub with so many times the arm's own Coulomb friction from now on, at rotors and joints.
+
+        Raises:
+            InputError: Not zero or more.
+        """
+        if not factor >= 0.0 or not np.isfinite(factor):
+            raise InputError(f"friction: expected zero or more times the arm's own, got {factor}")
+        for name in ("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction"):
+            setattr(self.cable, name, factor * getattr(self.arm.cable, name))
+
+    def wear(self, share: float) -> None:
+        """Wear the cables: their permanent set and lost stiffness become a share, 0 to 1, of the largest there are.
+
+        Raises:
+            InputError: Not from 0 to 1.
+        """
+        if not 0.0 <= share <= 1.0:
+            raise InputError(f"wear: expected a share from 0 to 1, got {share}")
+        self.state.slack = share * self.cable.set_side * self.cable.largest_set
+        self.state.loss = np.full(POSITIONING, share * LARGEST_LOSS)
 
     @property
     def identity(self) -> dict[str, object]:

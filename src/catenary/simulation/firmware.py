@@ -112,7 +112,10 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
     wanted = np.zeros(AXES)
-    if control.mode[0] == TORQUE:  # the positioning joints are whenever any is
+    pushed = False
+    for j in range(7):
+        pushed = pushed or control.mode[j] == TORQUE
+    if pushed:
         _bound_torques(firmware, control, wanted)
     cable = tensions_for(firmware.coupling, wanted)
     for j in range(7):

@@ -1,6 +1,7 @@
 """Any robot on any base, simulated: MuJoCo's rigid bodies, catenary's couplings, friction, springs and stops."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -180,6 +181,15 @@ class MujocoPlant(SimulatedPlant):
     def detach(self) -> None:
         """Carry nothing from now on."""
         self._take_up(None)
+
+    def rub(self, friction: ArrayLike) -> None:
+        """Rub with other Coulomb friction from now on, one number for all joints or (n,) [Nm|N].
+
+        Raises:
+            InputError: Negative or not finite, or another number of joints.
+        """
+        self._hardware = replace(self._hardware, friction=friction)
+        self._joints = drive_parameters(self.model, self._hardware, self._dynamics.dof, self._dynamics.at)
 
     def _take_up(self, payload: Payload | None) -> None:
         """Compile the robot with what it carries; masses are constants to MuJoCo."""

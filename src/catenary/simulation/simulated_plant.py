@@ -42,6 +42,10 @@ class SimulatedPlant(ABC):
         """What the robot stands on."""
         return self._base.base
 
+    def stand_on(self, base: MovingBase) -> None:
+        """Stand on another base from now on; one that goes on where the last one is moves the arm without a jolt."""
+        self._base = self._base.of(base)
+
     @property
     def time(self) -> float:
         """Time since power-on [s]."""
@@ -51,6 +55,11 @@ class SimulatedPlant(ABC):
     def ticks(self) -> int:
         """Ticks since power-on."""
         return self._tick
+
+    @property
+    def fault_reason(self) -> str:
+        """Why it is in FAULT; empty in other states."""
+        return self._fault.removeprefix(": ") if self._state == "FAULT" else ""
 
     @abstractmethod
     def measured_js(self) -> JointState:

@@ -14,6 +14,7 @@ from catenary.verdict.correspondence import correspondence_findings, joints_in_p
 from catenary.verdict.extent import extent_findings
 from catenary.verdict.finding import Finding, judge, require_names
 from catenary.verdict.lag import lag_findings
+from catenary.verdict.levels import leap_findings, turn_findings
 from catenary.verdict.pairs import Pairs, pairs_of
 from catenary.verdict.sensors import outlier_findings, sensor_findings, zero_findings
 from catenary.verdict.stamps import stamp_findings
@@ -62,15 +63,18 @@ def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
         pairs: Rows.
         wrong: Joints of which something is known to be wrong; they may stand still for that.
     """
+    turns = turn_findings(pairs)
+    turned = {joint for each in turns for joint in each.joints}
     place = joints_in_place(pairs)
     late = lag_findings(pairs, place)
     swapped, single = correspondence_findings(pairs, place)
     if any(each.refuses for each in late):  # rows out of step follow nothing, and their slopes mean nothing
-        return [*swapped, *late]
-    slopes = slope_findings(pairs, place)
-    wrong = {*wrong, *(joint for each in (*single, *slopes) for joint in each.joints)}
-    still = [each for each in sensor_findings(pairs, place) if not wrong & set(each.joints)]
-    return [*swapped, *single, *slopes, *still]
+        return [*swapped, *turns, *late]
+    # correlations and slopes of measurements on two levels mean nothing either
+    first = [each for each in (*single, *slope_findings(pairs, place)) if not turned & set(each.joints)]
+    wrong = {*wrong, *turned, *(joint for each in first for joint in each.joints)}
+    others = [*sensor_findings(pairs, place), *leap_findings(pairs, place)]
+    return [*swapped, *turns, *first, *(each for each in others if not wrong & set(each.joints))]
 
 
 def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel | None:

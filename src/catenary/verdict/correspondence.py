@@ -15,6 +15,12 @@ FOLLOWS = 0.5  # least correlation, of either sign, of a measurement that follow
 SAME_MOTION = 0.5  # spread of a measurement over that of its command, from which on it moves on its own
 LEAST_SPREAD = 1.0  # [deg, mm] of a motion from which a correlation can be told
 NEAR = 0.5  # [deg, mm] distance between command and measurement below which nearer is no better
+COPIED = (
+    0.5  # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
+)
+SINGLE = 1e-6  # of a position, to which single precision keeps it
+# of a measurement's variance, that its own command leaves, where all commands together leave a tenth of it
+MIXED, MIXED_LESS = 0.1, 10.0
 
 
 def joints_in_place(pairs: Pairs) -> NDArray[np.int64]:
@@ -67,14 +73,14 @@ def _distances(pairs: Pairs) -> Floats:
 
 
 def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[list[Finding], list[Finding]]:
-    """Find swapped joints; and flipped signs, and measurements that follow nothing.
+    """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing.
 
     Args:
         pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     names, own = pairs.names, np.arange(len(place))
-    findings: list[Finding] = []
+    findings = [*_copied(pairs), *_mixed(pairs, place)]
     for i in own[pairs.moved[place] & pairs.seen_moving]:
         r = float(pairs.correlation[i, place[i]])
         spread, of_command = float(pairs.m[:, i].std()), float(pairs.q[:, place[i]].std())
@@ -100,6 +106,52 @@ def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[lis
                 )
             )
     return _swaps(pairs, place), findings
+
+
+def _copied(pairs: Pairs) -> list[Finding]:
+    """Find measurements that are their own commands."""
+    same = np.abs(pairs.m - pairs.q) <= SINGLE * np.abs(pairs.q)
+    joints = np.flatnonzero(pairs.moved & (same.mean(axis=0) > COPIED))
+    if not len(joints):
+        return []
+    count = int(same[:, joints].all(axis=1).sum())
+    return [
+        Finding(
+            "copied",
+            tuple(pairs.names[i] for i in joints),
+            f"on {count} of {len(same)} measured rows the measurement is the command itself",
+            "one column taken for both, or commands filled in where nothing was measured",
+        )
+    ]
+
+
+def _mixed(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+    """Find measurements that are sums of several joints' commands."""
+    findings = []
+    moving = np.flatnonzero(pairs.moved)
+    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving):
+        alone = 1.0 - float(pairs.correlation[i, place[i]]) ** 2
+        rows = pairs.likely[:, i]
+        if alone < MIXED or rows.sum() < 4 * len(moving):
+            continue
+        X = pairs.q[np.ix_(rows, moving)]
+        X, y = X - X.mean(axis=0), pairs.m[rows, i] - pairs.m[rows, i].mean()
+        weights = np.linalg.lstsq(X, y, rcond=None)[0]
+        together = float(np.square(y - X @ weights).sum() / np.square(y).sum())
+        if alone < MIXED_LESS * together:
+            continue
+        shares = np.abs(weights) * X.std(axis=0)
+        parts = [pairs.names[moving[k]] for k in np.argsort(-shares, kind="stable")[:2]]
+        findings.append(
+            Finding(
+                "mixed",
+                (pairs.names[i],),
+                f"the measurement is a sum of commands, of {parts[0]} and {parts[1]} above all: alone its own leaves "
+                f"{alone:.0%} of its variance, all together {together:.1%}",
+                "motor positions in place of joint positions, or another frame",
+            )
+        )
+    return findings
 
 
 def _swaps(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:

@@ -24,6 +24,7 @@ FEWEST_WINDOWS = 3  # in which a lag must be clear for two clocks to be told fro
 MOST_PAIRS = 3000  # rows that a lag is judged by
 LEAST_SHARE = 1e-6  # unexplained, that counts as none
 APART = 3  # rows by which lags must differ along the recording
+WORSE = 1.3  # times more unexplained variance, that rows in step may leave a joint: early rows cancel its hysteresis
 
 
 def lag_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
@@ -107,7 +108,7 @@ def _lag(log: MotionLog, place: NDArray[np.int64], part: slice, stride: int) -> 
     gains = costs[reach] - costs  # (lags, joints), logarithms
     mean = gains.mean(axis=1)
     best = int(np.argmax(mean))
-    if mean[best] < np.log(CLEARLY) or (gains[best] < -0.1).any():
+    if mean[best] < np.log(CLEARLY) or (gains[best] < -np.log(WORSE)).any():
         return 0
     return int(lags[best])
 

@@ -21,6 +21,9 @@ WINDOWS = (20, 100, 400)  # rows
 FEW = 0.02
 SAME = 0.5  # of the rows, on which joints stand still together
 MOST_SHOWN = 4  # stretches that a message lists
+# of the rows that repeat all of the last measurement, and of what a command moves in the others: encoders repeat
+# themselves where the arm is slow, a slow sensor's last reading is repeated at any speed
+HELD, AS_FAST = 0.1, 0.5
 
 
 def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
@@ -49,7 +52,26 @@ def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
                 break
         else:
             stuck.append(([i], still))
-    return [_stuck(pairs, joints, rows) for joints, rows in stuck]
+    return [_stuck(pairs, joints, rows) for joints, rows in stuck] or _held(pairs)
+
+
+def _held(pairs: Pairs) -> list[Finding]:
+    """Note readings that are written again and again until the next one comes."""
+    moved = np.abs(np.diff(pairs.q, axis=0)).max(axis=1)
+    repeats = (np.diff(pairs.m, axis=0) == 0.0).all(axis=1) & (moved > 0.0)
+    anew = ~repeats & (moved > 0.0)
+    if (
+        not anew.any()
+        or repeats.mean() < HELD
+        or np.median(moved[repeats]) < AS_FAST * np.median(moved[anew])
+    ):
+        return []
+    says = (
+        f"{int(repeats.sum())} of {len(pairs.m)} measured rows repeat the measurement before, on every joint, while "
+        "the commands move; expected ok to be set where something was measured"
+    )
+    culprit = "a sensor slower than the recorder, whose last reading was written again"
+    return [Finding("stuck", (), says, culprit, refuses=False)]
 
 
 def _stuck(pairs: Pairs, joints: list[int], still: NDArray[np.bool_]) -> Finding:
@@ -137,7 +159,7 @@ def outlier_findings(log: MotionLog) -> list[Finding]:
             "outliers",
             (name,),
             f"{count} of {len(errors)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations "
-            f"({OUTLIER_SPREADS * spread:.2g} {DISPLAY[unit][0]})",
+            f"({_plain(OUTLIER_SPREADS * spread)} {DISPLAY[unit][0]})",
             "measurement failures",
             _max_error(log, log.ok),
             refuses=False,
@@ -155,4 +177,9 @@ def _max_error(log: MotionLog, rows: NDArray[np.bool_]) -> str:
     scale = np.array([DISPLAY[unit][1] for unit in log.joint_units])
     errors = scale * (log.q_encoder - log.q_nominal)[rows]
     far = np.abs(np.median(errors, axis=0)) + OUTLIER_SPREADS * np.maximum(outliers(errors)[1], 0.1)
-    return f"--max-error {','.join(f'{limit:.2g}' for limit in far)}"
+    return f"--max-error {','.join(_plain(limit) for limit in far)}"
+
+
+def _plain(limit: float) -> str:
+    """Return two digits of a number, without an exponent."""
+    return np.format_float_positional(limit, precision=2, unique=False, fractional=False, trim="-")

@@ -8,15 +8,18 @@ import re
 from itertools import groupby
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import ActuationLoads, ActuationTerm
+from catenary.dynamics.actuation import SLIDING, ActuationLoads
 from catenary.kernels.c99 import c_comment
-from catenary.robots.actuation import KnownTorque
+from catenary.robots.actuation import ActuationTerm, KnownTorque
 
-FRICTION = ("coulomb", "viscous", "offset")
+FRICTION = (*SLIDING, "offset")
 
 
 def c_friction(loads: ActuationLoads, name: str) -> str:
-    """Write `NAME_friction(qd, out)`: what Coulomb and viscous friction and constants ask of the actuators."""
+    """Write `NAME_friction(qd, out)`: what friction and constants ask of the actuators, in steady sliding.
+
+    Where friction depends on the load it is `NAME_friction(qd, carried, out)`.
+    """
     smooth = loads.actuation.coulomb_velocity
     how = (
         f"Coulomb friction goes through zero as tanh(speed / {smooth!r})"
@@ -24,16 +27,20 @@ def c_friction(loads: ActuationLoads, name: str) -> str:
         else "Coulomb friction has the sign of the speed, and is none at rest"
     )
     pairs = [pair for pair in _numbered(loads) if pair[0].kind in FRICTION]
+    extra, carried = "", ""
+    if loads.depends_on_load:
+        extra = "const double *carried, "
+        carried = f" It grows with carried[{loads.n}], the torques of links and drives."
     blocks = []
     for effect_name, group in groupby(pairs, key=lambda pair: pair[0].name):
         effect = list(group)
-        parts = [_friction(term.kind, value, smooth) for term, value in effect]
+        parts = [_friction(term, value, smooth) for term, value in effect]
         blocks.append(_block(f"friction {effect_name}", effect[0][0].combination, "qd", parts))
     return "\n".join(
         [
             f"/* Friction: torques out[{loads.n}] [Nm, N] that it asks of the actuators at speeds qd[{loads.n}], as",
-            f"   identified. {how}. */",
-            f"static inline void {name}_friction(const double *qd, double *out) {{",
+            f"   identified. {how}.{carried} */",
+            f"static inline void {name}_friction(const double *qd, {extra}double *out) {{",
             *_zeros(loads.n),
             *blocks,
             "  (void)qd;",
@@ -74,14 +81,23 @@ def _numbered(loads: ActuationLoads) -> list[tuple[ActuationTerm, float]]:
     return list(zip(loads.terms, map(float, loads.values), strict=True))
 
 
-def _friction(kind: str, value: float, smooth: float) -> str:
-    if kind == "viscous":
+def _friction(term: ActuationTerm, value: float, smooth: float) -> str:
+    if term.kind == "viscous":
         return f"{value!r} * s"
-    if kind == "offset":
+    if term.kind == "asymmetric":
+        return f"{value!r} * fabs(s)"
+    if term.kind == "offset":
         return repr(value)
-    return f"{value!r} * " + (
+    step = f"{value!r} * " + (
         f"tanh(s / {smooth!r})" if smooth > 0.0 else "(s > 0.0 ? 1.0 : s < 0.0 ? -1.0 : s)"
     )
+    if term.kind == "stribeck":
+        return f"{step} * exp(-(s / {term.scale!r}) * (s / {term.scale!r}))"
+    if term.kind == "load":
+        c = term.combination
+        along = _sum_of_joints(c, "carried")
+        return f"{step} * fabs({along}) / {float(c @ c)!r}"
+    return step
 
 
 def _drive(term: ActuationTerm, value: float) -> str:
@@ -101,7 +117,7 @@ def _known(term: KnownTorque) -> str:
 
 def _block(what: str, combination: Floats, of: str, loads: list[str], along: Floats | None = None) -> str:
     """Write one effect: its load on s = c . q, qd or qdd, put out along c, or along another combination."""
-    sum_of_joints = " + ".join(f"{_factor(float(c))}{of}[{k}]" for k, c in enumerate(combination) if c != 0.0)
+    sum_of_joints = _sum_of_joints(combination, of)
     put = combination if along is None else along
     load = " + ".join(loads)
     return "\n".join(
@@ -113,6 +129,10 @@ def _block(what: str, combination: Floats, of: str, loads: list[str], along: Flo
             "  }",
         ]
     )
+
+
+def _sum_of_joints(combination: Floats, of: str) -> str:
+    return " + ".join(f"{_factor(float(c))}{of}[{k}]" for k, c in enumerate(combination) if c != 0.0)
 
 
 def _factor(c: float) -> str:

@@ -8,10 +8,9 @@ import numpy as np
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.dynamics.actuation import ActuationLoads
+from catenary.dynamics.actuation import ActuationLoads, known_loads
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.identification.files import load_identification
 from catenary.kernels.c99 import c_comment, c_name
 from catenary.robots.model import RobotModel
 from catenary.workflows.c_robot import c_gravity, c_motion, c_values
@@ -42,8 +41,8 @@ def c_header(
         model: The robot; the correction alone when None, or where links have no inertia.
         calibration: Its calibration model; no correction when None.
         rate_hz: Of the loop that the correction will run in [Hz]; matters to models with previous positions.
-        loads: The robot's friction, rotors, springs and known torques (`Identification.loads`), which the feedforward
-            then includes.
+        loads: Its friction, rotors, springs and known torques, which the feedforward then includes; those that it
+            brings, as an identified robot does, when None.
 
     Raises:
         MissingInertiaError: Links without inertia, and no calibration model, or loads that would be left out.
@@ -58,6 +57,8 @@ def c_header(
     if model is not None:
         if loads is not None:
             model.require_inertia()
+        elif not model.missing_tensor and not model.missing_inertia:
+            loads = known_loads(model)
         if calibration is None:
             model.require_masses()
         if model.missing_inertia:
@@ -74,6 +75,7 @@ def c_header(
                 )
             else:
                 motion = c_motion(model, name, loads)
+                notes += _without_memory(loads)
                 quantities, functions = quantities + motion.text, functions + motion.names
     guard = f"CATENARY_{name.upper()}_H"
     what = "Calibration model" if model is None else f"Robot {c_comment(model.name)}"
@@ -102,6 +104,16 @@ def c_header(
     return Header("\n".join([*text, f"#endif /* {guard} */", ""]), tuple(functions), tuple(notes))
 
 
+def _without_memory(loads: ActuationLoads | None) -> list[str]:
+    """Return a note on friction that depends on what was before: a function of one instant does not know it."""
+    names = [] if loads is None else [term.name for term in loads.terms if term.kind == "presliding"]
+    if not names:
+        return []
+    return [
+        f"presliding friction of {', '.join(names)} is written as in steady sliding, where it is Coulomb friction"
+    ]
+
+
 def _other_joints(robot: RobotModel | CalibrationModel, calibration: CalibrationModel) -> list[str]:
     known = set(zip(robot.joint_names, robot.joint_units, strict=True))
     calibrated = zip(calibration.joint_names, calibration.joint_units, strict=True)
@@ -112,22 +124,6 @@ def _other_joints(robot: RobotModel | CalibrationModel, calibration: Calibration
         f"the calibration model's joints {', '.join(missing)} are none of the robot's, "
         f"{_joints(robot.joint_names, robot.joint_units)}; the two are exported side by side"
     ]
-
-
-def read_identified(path: Path) -> tuple[RobotModel, ActuationLoads]:
-    """Return the robot of identified parameters, and its friction, rotors, springs and known torques.
-
-    Raises:
-        FileFormatError: No such file, or not identified parameters.
-        InputError: They were not fitted as those of bodies.
-    """
-    found, _ = load_identification(path)
-    if found.phi is None:
-        raise InputError(
-            f"{path}: holds combinations of links' parameters, from which no mass matrix follows; "
-            "identify once more with --consistent"
-        )
-    return found.robot(), found.loads()
 
 
 def write_header(header: Header, path: Path) -> None:

@@ -128,12 +128,14 @@ static inline void {name}_feedforward(const double *q, const double *qd, const d
     links = f"  {name}_inverse_dynamics(q, qd, qdd, gravity, omega ? omega : still, alpha ? alpha : still, out);\n"
     if loads is None:
         return f"{head}{links}}}\n"
+    carried = "out, " if loads.depends_on_load else ""
     return f"""\
 {head}  double friction[{loads.n}], drives[{loads.n}];
   int k;
-{links}  {name}_friction(qd, friction);
-  {name}_drives(q, qdd, drives);
-  for (k = 0; k < {loads.n}; ++k) out[k] += friction[k] + drives[k];
+{links}  {name}_drives(q, qdd, drives);
+  for (k = 0; k < {loads.n}; ++k) out[k] += drives[k];
+  {name}_friction(qd, {carried}friction);
+  for (k = 0; k < {loads.n}; ++k) out[k] += friction[k];
 }}
 """
 

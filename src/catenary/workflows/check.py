@@ -11,12 +11,12 @@ from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
 from catenary.errors import FileFormatError
+from catenary.files import table_ending
 from catenary.identification.files import load_identification
 from catenary.identification.identification import Identification
 from catenary.identification.residuals import LogResidual
 from catenary.plant import MotionLog
 from catenary.recording.foreign.read import Reading, read_recording
-from catenary.recording.table_kind import table_ending
 from catenary.reports.file_facts import (
     DynamicsFacts,
     FileFacts,

@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,8 @@ class IdentifyResult:
             "joints": list(result.model.joint_names),
             "terms": result.options.terms,
             "physically_consistent": result.phi is not None,
+            "prior_weight": result.prior_weight,
+            "friction": [asdict(part) for part in result.friction],
             "training": [residual_record(r) for r in result.training],
             "tests": [residual_record(r) for r in result.tests],
             "notes": list(self.notes),
@@ -93,6 +95,9 @@ def identify_files(
         parted = [alternate_blocks(part, options.blocks) for part in training]
         training = [part[0] for part in parted]
         held_out = [*(part[1] for part in parted), *held_out]
+    # an axis of the wrong sign has friction below zero, and is told by it: doubts are about a fit that lets it
+    free = identify_samples(training, model, replace(options, consistent=False, friction=())).test(held_out)
+    doubts = judge(_findings(free, training, held_out), accept)
     result = identify_samples(training, model, options).test(held_out)
     notes = [f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes]
     seen = {log.sha256 for log in read}
@@ -101,7 +106,7 @@ def identify_files(
     notes += filter_notes(model, options)
     notes += _doubts(result, training, held_out)
     notes += judge(stamps, accept)
-    notes += judge(_findings(result, training, held_out), accept)
+    notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
     card = identification_card(result, data, tuple(notes))

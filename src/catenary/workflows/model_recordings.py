@@ -7,11 +7,11 @@ from pathlib import Path
 from catenary.archives import read_arrays
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
+from catenary.files import table_ending
 from catenary.plant import MotionLog
 from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_recording
 from catenary.recording.logs import read_log
-from catenary.recording.table_kind import table_ending
 
 
 def recordings_for(

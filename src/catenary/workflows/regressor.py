@@ -86,6 +86,7 @@ class RegressorReport:
         turning = self.bases["turning"].count - tilted.count
         if turning > 0:
             said.append(f"turning it during the measurement adds {turning} more")
+        said += [note for note in self.model.notes if "quarter turns" in note]
         if self.model.massless:
             said.append(f"massless, and so left out: {', '.join(self.model.massless)}")
         if self.model.missing_inertia:
@@ -134,6 +135,7 @@ class RegressorReport:
 def describe_regressor(model: RobotModel) -> RegressorReport:
     """Describe a robot's gravity regressor; values need inertia, everything else does not."""
     compact = compact_regressor(model)
+    model = compact.model  # its quarter turns exact
     known = not model.missing_inertia
     return RegressorReport(
         model=model,

@@ -23,6 +23,22 @@ def test_serving_prints_a_line_a_second_and_sums_up():
     assert lines[-1]["lost_ticks"] == 0
 
 
+def test_a_signal_pauses_the_arms_and_the_last_lines_say_so(monkeypatch):
+    from catenary.cli.signals import EndedBySignal
+
+    monkeypatch.setattr(serve, "time", ManualTime())
+    heard = []
+
+    def show(status):
+        heard.append(status)
+        raise EndedBySignal("SIGTERM")
+
+    monkeypatch.setattr("catenary.cli.beside.serve._show", show)
+    result = catenary("serve", "--ros", "none", "--homed", "--start", "--duration", "60")
+    assert heard
+    assert "ended by SIGTERM: gold PAUSED homed, green parked" in result.err
+
+
 def test_a_person_reads_state_and_rate():
     options = ("--dialect", "crtk", "--duration", "1.2", "--rate", "200")
     result = catenary("serve", "--ros", "none", "--homed", *options)

@@ -13,7 +13,7 @@ from catenary.errors import LimitError, NotReadyError
 from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.waypoints import follow_waypoints
-from catenary.workflows.project import calibrate
+from catenary.workflows.project import calibrate, ros_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, TRAIN, calibrate_robot
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
@@ -69,6 +69,34 @@ def test_homing_asks_for_what_is_missing_only_and_checks_the_answer(tmp_path: Pa
     assert any("not yet: the robot is DISABLED, not homed" in text for text in person.told)
     content = json.loads((tmp_path / "project/robot/home.json").read_text())
     assert_allclose(content["external_encoders"], START[:3] + OFFSET)
+
+
+def test_encoders_are_asked_for_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They register while the robot homes, and their first reading comes a moment after it is homed."""
+    setup = on_loopback(EncodedPlant(ready=False))
+    silent = ["no reading"] * 10
+    monkeypatch.setattr(ros_robot, "_not_registered", lambda client: silent.pop() if silent else None)
+
+    def press() -> None:
+        setup.robot.plant.state_command("enable")
+        setup.robot.plant.state_command("home")
+
+    person = Person(button=press)
+    RosRobot(setup.transport, person, simulated=True, homing_patience=0.5).home(project(tmp_path))
+    assert silent == []
+    assert not [text for text in person.asked if "encoders" in text]
+
+
+def test_ctrl_c_while_a_person_is_asked_leaves_the_robot_paused(tmp_path: Path) -> None:
+    setup = on_loopback()
+    assert setup.robot.plant.operating_state().state == "ENABLED"
+
+    def leave() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        RosRobot(setup.transport, Person(workspace=leave), simulated=True).home(project(tmp_path))
+    assert setup.robot.plant.operating_state().state == "PAUSED"
 
 
 def test_giving_up_moves_nothing(tmp_path: Path) -> None:

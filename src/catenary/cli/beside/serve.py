@@ -103,6 +103,8 @@ def serve(
         print_notes([_greeting(server, dialect, ros)])
         _listen(commands)
         final = run(server, commands=commands, show=_show_json if as_json else _show, duration=duration)
+    arms = ", ".join(f"{name} {text}" for name, text in final.states.items())
+    print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
     if as_json:
         _show_json(final, final=True)
     else:

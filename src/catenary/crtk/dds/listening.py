@@ -68,8 +68,8 @@ class ListenedTopic:
 
     def add(self, subscription: Subscription) -> None:
         """Give a subscription what comes from now on, and what publishers have latched."""
-        for data, time, origin, sent in self._latched.values():
-            subscription.push(data, time, origin, sent)
+        for latched in self._latched.values():
+            self._give(subscription, *latched)
         self._subscriptions.append(subscription)
 
     def remove(self, subscription: Subscription) -> bool:
@@ -107,21 +107,26 @@ class ListenedTopic:
         end, origin = self._origin(info.publication_handle)
         if (_USUAL if end is None else _asked_of(end)) != quality:
             return  # it comes to another reader, too
-        # at most twice as many bytes as ROS 1's, which are what is bounded: padding, and an end of each text
-        takers = [one for one in self._subscriptions if one.has_room_for(len(sample.data) // 2)]
-        if not takers:
+        time, sent = self._steady(), info.source_timestamp
+        if origin is not None and origin.is_latching:
+            self._latched[origin.process.partition(" ")[0]] = sample.data, time, origin, sent
+        for subscription in self._subscriptions:
+            self._give(subscription, sample.data, time, origin, sent)
+
+    def _give(
+        self, subscription: Subscription, data: bytes, time: int, origin: Origin | None, sent: int
+    ) -> None:
+        """Give a subscription a message: as it is, or where it has bounds as ROS 1's bytes, which these are about."""
+        if subscription.largest is None:
+            subscription.push(data, time, origin, sent)
+            return
+        # at most twice as many bytes as ROS 1's: padding, and an end of each text
+        if not subscription.has_room_for(len(data) // 2):
             return
         try:
-            data = bytes(self._to_ros1(sample.data))
+            subscription.push(bytes(self._to_ros1(data)), time, origin, sent)
         except NO_MESSAGE:
-            for subscription in takers:
-                subscription.damaged += 1
-            return
-        time = self._steady()
-        if origin is not None and origin.is_latching:
-            self._latched[origin.process.partition(" ")[0]] = data, time, origin, info.source_timestamp
-        for subscription in takers:
-            subscription.push(data, time, origin, info.source_timestamp)
+            subscription.damaged += 1
 
     def _origin(self, handle: int) -> tuple[Endpoint | None, Origin | None]:
         """Say where a message came from; nothing of a writer that came and went at once."""

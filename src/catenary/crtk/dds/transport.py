@@ -1,18 +1,19 @@
 """ROS 2 behind the transport protocol, by DDS alone: no ROS has to be installed.
 
-Messages pass DDS as ROS 2's bytes (CDR), which rosbags makes from ROS 1's; so every transport has the same codec.
+Messages pass DDS as ROS 2's bytes (CDR).
 What differs from ROS 1: headers have no `seq`; two programs may have the same name; DDS does not count what a peer
 misses, so `overflowed` of a publisher counts only what was not sent at all; a service that fails says so in its
 response.
 """
 
 import time
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from cyclonedds.core import DDSException
 
+from catenary.crtk.bounds import Bounds
+from catenary.crtk.dds.cdr import cdr_decoder, cdr_encoder
 from catenary.crtk.dds.directory import HANDLES, Endpoint
 from catenary.crtk.dds.distributions import distribution, message_hash
 from catenary.crtk.dds.listening import ListenedTopic
@@ -26,7 +27,7 @@ from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message
 from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, other_type
 from catenary.errors import TransportError
-from catenary.recording.messages import current_name, ros2_name, typestore
+from catenary.recording.messages import current_name
 
 SETTLE = 0.5  # [s] without news of other programs, until those that are there count as known
 _LONGEST = 3.0  # [s] to wait for that
@@ -40,7 +41,7 @@ class DdsPublisher(Publisher):
         self.quality, self._program = quality, program
         self._missed = 0
         self._kind = message_type(type_name)
-        self._to_cdr = partial(typestore(2).ros1_to_cdr, typename=ros2_name(type_name))
+        self._encode_cdr = cdr_encoder(type_name)
         user_data = f"typehash={message_hash(type_name)};" if program.distribution.has_hashes else ""
         self._writer: Any = program.writer(dds_topic(topic), self._kind, quality, queue, user_data)
 
@@ -58,9 +59,9 @@ class DdsPublisher(Publisher):
     def _send(self, message: Message) -> None:
         if not (self.quality.is_latched or self._writer.get_publication_matched_status().current_count):
             return
-        data = self._encode(message, 0)
+        data = self._encode_cdr(message)
         try:
-            self._writer.write(self._kind(bytes(self._to_cdr(data))))
+            self._writer.write(self._kind(data))
         except DDSException as error:
             if error.code != DDSException.DDS_RETCODE_TIMEOUT:
                 raise TransportError(f"topic {self.topic}: {error}") from error
@@ -121,6 +122,9 @@ class DdsTransport(Transport):
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> DdsPublisher:
         self._refuse_other_type(topic, type_name)
         return DdsPublisher(self.program, topic, type_name, Quality(is_latched=latch), queue)
+
+    def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
+        return cdr_decoder(type_name) if bounds is None else super()._decoder(type_name, bounds)
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         topic = subscription.topic

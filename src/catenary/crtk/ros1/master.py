@@ -9,6 +9,7 @@ import os
 import socket
 import threading
 import xmlrpc.client
+from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlparse
 
@@ -150,6 +151,22 @@ def no_master(uri: str, reason: Exception) -> TransportError:
     return TransportError(
         f"no ROS master at {uri} ({reason}). Start one with roscore, or set ROS_MASTER_URI to that of the robot, "
         "and ROS_IP to this machine's address as the robot sees it"
+    )
+
+
+def bound_to_all(environment: Mapping[str, str]) -> str | None:
+    """Return the warning of a node that listens on all of this machine's addresses; None of one on loopback.
+
+    A ROS 1 node binds to 127.0.0.1 where ROS_IP or ROS_HOSTNAME says so (ROS_HOSTNAME first), to all addresses
+    otherwise. [rosgraph.network: get_bind_address]
+    """
+    name = next((environment[key] for key in ("ROS_HOSTNAME", "ROS_IP") if environment.get(key)), "")
+    if name == "localhost" or name.startswith("127.") or name == "::1":
+        return None
+    said = f"only says what others call it ({name})" if name else "ROS_IP and ROS_HOSTNAME are not set"
+    return (
+        f"this ROS 1 node listens on all addresses of this machine: {said}, and ROS 1 asks nobody who he is; "
+        "ROS_IP=127.0.0.1 shuts it in"
     )
 
 

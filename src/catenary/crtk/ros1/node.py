@@ -16,7 +16,7 @@ from typing import Any
 import rospy
 
 from catenary.crtk.ros1 import peers
-from catenary.crtk.ros1.master import Master, Refused
+from catenary.crtk.ros1.master import Master, Refused, bound_to_all
 from catenary.crtk.ros1.messages import raw_class, service_class
 from catenary.errors import TransportError
 
@@ -55,6 +55,9 @@ class Node:
             rospy.core.configure_logging = configure
         # what rospy has to say of broken connections is no matter for a terminal
         logging.getLogger("rospy").addHandler(logging.NullHandler())
+        warning = bound_to_all(os.environ)
+        if warning is not None:
+            _logger.warning("%s", warning)
         self.uri: str = rospy.get_node_uri()
         self.up = True
         self.on_shutdown: Callable[[], None] = lambda: None

@@ -14,6 +14,7 @@ So rospy brings peers and topics together, and `Peers` writes the messages into 
 """
 
 import select
+import socket
 import struct
 import threading
 from collections import deque
@@ -143,6 +144,9 @@ class _Peer:
         self._waiting: deque[bytes] = deque(maxlen=size)
         if connection.socket is not None:  # else it has ended already
             connection.socket.setblocking(False)
+            # a message goes out when it is written, also to a subscriber whose greeting asks for no such thing, as
+            # rospy's own does by default: rospy would do as it asks, and messages would wait for each other
+            connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def write(self, frame: bytes) -> bool:
         """Send a message or keep it for later; return whether the connection lives."""

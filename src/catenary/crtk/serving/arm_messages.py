@@ -1,15 +1,21 @@
 """What a served arm says, verb by verb: its joints, jaws, tool and operating state as messages."""
 
+from catenary.arrays import Floats
 from catenary.crtk.conversions import operating_state_message, pose_message
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.tool_forces import FrameOfForces, exerted, jacobian
 from catenary.plant import JointState
 
-BASE = "base"  # frame of all poses
+BASE, TOOL = "base", "tool"  # frames: of all poses; of what is said in the tool's own axes
 _JointState = message_class("sensor_msgs/JointState")
 _Vector3 = message_class("geometry_msgs/Vector3")
 _Twist = message_class("geometry_msgs/Twist")
 _TwistStamped = message_class("geometry_msgs/TwistStamped")
+_Wrench = message_class("geometry_msgs/Wrench")
+_WrenchStamped = message_class("geometry_msgs/WrenchStamped")
+_Dimension = message_class("std_msgs/MultiArrayDimension")
+_Layout = message_class("std_msgs/MultiArrayLayout")
 
 
 def measured_js(arm: ServedArm, stamp: int) -> Message:
@@ -44,13 +50,51 @@ def setpoint_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message
 
 def measured_cv(arm: ServedArm, stamp: int) -> Message:
     """Return the tool's velocity as measured, linear [m/s] and angular [rad/s], in base axes."""
-    x, y, z, a, b, c = arm.measured_twist.tolist()
-    return _TwistStamped(header(stamp, BASE), _Twist(_Vector3(x, y, z), _Vector3(a, b, c)))
+    return _twist(arm.measured_twist, stamp)
+
+
+def setpoint_cv(arm: ServedArm, stamp: int) -> Message:
+    """Return the velocity of the tool's setpoint, as `measured_cv`."""
+    return _twist(arm.setpoint_twist, stamp)
+
+
+def measured_cf(
+    arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES
+) -> Message:
+    """Return the force [N] and moment [Nm] that the tool exerts, by the torques beyond the arm's own weight."""
+    if frame is FrameOfForces.BODY and arm.forces_in_base_axes:
+        frame = FrameOfForces.TOOL_IN_BASE_AXES
+    x, y, z, a, b, c = exerted(arm, frame).tolist()
+    where = TOOL if frame is FrameOfForces.BODY else BASE
+    return _WrenchStamped(header(stamp, where), _Wrench(_Vector3(x, y, z), _Vector3(a, b, c)))
+
+
+def jacobian_matrix(
+    arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES
+) -> Message:
+    """Return the Jacobian (6, n) by rows: velocity over angular velocity, of the joints as `measured_js` has them."""
+    matrix = jacobian(arm, frame)
+    rows, columns = matrix.shape
+    layout = _Layout((_Dimension("rows", rows, rows * columns), _Dimension("columns", columns, columns)), 0)
+    return message_class("std_msgs/Float64MultiArray")(layout, matrix.ravel())
+
+
+def grasp_measured_js(arm: ServedArm, stamp: int) -> Message:
+    """Return what a RAVEN-II says of a grasp: opening and both jaws, one velocity, one effort, its own names."""
+    names = tuple(f"{arm.arm}_{name}" for name in ("grasp", "jaw1", "jaw2"))
+    opening = _jaw(arm, arm.measured, stamp, "grasp")
+    positions = [opening.position[0], *arm.measured.q[-arm.tool.jaws :]]
+    return _JointState(header(stamp), names, positions, opening.velocity, opening.effort)
 
 
 def operating_state(arm: ServedArm, stamp: int) -> Message:
     """Return the operating state, at `stamp` [ns]."""
     return operating_state_message(arm.state, stamp)
+
+
+def _twist(twist: Floats, stamp: int) -> Message:
+    x, y, z, a, b, c = twist.tolist()
+    return _TwistStamped(header(stamp, BASE), _Twist(_Vector3(x, y, z), _Vector3(a, b, c)))
 
 
 def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:

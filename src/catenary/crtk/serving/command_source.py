@@ -69,7 +69,7 @@ class CommandSource:
         self._subscription = transport.subscribe(topic.name, topic.type, bounds=LARGEST)
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)
-        self.moves = topic.type != COMMAND and topic.verb != "use_gravity_compensation"
+        self.moves = topic.type not in (COMMAND, "std_msgs/Bool")  # what is switched moves nothing
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
     def __len__(self) -> int:

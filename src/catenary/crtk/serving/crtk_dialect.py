@@ -4,23 +4,24 @@
 """
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.message import Message
 from catenary.crtk.names import CrtkTopic, topics
 from catenary.crtk.serving import arm_messages, cartesian_commands
+from catenary.crtk.serving.kinematics_services import kinematics_services
 from catenary.crtk.serving.moves import joint_move, straight_move
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
+from catenary.crtk.serving.tool_forces import FrameOfForces, torques_for
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.spatial import Pose, rotation_vector
 
-NOT_MEASURED = ("measured_cf",)  # nothing measures forces at the tool
-NOT_TAKEN = ("servo_cf",)
 BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
 # from the setpoint: a RAVEN-II's shoulder that covers 0.25 rad as fast as it may comes to a stop in FAULT
 SERVO_REACH = {"rad": 0.2, "m": 0.02}
@@ -35,6 +36,14 @@ _PUBLISHED: dict[str, MakeMessage] = {
     "local/measured_cp": arm_messages.measured_cp,  # it stands on its own base
     "local/setpoint_cp": arm_messages.setpoint_cp,
     "measured_cv": arm_messages.measured_cv,
+    "setpoint_cv": arm_messages.setpoint_cv,
+    **{
+        f"{frame.value}measured_cf": partial(arm_messages.measured_cf, frame=frame) for frame in FrameOfForces
+    },
+    **{
+        f"{frame.value}jacobian": partial(arm_messages.jacobian_matrix, frame=frame)
+        for frame in FrameOfForces
+    },
 }
 
 
@@ -60,6 +69,12 @@ class CrtkDialect(Speaker):
             if one.arm is not None and one.arm in arms and _has(arms[one.arm], one.verb)
         )
         super().__init__(arms, tuple(spoken), _PUBLISHED, _OBEYED)
+        self.services = tuple(
+            service
+            for topic in self.topics
+            if topic.verb == "measured_js" and topic.arm is not None
+            for service in kinematics_services(topic.name.rpartition("/")[0], arms[topic.arm])
+        )
         self._told: dict[str, tuple[OperatingState, int]] = {}
 
     def begin(self, outlets: Outlets) -> None:
@@ -77,35 +92,63 @@ class CrtkDialect(Speaker):
         super().publish(now)
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Obey a command, as every dialect; gravity compensation is switched in any state."""
+        """Obey a command, as every dialect; what moves nothing is switched in any state."""
         if topic.verb == "use_gravity_compensation" and topic.arm is not None:
             self.arms[topic.arm].compensates_gravity = bool(message.data)
+        elif topic.verb == "body/set_cf_orientation_absolute" and topic.arm is not None:
+            self.arms[topic.arm].forces_in_base_axes = bool(message.data)
         else:
             super().obey(topic, message)
 
 
 def _has(arm: ServedArm, verb: str) -> bool:
     """Return whether an arm has what a verb needs."""
-    if verb in NOT_MEASURED or verb in NOT_TAKEN:
-        return False
     if verb.startswith("local/"):
         return arm.tool.jaw_is_apart
-    if verb.startswith("jaw/"):
-        return arm.tool.has_jaws and verb != "jaw/servo_jf"
-    return True
+    if verb == "jaw/servo_jf":
+        return arm.tool.has_jaws and "servo_jf_of" in arm.plant.supports
+    return arm.tool.has_jaws or not verb.startswith("jaw/")
 
 
-def _numbers(arm: ServedArm, message: Message, field: str = "position", *, is_change: bool = True) -> Floats:
-    """Return a command's numbers (n,); names may leave joints out where nothing is asked of them.
+def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
+    """Exert a wrench, plus what holds the arm's weight where that was asked for."""
+    wrench = as_array("wrench", [*message.wrench.force, *message.wrench.torque], (6,))
+    if frame is FrameOfForces.BODY and arm.forces_in_base_axes:
+        frame = FrameOfForces.TOOL_IN_BASE_AXES
+    arm.push_with(torques_for(arm, wrench, frame))
 
-    Of a jaw that joint states leave out, what keeps it: its setpoint where positions are asked for, else zero.
+
+def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
+    """Push the jaws' opening with a torque, the same on each; the arm holds."""
+    tau = np.full(len(arm.names), np.nan)
+    tau[-arm.tool.jaws :] = as_array("JointState.effort", message.effort, (1,))
+    arm.push_with(tau)
+
+
+def _numbers(
+    arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None
+) -> Floats:
+    """Return a command's numbers (n,); names may leave out joints for which `rest` (n,) has numbers.
+
+    A jaw that joint states leave out gets what `rest` has for it, or zero.
     """
-    given, names = len(getattr(message, field)), arm.reported
-    if not message.name and given != len(names):
-        raise InputError(f"{given} numbers in `{field}`, expected {len(names)}: {', '.join(names)}")
-    asked = joint_values(message, names, field)
-    rest = np.zeros(len(arm.names) - len(names)) if is_change else arm.setpoint.q[len(names) :]
-    return np.concatenate([asked, rest])
+    given, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
+    if not message.name and given != n:
+        raise InputError(f"{given} numbers in `{field}`, expected {n}: {', '.join(names)}")
+    asked = joint_values(message, names, field, rest=None if rest is None else rest[:n])
+    if n == len(arm.names):
+        return asked
+    return np.concatenate([asked, np.zeros(len(arm.names) - n) if rest is None else rest[n:]])
+
+
+def _goal(arm: ServedArm, message: Message) -> Floats:
+    """Return the joint positions (n,) that a command asks for; a jaw that joint states leave out stays."""
+    return arm.whole(_numbers(arm, message)[: len(arm.reported)])
+
+
+def _increments(arm: ServedArm, message: Message, field: str = "position") -> Floats:
+    """Return a command's changes (n,); joints that are not named stay."""
+    return _numbers(arm, message, field, rest=np.zeros(len(arm.names)))
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
@@ -114,7 +157,7 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
     Raises:
         InputError: A joint is farther from the setpoint than `SERVO_REACH`; nothing moves.
     """
-    q = _numbers(arm, message, is_change=False)
+    q = _goal(arm, message)
     for name, unit, way in zip(arm.names, arm.plant.joint_units, q - arm.setpoint.q, strict=True):
         if abs(way) > SERVO_REACH[unit]:
             raise InputError(
@@ -141,20 +184,22 @@ def _servo_cr(arm: ServedArm, message: Message) -> None:
 
 _OBEYED: dict[str, Obey] = {
     "servo_jp": _servo_jp,
-    "servo_jr": lambda arm, message: arm.increment(_numbers(arm, message)),
-    "servo_jv": lambda arm, message: arm.run_at(_numbers(arm, message, "velocity")),
+    "servo_jr": lambda arm, message: arm.increment(_increments(arm, message)),
+    "servo_jv": lambda arm, message: arm.run_at(_increments(arm, message, "velocity")),
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
     "servo_cp": lambda arm, message: cartesian_commands.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
     "servo_cv": lambda arm, message: cartesian_commands.servo_twist(arm, _twist(message)),
-    "move_jp": lambda arm, message: arm.move(joint_move(arm, _numbers(arm, message, is_change=False))),
-    "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _numbers(arm, message))),
+    **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
+    "move_jp": lambda arm, message: arm.move(joint_move(arm, _goal(arm, message))),
+    "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _increments(arm, message))),
     "move_cp": lambda arm, message: arm.move_when_planned(straight_move(arm, pose_of(message))),
     "move_cr": lambda arm, message: arm.move_when_planned(straight_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
     "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
     "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
+    "jaw/servo_jf": _jaw_servo_jf,
     "jaw/move_jp": lambda arm, message: arm.move(
         joint_move(arm, arm.joints_at_opening(single_number(message)))
     ),

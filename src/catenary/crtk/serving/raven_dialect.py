@@ -7,14 +7,22 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import joint_values, pose_of, rotation_of
+from catenary.crtk.conversions import (
+    joint_values,
+    named_joints,
+    operating_state_message,
+    pose_of,
+    rotation_of,
+)
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.names import RAVEN, CrtkTopic
 from catenary.crtk.serving import arm_messages, cartesian_commands
 from catenary.crtk.serving.raven_state import RavenState
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
+from catenary.crtk.serving.state_machine import robot_state
 from catenary.errors import InputError
+from catenary.plant import OperatingState
 from catenary.spatial import Pose, rotation_vector
 
 _JointState = message_class("sensor_msgs/JointState")
@@ -28,17 +36,20 @@ _RVIZ_SIGN = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
 _RVIZ_SHIFT = np.array([0.0, 0.0, -0.47, -np.pi / 4.0, 0.0, 0.0, 0.0])
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
-    "operating_state": arm_messages.operating_state,
     "measured_js": arm_messages.measured_js,
     "setpoint_js": arm_messages.setpoint_js,
-    "grasp_measured_js": partial(arm_messages.jaw_measured_js, name="grasp"),
+    "grasp_measured_js": arm_messages.grasp_measured_js,
     "measured_cp": partial(arm_messages.measured_cp, child=_CHILD),
     "setpoint_cp": partial(arm_messages.setpoint_cp, child=_CHILD),
+    "measured_cv": arm_messages.measured_cv,
+    "setpoint_cv": arm_messages.setpoint_cv,
 }
 
 
 class RavenDialect(Speaker):
-    """Speaks for a robot of a gold and a green arm."""
+    """Speaks for a robot of a gold and a green arm, which have one operating state between them."""
+
+    is_one_robot = True
 
     def __init__(self, arms: Mapping[str, ServedArm]) -> None:
         """Speak for arms of seven joints, both of them.
@@ -59,7 +70,8 @@ class RavenDialect(Speaker):
     def begin(self, outlets: Outlets) -> None:
         """Prepare to publish by outlets; called once, before `publish`."""
         super().begin(outlets)
-        self._outlets.append((outlets["operating_state", None], arm_messages.operating_state, self._leader))
+        for name in (None, *self.arms):  # one robot, one state, whichever arm is asked
+            self._outlets.append((outlets["operating_state", name], self._state_message, self._leader))
         self._raven_state = RavenState(self.arms, self._leader.plant.period)
         self._whole, self._joint_states = outlets["ravenstate", None], outlets["joint_states", None]
 
@@ -72,6 +84,26 @@ class RavenDialect(Speaker):
             self._slow = now
             if self._joint_states.heard:
                 self._joint_states.publish(_JointState(header(now), _RVIZ_NAMES, self._rviz()))
+
+    @property
+    def state(self) -> OperatingState:
+        """Operating state of the whole robot."""
+        return robot_state([arm.state for arm in self.arms.values() if arm.machine.can_change])
+
+    def _state_message(self, _: ServedArm, stamp: int) -> Message:
+        return operating_state_message(self.state, stamp)
+
+    def settle(self) -> str | None:
+        """Stop all arms when one is in FAULT, as the robot's software e-stop does; say which, where it is news."""
+        moving = [arm for arm in self.arms.values() if arm.machine.can_change]
+        faulty = [arm for arm in moving if arm.state.state == "FAULT"]
+        others = [arm for arm in moving if arm.state.state in ("ENABLED", "PAUSED")]
+        if not faulty or not others:
+            return None
+        for arm in others:
+            arm.hold()
+            arm.machine.command("disable")
+        return f"the {faulty[0].arm} arm is in FAULT, so all are stopped"
 
     def _rviz(self) -> Floats:
         gold, green = self.arms["gold"], self.arms["green"]
@@ -98,32 +130,40 @@ class RavenDialect(Speaker):
             )
 
 
-def _is_grasp(message: Message) -> bool:
-    """Return whether a command's single number means the grasp."""
-    return len(message.position) == 1 and len(message.name) <= 1
+def _is_grasp(arm: ServedArm, message: Message) -> bool:
+    """Return whether a command's single number means the grasp: it has no name, or none of a joint."""
+    one = len(message.position) == 1 and len(message.name) <= 1
+    return one and not named_joints(message, arm.names)
 
 
 def _servo_jr(arm: ServedArm, message: Message) -> None:
-    if _is_grasp(message):
+    if _is_grasp(arm, message):
         arm.increment(arm.jaw_increments(single_number(message)))
     else:
-        arm.increment(joint_values(message, arm.names))
+        arm.increment(joint_values(message, arm.names, rest=np.zeros(len(arm.names))))
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
-    if _is_grasp(message):
+    if _is_grasp(arm, message):
         arm.step_towards(arm.joints_at_opening(single_number(message)))
         return
     if len(message.position) != len(arm.names) and not message.name:
         raise InputError(
             f"servo_jp: {len(message.position)} numbers, expected {len(arm.names)}, or 1 for the grasp"
         )
-    arm.step_towards(joint_values(message, arm.names))
+    arm.step_towards(joint_values(message, arm.names, rest=arm.setpoint.q))
 
 
 def _servo_jv(arm: ServedArm, message: Message) -> None:
     field = "velocity" if len(message.velocity) else "position"  # the robot's own clients use the latter
-    arm.increment(arm.plant.period * joint_values(message, arm.names, field))
+    arm.increment(arm.plant.period * joint_values(message, arm.names, field, rest=np.zeros(len(arm.names))))
+
+
+def _grasp_servo_jv(arm: ServedArm, message: Message) -> None:
+    """Open the jaws for a millisecond, at a velocity [rad/s] of their opening."""
+    values = message.velocity if len(message.velocity) else message.position
+    velocity = float(as_array("JointState.velocity", values[:1], (1,))[0])
+    arm.increment(arm.jaw_increments(arm.plant.period * velocity))
 
 
 def _servo_cr(arm: ServedArm, message: Message) -> None:
@@ -152,5 +192,6 @@ _OBEYED: dict[str, Obey] = {
     "servo_cr": _servo_cr,
     "servo_cv": _servo_cv,
     "grasp_servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
+    "grasp_servo_jv": _grasp_servo_jv,
     "grasp_servo_jp": lambda arm, message: arm.step_towards(arm.joints_at_opening(single_number(message))),
 }

@@ -9,6 +9,7 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.raven_conversions import CHANNELS
 from catenary.crtk.serving.served_arm import JAWS, ServedArm
+from catenary.crtk.serving.state_machine import robot_state
 from catenary.recording.messages import NUMBERS, fields
 
 _DEGREES = 180.0 / np.pi  # every position and velocity is multiplied by it, metres too
@@ -20,7 +21,6 @@ _ARRAYS = {
     for field in fields("raven_2/raven_state")
     if field.length
 }
-_HOMING = 3  # sublevel in run level init
 # fields of 16 channels, with what a number in SI is multiplied by; those below are columns of telemetry
 _JOINTS = {"jpos": _DEGREES, "jvel": _DEGREES, "jpos_d": _DEGREES}
 _TELEMETRY = {"tau": 1.0, "mpos": _DEGREES, "mvel": _DEGREES, "mpos_d": _DEGREES, "encoffsets": 1.0}
@@ -55,7 +55,8 @@ class RavenState:
                 self._write(name, arm)
         # the arm that is furthest
         level = max((arm.machine.run_level(arm.state) for arm in self._moving), default=0)
-        sublevel = _HOMING if level == 1 else 0
+        # branch crtk puts there whether all joints are homed [local_io.cpp: publish_ravenstate_ros, robot_ready]
+        sublevel = int(robot_state([arm.state for arm in self._moving]).is_homed)
         return _RavenState(
             header(stamp), runlevel=level, sublevel=sublevel, dt=self._nanoseconds, **self._arrays
         )
@@ -73,6 +74,10 @@ class RavenState:
         self._floats[:, channels] = self._factors * joints
         self._counts[:, channels] = rows(_COUNTS)
         arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
+        # velocity and angular velocity of the tool in its own axes; the robot, too, sends them twice
+        twist = (arm.measured_twist.reshape(2, 3) @ arm.measured_pose.rotation).ravel()
+        for twice in ("jac_vel", "jac_f"):
+            arrays[twice][6 * place : 6 * place + 6] = twist
         for pose, position, rotation in (
             (arm.measured_pose, "pos", "ori"),
             (arm.setpoint_pose, "pos_d", "ori_d"),

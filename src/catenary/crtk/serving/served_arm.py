@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
+from typing import Protocol, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.crtk.names import Dialect
@@ -20,6 +22,14 @@ JAWS = 2  # joints, the last ones
 FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
 LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
+
+
+class PushedInPart(Plant, Protocol):
+    """A plant that takes torques of some joints while the others hold: it supports `servo_jf_of`."""
+
+    def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
+        """Command torques (n,) of those joints that are pushed (n,)."""
+        ...
 
 
 class ServedArm:
@@ -55,11 +65,14 @@ class ServedArm:
         self.reported = self.names[:-1] if tool.jaw_is_apart else self.names  # joints of its joint states
         self.machine = StateMachine(plant, dialect)
         self.lower, self.upper = plant.lower, plant.upper
+        self.place = ""  # namespace of its commands
         self.obeys = ""  # topic of the command that it obeyed last
         self.most = plant.period * np.array([FASTEST[unit] for unit in plant.joint_units])
         self.increments = Increments(self.most, plant.period)
         self.goal = Goal(self.most, plant.period)
         self.compensates_gravity = False
+        self.forces_in_base_axes = False  # what is below body/ is in base axes
+        self._before: tuple[Floats, bool] | None = None  # setpoint of the last tick, whether it was ready
         self.tick = 0
         self.reports_time = 0  # [ns] of the tick, for what is reported in it
         self.changes = 0  # times that its state was read
@@ -108,11 +121,15 @@ class ServedArm:
     def push_with(self, tau: Floats) -> None:
         """Command joint torques (n,) for 0.1 s, plus gravity's where that was asked for.
 
+        A joint whose torque is NaN holds its setpoint.
+
         Raises:
-            InputError: The arm takes no torques.
+            InputError: The arm takes no torques, or only of all joints.
         """
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
+        if np.isnan(tau).any() and "servo_jf_of" not in self.plant.supports:
+            raise InputError("the arm takes torques of all its joints only")
         if self._torque is None:
             self.hold()
         self._torque, self._until = tau, self.tick + self.goal.follow
@@ -163,6 +180,11 @@ class ServedArm:
         """Velocity of its tool [m/s] and angular velocity [rad/s] in base axes, (6,), as measured."""
         return self.tool.velocity(self.measured.q, self.measured.qd)
 
+    @cached_property
+    def setpoint_twist(self) -> Floats:
+        """Velocity of its tool [m/s] and angular velocity [rad/s] in base axes, (6,), by the setpoint's last step."""
+        return self.tool.velocity(self.setpoint.q, self._setpoint_velocity)
+
     @property
     def commanded(self) -> Floats:
         """Setpoint (n,) that it will have when all increments that wait are done: where relative poses begin."""
@@ -172,6 +194,10 @@ class ServedArm:
         """Move by dq (n,) [rad|m], all scaled down where one exceeds its clamp: a straight way stays straight."""
         with np.errstate(divide="ignore"):
             self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
+
+    def whole(self, q: Floats) -> Floats:
+        """Return positions (n,) at those that joint states have: a jaw that they leave out stays where it is set."""
+        return np.append(q, self.setpoint.q[len(q) :])
 
     def jaw_increments(self, angle: float) -> Floats:
         """Return increments (n,) that open the jaws by an angle [rad], half with each of two."""
@@ -214,13 +240,23 @@ class ServedArm:
         self.changes += 1
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()
-        for cached in ("measured_pose", "setpoint_pose", "measured_twist"):
+        self._note_velocity()
+        for cached in ("measured_pose", "setpoint_pose", "measured_twist", "setpoint_twist"):
             self.__dict__.pop(cached, None)
         state = self.plant.operating_state()
         is_moving = self._move is not None or self._plan is not None
         self.state: OperatingState = (
             state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
         )
+
+    def _note_velocity(self) -> None:
+        """Note how fast the setpoint goes; where control has just begun, it has not gone anywhere."""
+        q, ready = self.setpoint.q, self.is_ready
+        moved = self._before is not None and self._before[1] and ready
+        self._setpoint_velocity: Floats = (
+            (q - self._before[0]) / self.plant.period if moved and self._before else np.zeros(len(q))
+        )
+        self._before = q, ready
 
     def _act(self) -> None:
         if self._wanted is not None:
@@ -269,7 +305,12 @@ class ServedArm:
         q = self.measured.q
         # a robot that bounds nothing by itself is not pushed farther
         outward = ((q > self.upper) & (tau > 0.0)) | ((q < self.lower) & (tau < 0.0))
-        self.plant.servo_jf(np.where(outward, 0.0, tau))
+        tau = np.where(outward, 0.0, tau)
+        held = np.isnan(tau)
+        if held.any():
+            cast(PushedInPart, self.plant).servo_jf_of(tau, ~held)
+        else:
+            self.plant.servo_jf(tau)
 
     def _report_limits(self, asked: Floats) -> None:
         """Say of torques that did not act as they were asked for where the joint was."""

@@ -11,6 +11,7 @@ from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, WARNING, CrtkTopic
 from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
 from catenary.crtk.serving.commander import Commander
+from catenary.crtk.serving.diagnostics import Diagnostics
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
@@ -78,9 +79,15 @@ class Server:
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
         dialect.begin(self.outlets)
+        for topic in wanted:
+            if topic.verb == "state_command" and topic.arm is not None:
+                arms[topic.arm].place = topic.name.rpartition("/")[0]
+        self._diagnostics = Diagnostics(transport, arms, reports)
         self._encoders = encoders
         self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
         self._watched = beginning.time
+        for service in dialect.services:
+            transport.service(service.name, service.type, service.answer)
         self.button: str | None = None
         if button:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
@@ -97,6 +104,10 @@ class Server:
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
+        settled = self._dialect.settle()
+        if settled is not None:
+            self.reports.say("robot: stopped", settled, now, to=tuple(self.arms))
+        self._diagnostics.publish(now)
         for name, line in self.reports.take_told():
             self.outlets[WARNING, name].publish(_String(line))
         if self.ticks % self._every == 0:
@@ -112,6 +123,10 @@ class Server:
                 source.watch(now)
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
+
+    def say_states(self) -> None:
+        """Publish what the arms are like now, out of turn, as when the server ends."""
+        self._dialect.publish(self._stamps.next(self.transport.now()))
 
     def _take_in(self, now: int) -> None:
         """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
@@ -238,9 +253,9 @@ class Server:
             self.reports.say(f"{arm.arm}: paused", f"{gone} moved it and is gone", now)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
-        if topic.arm is None:
+        if topic.arm is None or self._dialect.is_one_robot:
             arms = [arm for arm in self.arms.values() if arm.machine.can_change]
-            if topic.verb != "state_command":
+            if topic.verb != "state_command" and not self._dialect.is_one_robot:
                 arms = []  # arms that the robot does not have
         else:
             arms = [self.arms[topic.arm]]

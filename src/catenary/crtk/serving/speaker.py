@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from catenary.arrays import as_array
 from catenary.crtk.message import Message
 from catenary.crtk.names import CrtkTopic
+from catenary.crtk.serving.kinematics_services import Service
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
@@ -17,6 +18,9 @@ Obey = Callable[[ServedArm, Message], None]
 
 class Speaker:
     """A dialect: what is published, and what is obeyed."""
+
+    services: tuple[Service, ...] = ()  # that its robots offer
+    is_one_robot = False  # whether a state command to one arm is one to all
 
     def __init__(
         self,
@@ -52,6 +56,10 @@ class Speaker:
         for outlet, message in made:
             outlet.due = False
             outlet.publish(message)
+
+    def settle(self) -> str | None:
+        """Do to the arms what the state of one asks of the others; say it, where it is news."""
+        return None
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
         """Obey a command; state commands are the server's.

@@ -8,7 +8,7 @@ else does: init is ENABLED and busy while the arm homes; then the pedal is up, P
 pressed, ENABLED; `pause` for the pedal released; `disable` for the emergency stop. `enable` is ignored.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal, cast
 
 from catenary.crtk.names import Dialect
@@ -19,6 +19,7 @@ _Transitions = Mapping[StateCommand, Mapping[StateName, StateName]]
 _RAVEN: _Transitions = {**TRANSITIONS, "enable": {}, "home": {"ENABLED": "ENABLED", "PAUSED": "ENABLED"}}
 # state that a command asks for: it is no mistake to ask for the one that there is
 _ASKED_FOR: dict[str, StateName] = {"enable": "ENABLED", "disable": "DISABLED", "pause": "PAUSED"}
+_LEAST: tuple[StateName, ...] = ("DISABLED", "PAUSED", "ENABLED")
 RunLevel = Literal[0, 1, 2, 3]  # emergency stop, init, pedal up, pedal down
 
 
@@ -26,6 +27,18 @@ def why_not_obeyed(state: OperatingState) -> str:
     """What to say of a motion command to an arm in a state in which none moves it."""
     homed = "homed" if state.is_homed else "not homed"
     return f"not obeyed while the arm is {state.state}, {homed}{' and busy' if state.is_busy else ''}"
+
+
+def robot_state(arms: Sequence[OperatingState]) -> OperatingState:
+    """Return the state of a robot that has one for all arms: FAULT before all, then what is busy, then the least."""
+    names = [arm.state for arm in arms] or ["DISABLED"]
+    is_busy, is_homed = any(arm.is_busy for arm in arms), bool(arms) and all(arm.is_homed for arm in arms)
+    if "FAULT" in names:
+        return OperatingState("FAULT", is_homed, False)
+    if is_busy:
+        return OperatingState("ENABLED", is_homed, True)
+    least: StateName = next(name for name in _LEAST if name in names)
+    return OperatingState(least, is_homed, False)
 
 
 class StateMachine:

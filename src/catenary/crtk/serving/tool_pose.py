@@ -59,6 +59,23 @@ class ToolPose:
         twist: Floats = jacobian(self.model, self._to_model @ q) @ (self._to_model @ qd)
         return twist
 
+    def jacobian(self, q: Floats) -> Floats:
+        """Return the Jacobian (6, n) of `velocity` at joints (n,)."""
+        found: Floats = self.model_jacobian(q) @ self._to_model
+        return found
+
+    def model_jacobian(self, q: Floats) -> Floats:
+        """Return the Jacobian (6, m) of the model's own joints, at the robot's joints (n,)."""
+        return jacobian(self.model, self._to_model @ q)
+
+    def model_torques(self, tau: Floats) -> Floats:
+        """Return torques of the model's joints (m,) that do the work of the robot's (n,), the jaws' opening aside."""
+        if not self.has_jaws:
+            return tau
+        if self.jaw_is_apart:
+            return tau[:-1]
+        return np.append(tau[:-2], tau[-1] - tau[-2])
+
     def joints(self, pose: Pose, near: Floats) -> Floats:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
 

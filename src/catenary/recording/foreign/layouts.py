@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 
 from catenary.archives import read_arrays
 from catenary.errors import FileFormatError
+from catenary.files import table_ending
 from catenary.plant import MotionLog
 from catenary.recording.extract import extract
 from catenary.recording.foreign.importer import import_sources
@@ -18,7 +19,6 @@ from catenary.recording.parquet_files import open_parquet
 from catenary.recording.raven_csv import WIDTH, WIDTH_WITH_FORCE
 from catenary.recording.source import open_recordings
 from catenary.recording.synchronise import ROBOT, SynchroniseOptions, synchronise
-from catenary.recording.table_kind import table_ending
 from catenary.recording.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, Arm
 from catenary.robots.model import RobotModel
 

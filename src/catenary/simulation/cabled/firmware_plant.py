@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, NotReadyError
@@ -25,6 +25,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     `control` what its firmware knows; a subclass makes both.
     """
 
+    supports = SimulatedPlant.supports | {"servo_jf_of"}
     state: ArmState
     control: Any  # a record with counts, motor, joint, setpoint, mode, braked, stopped, guarded and more
     log: type[Log]  # what a run keeps of each tick
@@ -54,6 +55,18 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self.control.torque_command[:n] = torque
         self.control.mode[:n] = TORQUE
         self.control.mode[n:] = POSITION
+
+    def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
+        """Command torques of some joints, as `servo_jf`; the others hold their setpoint.
+
+        Args:
+            tau: (n,) [Nm, Nm, N, Nm...], looked at where a joint is pushed.
+            pushed: (n,) which.
+        """
+        self._require_ready()
+        n = len(self.joint_names)
+        self.control.torque_command[:] = as_array("servo_jf_of", np.where(pushed, tau, 0.0), (n,))
+        self.control.mode[:] = np.where(pushed, TORQUE, POSITION)
 
     def wait(self) -> None:
         """Advance by one tick of 1 ms.

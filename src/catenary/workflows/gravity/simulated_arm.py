@@ -1,5 +1,6 @@
 """A simulated arm with all that a controller of it needs: plant, model, gains, limits."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -20,6 +21,7 @@ from catenary.errors import InputError, UnsupportedModelError
 from catenary.gravity.payload import Payload
 from catenary.plant import Plant
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
+from catenary.robots.joint_drives import joint_drives
 from catenary.robots.model import Massless, RobotModel
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
@@ -28,6 +30,8 @@ from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.records import POSITIONING
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,8 @@ def simulated_arm(
     """Put an arm on a base, switch it on and home it.
 
     RAVEN-II's positioning joints, behind their cables, with the gains of the robot's own control: what it believes of
-    itself, also where the simulated robot is another (`seed`). Of any other robot the rigid bodies of its model with
-    ideal drives, and gains by rule.
+    itself, also where the simulated robot is another (`seed`). Of any other robot the rigid bodies of its model, and
+    gains by rule; with the friction and rotors of its joints where it was identified, and ideal drives otherwise.
 
     Args:
         robot: raven2 or raven2_right, or any other robot with inertia: a name or a file.
@@ -75,7 +79,8 @@ def simulated_arm(
         strict: Refuse inertias that no body has.
         kp: Stiffness of PD, one number or (n,) [Nm/rad|N/m]; the arm's own when None.
         kd: Its damping, likewise [Nms/rad|Ns/m].
-        friction: Coulomb friction of joints, one number or (n,) [Nm|N]; of a robot without cables.
+        friction: Coulomb friction of joints, one number or (n,) [Nm|N]; of a robot without cables; what was
+            identified, if anything, when None.
         viscous: Viscous friction, likewise [Nms/rad|Ns/m].
 
     Raises:
@@ -91,10 +96,26 @@ def simulated_arm(
                 f'robot "{robot}": a seed draws the cables of {" or ".join(sorted(RAVEN_SIDES))}; this one has none'
             )
         model = load_robot(robot, massless=massless, strict=strict)
-        hardware = JointHardware(
-            friction=0.0 if friction is None else friction, damping=0.0 if viscous is None else viscous
+        own = None if model.actuation is None else joint_drives(model.actuation, model.n)
+        given = {"friction": friction, "damping": viscous}
+        drives = {
+            key: value if value is not None else 0.0 if own is None else getattr(own, key)
+            for key, value in given.items()
+        }
+        if own is not None and own.left_out:
+            _log.warning(
+                'robot "%s": simulated with its Coulomb and viscous friction and rotors, joint by joint; without %s',
+                model.name,
+                ", ".join(own.left_out),
+            )
+        arm = rigid_arm(
+            model,
+            base=base,
+            payload=payload,
+            hardware=JointHardware(**drives),
+            motor_inertia=None if own is None else own.armature,
         )
-        return with_gains(rigid_arm(model, base=base, payload=payload, hardware=hardware), kp, kd)
+        return with_gains(arm, kp, kd)
     if friction is not None or viscous is not None:
         raise UnsupportedModelError(
             f'robot "{robot}": friction comes from its cables; joint friction is for robots without'

@@ -20,13 +20,14 @@ from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import RobotKind, kind_of
 from catenary.workflows.project.robot import ProjectRobot, Take, set_aside
-from catenary.workflows.robot.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
+from catenary.workflows.robot.guide import LOOK, PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
 from catenary.workflows.robot.motion import check_motion, move_to, run_trajectory
-from catenary.workflows.robot.rest import at_rest_afterwards, pause
+from catenary.workflows.robot.rest import at_rest_afterwards, pause, paused_if_interrupted
 from catenary.workflows.robot.topic_recorder import TopicRecorder, refuse_missing
 
 COLLECT_EVERY = 20  # ticks between two looks at what has come
+SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
 
 
 class RosRobot(ProjectRobot):
@@ -61,7 +62,7 @@ class RosRobot(ProjectRobot):
 
         def work() -> None:
             path.parent.mkdir(exist_ok=True)
-            with self._connected(project) as client:
+            with self._connected(project) as client, paused_if_interrupted(client):
                 self._make_homed(client, project)
                 pause(client)  # nobody moves it now; one that homes by its own button is paused already
                 believed, encoders = client.measured_js().q, client.external_encoders()
@@ -76,7 +77,7 @@ class RosRobot(ProjectRobot):
 
     def drive(self, project: Project, take: Take) -> None:
         """Record over the robot's topics; a recording that was interrupted is begun anew."""
-        with self._connected(project) as client:
+        with self._connected(project) as client, paused_if_interrupted(client):
             joints = kind_of(project.settings).joints
             check_motion(client, take.trajectory, joints=joints)
             self._make_homed(client, project)
@@ -91,7 +92,7 @@ class RosRobot(ProjectRobot):
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
         """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
-        with self._connected(project) as client:
+        with self._connected(project) as client, paused_if_interrupted(client):
             self._make_homed(client, project)
             client.require_free()
             with at_rest_afterwards(client):
@@ -115,7 +116,8 @@ class RosRobot(ProjectRobot):
                 kind.encoders, lambda: self._no_encoders(kind)
             )  # their readings count from the homing on
             home_client(client, self._guide, patience=self._homing_patience)
-        self._have(kind.encoders, lambda: _not_registered(client, kind))
+        if not self._comes(lambda: _not_registered(client, kind)):
+            self._have(kind.encoders, lambda: _not_registered(client, kind))
 
     def _enable(self, client: CrtkClient) -> None:
         if client.operating_state().state == "ENABLED":
@@ -129,6 +131,14 @@ class RosRobot(ProjectRobot):
 
     def _have(self, text: str, missing: Check) -> None:
         have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
+
+    def _comes(self, missing: Check) -> bool:
+        """Wait a little for what needs nobody's help; return whether the robot reports it."""
+        for _ in range(round(SOON / LOOK)):
+            if missing() is None:
+                return True
+            self._transport.sleep(LOOK)
+        return missing() is None
 
     def _no_encoders(self, kind: RobotKind) -> str | None:
         topic = kind.required[-1].name

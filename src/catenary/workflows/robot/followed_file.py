@@ -11,10 +11,10 @@ from catenary.archives import read_arrays
 from catenary.arrays import Floats, frozen
 from catenary.documents import no_file
 from catenary.errors import FileFormatError, InputError
+from catenary.files import table_ending
 from catenary.plant import MotionLog
 from catenary.recording.importers import is_number
 from catenary.recording.logs import read_parquet
-from catenary.recording.table_kind import table_ending
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
 

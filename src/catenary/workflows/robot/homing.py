@@ -13,7 +13,7 @@ from catenary.errors import CatenaryError, NotReadyError, TransportError
 from catenary.plant import OperatingState, Plant
 from catenary.workflows.robot.guide import AnswerYes, Guide, clear_workspace, have_done
 from catenary.workflows.robot.operated_robot import OperatedRobot
-from catenary.workflows.robot.rest import pause
+from catenary.workflows.robot.rest import pause, paused_if_interrupted
 
 HOMING = 180.0  # [s] that a robot may take from the press of its button until it is homed
 
@@ -55,10 +55,11 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
     was_run = not plant.operating_state().is_homed
     if was_run:
         if isinstance(plant, CrtkClient):
-            if not plant.simulated:
-                clear_workspace(guide)
-            home_client(plant, guide)
-            pause(plant)
+            with paused_if_interrupted(plant):
+                if not plant.simulated:
+                    clear_workspace(guide)
+                home_client(plant, guide)
+                pause(plant)
         else:
             _home_here(plant)
     now = plant.measured_js()

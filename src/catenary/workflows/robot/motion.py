@@ -9,7 +9,7 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
 from catenary.control.leaving import FiniteTicks, leave_safe
 from catenary.errors import InputError, LimitError, NotFiniteError, NotReadyError
-from catenary.plant import Bounded, JointState, Plant, require_ready
+from catenary.plant import Bounded, JointState, Plant, require_ready, state_in_words
 from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference, Trajectory
@@ -185,7 +185,7 @@ def _stream(
             if state.state != "ENABLED":
                 raise NotReadyError(
                     f"stopped {(first + k - 1) * plant.period:.3f} s into a motion of {trajectory.duration:.3f} s: "
-                    f"the robot is {state.state}, expected ENABLED"
+                    f"the robot is {state_in_words(plant, state)}, expected ENABLED"
                 )
             plant.servo_jp(rows[k])
             plant.wait()

@@ -31,6 +31,16 @@ def at_rest_afterwards(plant: Plant, began: Callable[[], bool] = lambda: True) -
         raise
 
 
+@contextmanager
+def paused_if_interrupted(plant: Plant) -> Iterator[None]:
+    """Pause a robot when Ctrl-C or a signal ends what runs inside, as while a person is asked for something."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        attempt(stop, pausing=lambda: pause(plant))
+        raise
+
+
 def hold(plant: Plant) -> None:
     """Hold a robot at its setpoint; one that is not enabled stands on its brakes and is left alone."""
     q = np.array(plant.setpoint_js().q)

@@ -1,0 +1,220 @@
+"""Which friction a recording shows: parts added to each joint's friction while held-out blocks are predicted better.
+
+Candidates are viscous friction that differs by direction, Stribeck's and presliding friction on a grid of their
+speeds and distances, and friction that grows with the load. All are linear in their parameters, so that of every
+block the products of all columns are all that is needed. The best candidate is added, again and again, as long as it
+takes enough away from the residuals of blocks that were not fitted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.dynamics.actuation import term_load
+from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.folds import FOLDS, fold_of_rows
+from catenary.identification.samples import Samples
+from catenary.robots.actuation import Actuation, ActuationTerm, Friction
+
+Extra = tuple[str, int]  # kind, and which friction
+SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of Stribeck friction, over the rate's RMS
+DISTANCES = (0.001, 0.003, 0.01, 0.03, 0.1)  # of presliding friction, over the travel between 5 and 95 %
+GAIN = 0.02  # least that each part takes from the sum over axes of log residual: 2 % of one axis
+HARM = 0.05  # most by which any axis may be worse than with the friction that is given
+DISTINCT = 0.05  # least part of a column that others do not give
+MOST_ROWS = 20_000  # that are looked at
+
+
+@dataclass(frozen=True)
+class FrictionPart:
+    """A part that was added to a friction, and what it took away."""
+
+    friction: str
+    kind: str
+    scale: float | None  # [rad/s, m/s] of Stribeck's, [rad, m] of presliding friction
+    gain: float  # by how much the residual on held-out blocks, as the mean over axes, became less
+
+
+class _Candidate(NamedTuple):
+    kind: str
+    friction: int
+    scale: float | None
+    rung: int  # of the grid of scales
+    column: int
+
+
+class _Products(NamedTuple):
+    """What least squares needs of every fold: the products of all columns with each other."""
+
+    each: Floats  # (folds, n, c, c) by axis
+    train: Floats  # (folds, c, c) of all folds but one, weighted, over all axes
+
+
+def choose_friction(
+    base: BaseParameters,
+    gravity: Floats,
+    samples: Sequence[Samples],
+    weights: Floats,
+    actuation: Actuation,
+    kinds: Sequence[str],
+) -> tuple[Actuation, tuple[FrictionPart, ...]]:
+    """Return the actuation with the parts of friction that held-out blocks show, and what each of them gained.
+
+    Args:
+        base: Base parameters with friction as the actuation has it.
+        gravity: (3,) [m/s2] where recordings hold none.
+        samples: Recordings to fit; `carried` is what the links ask of the actuators in them.
+        weights: (n,) of the axes.
+        actuation: The robot's.
+        kinds: Which parts may be added.
+    """
+    candidates, terms = _candidates(actuation, samples, kinds, base.count)
+    if not candidates:
+        return actuation, ()
+    products = _products(base, gravity, samples, terms, weights, actuation.coulomb_velocity)
+    fixed = list(range(base.count))
+    moves = [*_together(candidates, terms), *((candidate,) for candidate in candidates)]
+    chosen: dict[Extra, _Candidate] = {}
+    parts: dict[Extra, FrictionPart] = {}
+    first = before = _held_out(products, fixed, added=1)
+    while first is not None and before is not None:
+        best, best_rms = None, before
+        for move in moves:
+            added = [c for c in move if chosen.get((c.kind, c.friction)) != c]
+            replaced = {(c.kind, c.friction) for c in added}
+            others = [c.column for key, c in chosen.items() if key not in replaced]
+            columns = [*fixed, *others, *(c.column for c in added)]
+            after = _held_out(products, columns, added=len(added)) if added else None
+            if after is None or (after > (1.0 + HARM) * first).any():
+                continue
+            if _size(after) + GAIN * len(added) < _size(best_rms) + GAIN * (0 if best is None else len(best)):
+                best, best_rms = added, after
+        if best is None:
+            break
+        gain = float(np.mean(1.0 - best_rms / before))
+        for c in best:
+            key = c.kind, c.friction
+            earlier = parts[key].gain if key in parts else 0.0  # with another speed or distance
+            name = actuation.friction[c.friction].name
+            chosen[key] = c
+            parts[key] = FrictionPart(name, c.kind, c.scale, earlier + gain / len(best))
+        before = best_rms
+    friction = list(actuation.friction)
+    for (kind, place), candidate in chosen.items():
+        value = True if candidate.scale is None else candidate.scale
+        friction[place] = replace(friction[place], **{kind: value})  # type: ignore[arg-type]  # by the kind's name
+    return replace(actuation, friction=tuple(friction)), tuple(parts.values())
+
+
+def _size(rms: Floats) -> float:
+    """Return the sum over axes of log residual: what a part must make less, on whichever axes."""
+    return float(np.log(rms).sum())
+
+
+def _together(candidates: list[_Candidate], terms: Sequence[ActuationTerm]) -> list[tuple[_Candidate, ...]]:
+    """Return moves that give all frictions a part at once: one alone may not show beside others that lack it."""
+    groups: dict[tuple[str, int], list[_Candidate]] = {}
+    for candidate, term in zip(candidates, terms, strict=True):
+        group = groups.setdefault((candidate.kind, candidate.rung), [])
+        own = [terms[candidates.index(other)].combination for other in group]
+        if not any(np.array_equal(term.combination, c) for c in own):  # two links on one drive rub as one
+            group.append(candidate)
+    return [tuple(group) for group in groups.values() if len(group) > 1]
+
+
+def _candidates(
+    actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str], first: int
+) -> tuple[list[_Candidate], list[ActuationTerm]]:
+    candidates: list[_Candidate] = []
+    terms: list[ActuationTerm] = []
+
+    def add(kind: str, place: int, friction: Friction, scale: float | None, rung: int = 0) -> None:
+        candidates.append(_Candidate(kind, place, scale, rung, first + len(terms)))
+        terms.append(ActuationTerm(kind, friction.name, friction.combination, None, scale or 0.0))  # type: ignore[arg-type]
+
+    for place, friction in enumerate(actuation.friction):
+        c = friction.combination
+        s = np.concatenate([part.q @ c for part in samples])
+        travel = float(np.subtract(*np.percentile(s, (95, 5))))
+        speed = float(np.sqrt(np.mean(np.concatenate([part.qd @ c for part in samples]) ** 2)))
+        if not (travel > 0.0 and speed > 0.0):
+            continue
+        if friction.viscous and not friction.asymmetric and "asymmetric" in kinds:
+            add("asymmetric", place, friction, None)
+        if not friction.coulomb:
+            continue
+        if not friction.load and "load" in kinds:
+            add("load", place, friction, None)
+        if friction.stribeck is None and "stribeck" in kinds:
+            for rung, share in enumerate(SPEEDS):
+                add("stribeck", place, friction, share * speed, rung)
+        if friction.presliding is None and "presliding" in kinds and samples[0].course is not None:
+            for rung, share in enumerate(DISTANCES):
+                add("presliding", place, friction, share * travel, rung)
+    return candidates, terms
+
+
+def _products(
+    base: BaseParameters,
+    gravity: Floats,
+    samples: Sequence[Samples],
+    terms: Sequence[ActuationTerm],
+    weights: Floats,
+    coulomb_velocity: float,
+) -> _Products:
+    """Return the products of all columns with each other, those of torque last."""
+    n, count = samples[0].q.shape[1], base.count + len(terms) + 1
+    along = np.array([term.combination for term in terms])
+    products = np.zeros((FOLDS, n, count, count))
+    every = max(1, sum(len(part) for part in samples) // MOST_ROWS)
+    for part in samples:
+        fold = fold_of_rows(part)
+        loads = np.column_stack([_load(term, part, coulomb_velocity) for term in terms])
+        for rows, Y in base.chunks(part, gravity):
+            for f in range(FOLDS):
+                here: NDArray[np.int64] = np.flatnonzero(fold[rows] == f)[::every]
+                for i in range(n):
+                    tau = part.tau[rows][here, i, None]
+                    A = np.concatenate([Y[here, i], loads[rows][here] * along[:, i], tau], axis=1)
+                    products[f, i] += A.T @ A
+    weighted = np.einsum("i,fijk->fjk", weights**2, products)
+    return _Products(products, weighted.sum(axis=0) - weighted)
+
+
+def _load(term: ActuationTerm, samples: Samples, coulomb_velocity: float) -> Floats:
+    c = term.combination
+    if samples.course is None or not samples.course.remembers(term):
+        return term_load(term, samples.q, samples.qd, samples.qdd, coulomb_velocity, samples.carried)
+    load = samples.course.load(term, coulomb_velocity)
+    if term.kind == "load":
+        assert samples.carried is not None  # whoever chooses among loads has computed it
+        load = load * np.abs(samples.carried @ c) / (c @ c)
+    return load
+
+
+def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats | None:
+    """Return the RMS (n,) on every fold fitted to the others, or None where an added column is hardly its own."""
+    target = products.train.shape[1] - 1
+    train = products.train[np.ix_(range(FOLDS), [*columns, target], [*columns, target])]
+    scale = np.sqrt(np.maximum(np.einsum("fjj->fj", train), 1e-300))
+    correlation = train / scale[:, :, None] / scale[:, None, :]
+    m = len(columns)
+    try:
+        lower = np.linalg.cholesky(correlation[:, :m, :m] + 1e-12 * np.eye(m))
+    except np.linalg.LinAlgError:
+        return None
+    if (np.einsum("fjj->fj", lower)[:, -added:] < DISTINCT).any():
+        return None
+    solution = np.linalg.solve(correlation[:, :m, :m] + 1e-12 * np.eye(m), correlation[:, :m, m, None])[
+        :, :, 0
+    ]
+    beta = solution * scale[:, m:] / scale[:, :m]
+    vector = np.zeros((FOLDS, 1, target + 1, 1))
+    vector[:, 0, columns, 0], vector[:, 0, target, 0] = -beta, 1.0
+    squares = (vector * (products.each @ vector)).sum(axis=(0, 2, 3))
+    rms: Floats = np.sqrt(np.maximum(squares, 1e-300))
+    return rms

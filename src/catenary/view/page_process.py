@@ -1,0 +1,192 @@
+"""A page in a process of its own beside a program: states go in, what somebody changes comes out, nobody waits."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from multiprocessing.connection import Connection
+from typing import Protocol, Self
+
+from catenary.errors import CatenaryError, InputError, MissingPackageError
+from catenary.view.controls import Change
+from catenary.view.shared_state import SharedState
+from catenary.view.shown import Shown
+from catenary.view.state import ViewState
+
+DRAW_HZ = 20.0
+WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of curves and paths
+START_WITHIN = 60.0  # [s]
+PORT = 8080
+_END = "end"
+
+
+class PageProcess:
+    """A page that runs beside this program, and ends with it; a context manager.
+
+    The process starts on entering, and reads what it needs while the program prepares its robot; `open` then says what
+    is to be shown. `put` and `changes` take microseconds, whatever becomes of the page or of the browsers that look.
+    """
+
+    def __init__(self, *, port: int = PORT) -> None:
+        """Take a port of 127.0.0.1; the next free one where it is taken.
+
+        Raises:
+            InputError: No such port.
+            MissingPackageError: viser is not installed.
+        """
+        if not 1024 <= port <= 65535:
+            raise InputError(f"--port: expected 1024 to 65535, got {port}")
+        require_viser()
+        # a fresh interpreter: a fork would take the loop's threads and compiled code along
+        context = multiprocessing.get_context("spawn")
+        self._pipe, self._theirs = context.Pipe()
+        self._process = context.Process(
+            target=_run_page, args=(self._theirs, port), daemon=True, name="catenary view"
+        )
+        self._state: SharedState | None = None
+
+    def open(self, shown: Shown) -> str:
+        """Show an arm, and return the address of the page.
+
+        Raises:
+            CatenaryError: The page did not come; the message says why.
+        """
+        self._state = SharedState(shown.model.n)
+        try:
+            self._pipe.send((shown, self._state.name))
+            if not self._pipe.poll(START_WITHIN):
+                raise CatenaryError(f"the view's page did not start within {START_WITHIN:g} s")
+            kind, text = self._pipe.recv()
+        except (EOFError, OSError):
+            kind, text = "failed", "the process of the view's page ended"
+        if kind == "failed":
+            raise CatenaryError(str(text))
+        return str(text)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the page is still there."""
+        return self._process.is_alive()
+
+    def put(self, state: ViewState) -> None:
+        """Show a state, in place of the last one; nothing before `open`."""
+        if self._state is not None:
+            self._state.put(state)
+
+    def changes(self) -> list[Change]:
+        """Return what was changed on the page since the last call."""
+        found: list[Change] = []
+        with contextlib.suppress(OSError, EOFError):  # a page that is gone changes nothing
+            while self._pipe.poll():
+                found.append(Change(*self._pipe.recv()))
+        return found
+
+    def close(self) -> None:
+        """End the process."""
+        with contextlib.suppress(OSError):
+            self._pipe.send(_END)
+        if self._process.pid is not None:
+            self._process.join(3.0)
+            if self._process.is_alive():
+                self._process.kill()
+                self._process.join(1.0)
+        self._pipe.close()
+        if self._state is not None:
+            self._state.close()
+
+    def __enter__(self) -> Self:
+        self._process.start()
+        self._theirs.close()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def require_viser() -> None:
+    """Refuse to go on without viser.
+
+    Raises:
+        MissingPackageError: It is not installed.
+    """
+    if find_spec("viser") is None:
+        raise MissingPackageError(
+            "catenary view needs viser, which is not installed: pip install 'catenary[view]'"
+        )
+
+
+def _run_page(pipe: Connection, port: int) -> None:
+    """Draw what is in the shared memory until the other side ends or is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the program's, which then ends this process
+    sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # viser prints a box
+    lock = threading.Lock()
+
+    def tell(change: Change) -> None:
+        with lock, contextlib.suppress(OSError):
+            pipe.send(tuple(change))
+
+    try:
+        from catenary.view.viser_page import ViserPage, import_viser
+
+        import_viser()
+        received = pipe.recv()
+        if received == _END:
+            return
+        shown, name = received
+        page = ViserPage(shown, port, tell)
+    except EOFError:
+        return
+    except Exception as error:
+        pipe.send(("failed", f"the view's page cannot be opened: {error}"))
+        return
+    with SharedState(shown.model.n, name) as states:
+        pipe.send(("ready", page.url))
+        draw_until(page, states, lambda: _ended(pipe))
+    page.close()
+
+
+def _ended(pipe: Connection) -> bool:
+    try:
+        return pipe.poll() and pipe.recv() == _END
+    except (EOFError, OSError):
+        return True
+
+
+class DrawnPage(Protocol):
+    """A page that states are drawn on."""
+
+    @property
+    def clients(self) -> int: ...  # noqa: D102
+
+    def draw(self, state: ViewState) -> None: ...  # noqa: D102
+
+    def write(self, state: ViewState) -> None: ...  # noqa: D102
+
+    def plot(self) -> None: ...  # noqa: D102
+
+
+class StateSource(Protocol):
+    """Where states come from; None when there is none that is new."""
+
+    def take(self) -> ViewState | None: ...  # noqa: D102
+
+
+def draw_until(page: DrawnPage, states: StateSource, ended: Callable[[], bool]) -> None:
+    """Draw states as they come, DRAW_HZ times a second at most, and nothing while nobody looks."""
+    number = 0
+    while not ended():
+        begin = time.monotonic()
+        state = states.take()
+        if state is not None and page.clients:
+            page.draw(state)
+            if number % WRITE_EVERY == 0:
+                page.write(state)
+            if number % PLOT_EVERY == 0:
+                page.plot()
+            number += 1
+        time.sleep(max(0.002, 1.0 / DRAW_HZ - (time.monotonic() - begin)))

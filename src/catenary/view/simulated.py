@@ -1,0 +1,310 @@
+"""A simulated arm that somebody drives from the page: the control loop, and what is changed while it runs."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol, cast
+
+import numpy as np
+
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.files import load_model
+from catenary.calibration.model import CalibrationModel
+from catenary.control.controller import SplitController
+from catenary.control.loop import Tick, run_loop
+from catenary.control.report import LoopReport
+from catenary.errors import CatenaryError
+from catenary.gravity.torque import gravity_torque
+from catenary.monitor.snapshot import EventRate, Snapshot
+from catenary.plant import JointState, Plant
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.steered_base import SteeredBase
+from catenary.spatial import LEVEL
+from catenary.units import DISPLAY
+from catenary.view.controls import Change, Value
+from catenary.view.driving_tabs import (
+    CONTROLLERS,
+    ENABLE,
+    GO_TO,
+    GOTO,
+    HOME,
+    LEVELS,
+    MOTIONS,
+    OWN,
+    RANDOM,
+    REST,
+    ZIGZAG,
+    driving_tabs,
+)
+from catenary.view.from_snapshot import view_state
+from catenary.view.motions import random_motions, way_to, zigzags
+from catenary.view.shapes import arm_shapes
+from catenary.view.shown import Shown
+from catenary.view.state import ViewState
+from catenary.view.steering import ChosenController, Motion, SteeredTrajectory, SwitchedCorrector
+from catenary.view.surroundings import Surroundings
+from catenary.workflows.gravity.controllers import make_controller, make_hold
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
+from catenary.workflows.robot.operated_robot import PacedPlant
+
+SHOW_EVERY = 40  # ticks: 25 states a second, which the page draws 20 of at most
+LISTEN_EVERY = 10  # ticks
+SAID = 8.0  # [s] for which a refusal stays on the page
+
+
+class StatePage(Protocol):
+    """Where states go and changes come from."""
+
+    @property
+    def is_running(self) -> bool: ...  # noqa: D102
+
+    def put(self, state: ViewState) -> None: ...  # noqa: D102
+
+    def changes(self) -> list[Change]: ...  # noqa: D102
+
+
+class LeaveLoop(Exception):
+    """Somebody wants what the control loop cannot do while it runs: another run level, another kind of control."""
+
+    def __init__(self, then: str = "") -> None:
+        """Say what comes next: resume, home, or nothing: the arm stays paused."""
+        super().__init__(then)
+        self.then = then
+
+
+class DrivenArm:
+    """A simulated arm, its surroundings, and the page that shows and drives it."""
+
+    def __init__(
+        self,
+        robot: str,
+        *,
+        model: Path | None = None,
+        seed: int | None = None,
+        rng: np.random.Generator,
+        real_time: bool = True,
+    ) -> None:
+        """Set up an arm, enabled and homed, on a level base.
+
+        Args:
+            robot: Name in the catalogue, or a robot file with inertia.
+            model: Calibration model of it.
+            seed: Draws another RAVEN-II of the kind; the nominal one when None.
+            rng: Draws random motions.
+            real_time: False lets ticks be as short as the machine makes them.
+
+        Raises:
+            CatenaryError: As `simulated_arm`, or a model of other joints.
+        """
+        loaded = None if model is None else load_model(model)[0]
+        self.arm: SimulatedArm = simulated_arm(robot, base=SteeredBase(), seed=seed)
+        self.surroundings = Surroundings(self.arm)
+        # paced, and without a real loop's priority: a picture must not hold up whatever else the machine does
+        self._paced = PacedPlant(self.arm.plant) if real_time else None
+        self._plant = self.arm.plant if self._paced is None else cast(Plant, self._paced)
+        self._rng = rng
+        self._n = self.arm.model.n
+        self._corrector = None if loaded is None else self._switched(loaded)
+        by_name = {key: self._make(key) for key in ("pd", "sg", "dg", "hold")}
+        self._controllers = by_name
+        self._controller = ChosenController(by_name["dg"])
+        self.control = OWN if model is not None else "PD + sensed gravity (DG)"
+        self._goal = np.array(self._plant.measured_js().q)
+        self.motion = RANDOM
+        self._recipe: Motion | None = None
+        self._trajectory = SteeredTrajectory(self._goal)
+        self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
+        self._said: tuple[float, str] = (-np.inf, "")
+        self._values: dict[str, Value] = {}
+        self._page: StatePage | None = None
+
+    def shown(self, title: str) -> Shown:
+        """Return what its page shows."""
+        legend = {"reported": "reported", "true": "true"}
+        if self._corrector is not None:
+            legend |= {"calibrated": "calibrated", "true": "true (encoders)"}
+        tabs = driving_tabs(
+            self._plant, self._goal, motion=self.motion, controller=self.control,
+            has_cables=self.surroundings.has_cables, has_model=self._corrector is not None,
+        )  # fmt: skip
+        return Shown(title, self.arm.model, arm_shapes(self.arm.model), tabs, self._goal, legend)
+
+    def run(self, page: StatePage, ended: Callable[[], bool] = lambda: False) -> None:
+        """Run until the page is gone, `ended` says so, or Ctrl-C."""
+        self._page, self._ended = page, ended
+        self._choose_motion(self.motion)
+        while page.is_running and not ended():
+            state = self._plant.operating_state()
+            try:
+                if state.state == "ENABLED" and state.is_homed and not state.is_busy:
+                    self.run_loop()
+                else:
+                    self._wait_a_while()
+            except LeaveLoop as leave:
+                self._reach_level(leave.then)
+            except CatenaryError as error:
+                self._say(str(error))
+
+    def run_loop(self) -> LoopReport:
+        """Run the control loop until something ends it; it ends by an exception, with the arm held and paused."""
+        own = self.control == OWN
+        start = self._plant.setpoint_js().q if own else self._plant.measured_js().q
+        self._trajectory = SteeredTrajectory(np.array(start))
+        if self._recipe is not None:
+            self._trajectory.follow(self._recipe)
+        return run_loop(
+            self._plant, None if own else self._controller, self._trajectory, limits=self.arm.limits(),
+            corrector=self._corrector, gravity=self.surroundings, observers=[self._observe],
+            duration=np.inf,
+        )  # fmt: skip
+
+    # in the loop
+
+    def _observe(self, tick: Tick) -> None:
+        self._count()
+        if tick.number % LISTEN_EVERY == 0:
+            self._listen(in_loop=True)
+        if tick.number % SHOW_EVERY == 0 and self._page is not None:
+            setpoint = tick.reference.q
+            if self.control == "gravity compensation alone":
+                setpoint = np.full(self._n, np.nan)
+                self._trajectory.rest_at(tick.state.q)
+            feedback = None if self.control == OWN else self._controller.feedback.copy()
+            self._page.put(self._state(tick.state._replace(q=tick.q_nominal), setpoint, feedback))
+
+    def _count(self) -> None:
+        now, late = time.perf_counter(), 0 if self._paced is None else self._paced.late
+        self._ticks.count(now)
+        self._late.count(now, late - self._seen_late)
+        self._seen_late = late
+
+    def _wait_a_while(self) -> None:
+        """Pass 20 ms while the arm is not controlled: it homes, or brakes hold it."""
+        for _ in range(20):
+            self._plant.wait()
+            self._count()
+        self._listen(in_loop=False)
+        if self._page is not None:
+            state = self._plant.measured_js()
+            self.surroundings.read(state.time)
+            self._page.put(self._state(state, self._plant.setpoint_js().q, None))
+
+    def _state(self, state: JointState, setpoint: np.ndarray, feedback: np.ndarray | None) -> ViewState:
+        """Return what is shown of a state whose q is as reported."""
+        plant, world, now = self._plant, self.surroundings, time.perf_counter()
+        reading = world.reading
+        gravity = state.gravity if reading is None else reading.gravity
+        operating = plant.operating_state()
+        corrector = self._corrector if operating.is_homed else None
+        encoder = None
+        if corrector is not None and isinstance(world.plant, CablePlant):
+            encoder = world.plant.external_encoders()
+        snapshot = Snapshot(
+            state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
+            None if corrector is None else corrector.calibrated,
+            None if corrector is None else corrector.inside,
+            None if corrector is None else corrector.interval,
+            encoder=encoder, tau=state.tau, gravity_tau=gravity_torque(self.arm.model, state.q, gravity),
+            gravity=gravity, gravity_age=state.gravity_age if reading is None else reading.age,
+            operating=operating, lower=plant.lower, upper=plant.upper, rate_hz=self._ticks.hertz(now),
+            late=self._late.within(now), error=state.q - self.arm.q_true() if operating.is_homed else None,
+        )  # fmt: skip
+        notes = list(world.warnings())
+        if now - self._said[0] < SAID:
+            notes.insert(0, self._said[1])
+        doing = f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else ""
+        mode = f"{operating.state}, {'homing' if operating.is_busy else 'homed' if operating.is_homed else 'not homed'}"
+        assumed = {"PD + gravity of a level base (SG)": LEVEL, "PD + sensed gravity (DG)": gravity}
+        return view_state(
+            snapshot, self._n, feedback=state.tau if feedback is None else feedback,
+            assumed=assumed.get(self.control), actual=world.actual(), nominal_hz=1.0 / plant.period,
+            mode=mode + doing, notes=tuple(notes), values=self._values,
+        )  # fmt: skip
+
+    # what somebody changes
+
+    def _listen(self, *, in_loop: bool) -> None:
+        if self._page is None:
+            return
+        for change in self._page.changes():
+            try:
+                self._take(change, in_loop=in_loop)
+            except CatenaryError as error:
+                self._say(str(error))
+        if in_loop and (self._ended() or (self._page is not None and not self._page.is_running)):
+            raise LeaveLoop
+
+    def _take(self, change: Change, *, in_loop: bool) -> None:
+        name, value = change
+        if self.surroundings.set(name, value):
+            return
+        if name.startswith(GOTO):
+            self._go_to(name.removeprefix(GOTO), float(value))
+        elif name == "motion" and str(value) in MOTIONS:
+            self._choose_motion(str(value))
+        elif name == "controller" and str(value) in CONTROLLERS:
+            self._choose_controller(str(value), in_loop=in_loop)
+        elif name == "model" and self._corrector is not None:
+            self._corrector.is_on = bool(value)
+        elif name == "level" and str(value) in LEVELS:
+            self._change_level(str(value), in_loop=in_loop)
+
+    def _go_to(self, joint: str, value: float) -> None:
+        """Go where the sliders are; value [deg|mm]."""
+        j = self._plant.joint_names.index(joint)
+        self._goal = self._goal.copy()
+        self._goal[j] = value / DISPLAY[self._plant.joint_units[j]][1]
+        self._choose_motion(GO_TO)
+
+    def _choose_motion(self, motion: str) -> None:
+        plant, model = self._plant, self.arm.model
+        recipes: dict[str, Callable[[], Motion | None]] = {
+            REST: lambda: None,
+            GO_TO: lambda: way_to(plant, np.clip(self._goal, plant.lower, plant.upper)),
+            RANDOM: lambda: random_motions(model, plant, self._rng),
+            ZIGZAG: lambda: zigzags(model, plant),
+        }
+        self._recipe = recipes[motion]()
+        self.motion = motion
+        self._values["motion"] = motion
+        self._trajectory.follow(self._recipe)
+
+    def _choose_controller(self, control: str, *, in_loop: bool) -> None:
+        before, self.control = self.control, control
+        if control != OWN:
+            self._controller.controller = self._controllers[CONTROLLERS[control]]
+        self._values["controller"] = control
+        if in_loop and OWN in (before, control) and before != control:
+            raise LeaveLoop("resume")
+
+    def _change_level(self, level: str, *, in_loop: bool) -> None:
+        """Leave the loop, which pauses the arm, or reach the level at once."""
+        then = {ENABLE: "resume", HOME: "home"}.get(level, "")
+        if not in_loop:
+            self._reach_level(then)
+        elif then != "resume":
+            raise LeaveLoop(then)
+
+    def _reach_level(self, then: str) -> None:
+        """Enable or home the arm; the robot decides."""
+        state = self._plant.operating_state().state
+        if then and state != "ENABLED":
+            self._plant.state_command("resume" if state == "PAUSED" else "enable")
+        if then == "home":
+            self._plant.state_command("home")
+
+    def _say(self, text: str) -> None:
+        self._said = (time.perf_counter(), text)
+
+    # setting up
+
+    def _make(self, name: str) -> SplitController:
+        return make_hold("dg", self.arm) if name == "hold" else make_controller(name, self.arm)
+
+    def _switched(self, loaded: CalibrationModel) -> SwitchedCorrector:
+        corrector = Corrector(loaded, rate_hz=1.0 / self._plant.period)
+        whole = self.surroundings.plant
+        corrector.prepare(whole.joint_names, whole.joint_units, 1.0 / self._plant.period)
+        if isinstance(whole, CablePlant):
+            return SwitchedCorrector(corrector, lambda _: whole.measured_js(), self._n, self._plant.period)
+        return SwitchedCorrector(corrector, lambda state: state, self._n, self._plant.period)

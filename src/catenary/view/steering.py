@@ -1,0 +1,154 @@
+"""What somebody changes while a control loop runs: the motion, the controller, the correction; none of them leaps."""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.calibration.kernels import Flags
+from catenary.control.controller import SplitController
+from catenary.plant import JointState
+from catenary.trajectories.in_turn import Rest
+from catenary.trajectories.reference import Reference, Trajectory
+
+STOP = 0.4  # [s] in which a motion that is left comes to rest
+BLEND = 1.5  # [s] in which a correction is faded in or out
+
+Motion = Callable[[Floats], Trajectory]  # makes a motion that begins at joint positions (n,) [rad|m]
+
+
+class SteeredTrajectory:
+    """A motion that is followed until another is wanted: it slows down along its own path, then the next begins.
+
+    A motion begins and ends at rest; when it is over the next one is made by the same recipe.
+    """
+
+    duration = np.inf
+
+    def __init__(self, q: Floats) -> None:
+        """Rest at q (n,) [rad|m]."""
+        self._motion: Trajectory = Rest(q, 0.0)
+        self._recipe: Motion | None = None
+        self._next: Motion | None = None
+        self._place, self._rate, self._time = 0.0, 1.0, 0.0  # along the motion; of it; of the last call
+
+    def follow(self, recipe: Motion | None) -> None:
+        """Come to rest, then follow the motions that a recipe makes, one after the other; None rests."""
+        self._next = _rest if recipe is None else recipe
+
+    def rest_at(self, q: Floats) -> None:
+        """Be at rest at q (n,) [rad|m] at once, as where an arm was led by hand."""
+        self._motion, self._recipe, self._next = Rest(q, 0.0), None, None
+        self._place, self._rate = 0.0, 1.0
+
+    def __call__(self, t: float) -> Reference:
+        """Return the reference at `t` [s], not before the last one that was asked for."""
+        step = max(0.0, t - self._time)
+        self._time = t
+        slower = 0.0
+        if self._next is not None:
+            rate = max(0.0, self._rate - step / STOP)
+            slower = -1.0 / STOP if rate > 0.0 else 0.0
+            self._place += 0.5 * (self._rate + rate) * step
+            self._rate = rate
+        else:
+            self._place += step
+        at_rest = self._rate == 0.0 or self._place >= self._motion.duration
+        if at_rest and (self._next is not None or self._recipe is not None):
+            self._begin(self._motion(min(self._place, self._motion.duration)).q)
+            slower = 0.0
+        q, qd, qdd = self._motion(self._place)
+        return Reference(q, self._rate * qd, self._rate**2 * qdd + slower * qd)
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return references at times (N,) [s], in their order; asking moves the motion on."""
+        rows = [self(float(t)) for t in as_array("times", times, (None,))]
+        q, qd, qdd = (np.array(part) for part in zip(*rows, strict=True))
+        return q, qd, qdd
+
+    def _begin(self, q: Floats) -> None:
+        recipe = self._next if self._next is not None else self._recipe
+        self._next, self._place, self._rate = None, 0.0, 1.0
+        self._motion = Rest(q, 0.0) if recipe is None else recipe(q)
+        self._recipe = None if recipe is _rest else recipe
+
+
+def _rest(q: Floats) -> Trajectory:
+    return Rest(q, 0.0)
+
+
+class ChosenController:
+    """One of several controllers of an arm, which may be changed between two ticks."""
+
+    def __init__(self, controller: SplitController) -> None:
+        """Begin with one."""
+        self.controller = controller
+
+    @property
+    def feedback(self) -> Floats:
+        """What the errors asked for, (n,) [Nm|N]: the PD term."""
+        return self.controller.feedback
+
+    @property
+    def feedforward(self) -> Floats:
+        """What the model asked for, (n,) [Nm|N]."""
+        return self.controller.feedforward
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """Return torques (n,) [Nm|N] of the controller that is chosen."""
+        return self.controller.torque(state, reference)
+
+
+class Correcting(Protocol):
+    """What corrects the positions of a robot, such as a calibration model's Corrector."""
+
+    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
+        """Get ready for a robot."""
+        ...
+
+    def correct_state(
+        self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None
+    ) -> None:
+        """Write calibrated positions, whether each is inside the valid range, and half-widths, each (n,)."""
+        ...
+
+
+class SwitchedCorrector:
+    """A model that always says where the joints are, and whose say counts in the loop once it is switched on.
+
+    It is faded in and out, so that an arm whose calibrated positions are far from its reported ones is not jerked.
+    It may be of more joints than the loop: then it is given the whole robot's state.
+    """
+
+    def __init__(
+        self, corrector: Correcting, whole: Callable[[JointState], JointState], n: int, period: float
+    ) -> None:
+        """Take a model's corrector, switched off.
+
+        Args:
+            corrector: Prepared for the whole robot.
+            whole: Returns the whole robot's state at the time of the loop's.
+            n: Number of the loop's joints, the first of the robot's.
+            period: [s] of the loop.
+        """
+        self._corrector, self._whole, self._n = corrector, whole, n
+        self._share, self._step = 0.0, period / BLEND
+        self.is_on = False
+        self.calibrated, self.interval = np.full(n, np.nan), np.full(n, np.nan)
+        self.inside: Flags = np.ones(n, dtype=bool)
+
+    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
+        """Do nothing: the model knows the whole robot."""
+
+    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
+        """Write positions (n,), reported, calibrated or on the way from one to the other, flags and half-widths."""
+        whole = self._whole(state)
+        size, n = len(whole.q), self._n
+        q, flags, widths = np.empty(size), np.empty(size, dtype=bool), np.empty(size)
+        self._corrector.correct_state(whole, q, flags, widths)
+        self.calibrated, self.inside, self.interval = q[:n], flags[:n], widths[:n]
+        self._share = float(np.clip(self._share + (self._step if self.is_on else -self._step), 0.0, 1.0))
+        out[:] = state.q + self._share * (self.calibrated - state.q)
+        inside[:], interval[:] = self.inside, self.interval

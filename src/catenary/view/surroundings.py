@@ -1,0 +1,138 @@
+"""What a simulated arm stands on, carries and feels: its base, payload, sensor, friction and wear, to be changed."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.gravity.payload import Payload
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.simulation.base_motion import BaseSamples
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.positioning import PositioningArm
+from catenary.simulation.sensors import InjectedFault
+from catenary.simulation.steered_base import SteeredBase
+from catenary.view.controls import Value
+from catenary.workflows.gravity.base_sensor import base_sensor
+from catenary.workflows.gravity.simulated_arm import SimulatedArm
+
+NOISY = 0.5  # [m/s2] standard deviation of an axis of a reading
+# of the sensor, by what the page calls them
+FAULTS: Mapping[str, str | None] = {
+    "none": None, "unplugged": "drop_out", "stuck": "stuck", "noisy": None, "wrong sign": "wrong_sign",
+    "spikes": "spikes", "came loose": "jump",
+}  # fmt: skip
+RIGID_FRICTION = (
+    0.02  # of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
+)
+MOST_FRICTION = 4.0
+
+
+class PlantBase:
+    """The base that a plant stands on, whichever it is at the time."""
+
+    def __init__(self, plant: CablePlant | MujocoPlant) -> None:
+        """Take a plant."""
+        self._plant = plant
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """Return the base's motion at times (N,) [s]."""
+        return self._plant.base.sample(times)
+
+
+class Surroundings:
+    """All that is changed about a simulated arm but its commands; a GravitySource, by a sensor on its base."""
+
+    def __init__(self, arm: SimulatedArm) -> None:
+        """Take an arm on a SteeredBase."""
+        plant = arm.plant
+        self.plant = cast(CablePlant | MujocoPlant, plant.arm if isinstance(plant, PositioningArm) else plant)
+        self.has_cables = isinstance(self.plant, CablePlant)
+        self._torque = np.where(np.isfinite(arm.largest_torque), arm.largest_torque, 1.0)
+        self._sensor, mounting = base_sensor(PlantBase(self.plant), start=self.plant.time)
+        self._quiet = self._sensor.model
+        self._sensed = SensedGravity(self._sensor.mailbox, mounting, feed=self._sensor.advance)
+        self._roll_deg, self._pitch_deg, self._rocking_deg, self._frequency = 0.0, 0.0, 0.0, 0.5
+        self._base = SteeredBase()
+        self.reading: GravityReading | None = None  # the last one
+        self._setters: dict[str, Callable[[Value], None]] = {
+            "roll_deg": lambda v: self._tilt(roll_deg=float(v)),
+            "pitch_deg": lambda v: self._tilt(pitch_deg=float(v)),
+            "rocking_deg": lambda v: self._tilt(rocking_deg=float(v)),
+            "rocking_hz": lambda v: self._tilt(frequency=float(v)),
+            "payload_kg": lambda v: self._carry(float(v)),
+            "sensor": lambda v: self._break_sensor(str(v)),
+            "friction": lambda v: self._rub(float(v)),
+            "wear": lambda v: self._wear(float(v)),
+        }
+
+    def set(self, name: str, value: Value) -> bool:
+        """Change something by the name of its control; False when it is none of these.
+
+        Raises:
+            InputError: A value that it cannot have.
+        """
+        if name not in self._setters:
+            return False
+        self._setters[name](value)
+        return True
+
+    def read(self, time: float) -> GravityReading:
+        """Return gravity as the sensor says at a time [s]."""
+        self.reading = self._sensed.read(time)
+        return self.reading
+
+    def actual(self) -> Floats:
+        """Return gravity as it is (3,) [m/s2], in the base frame."""
+        gravity: Floats = self._base.sample(np.array([self.plant.time])).gravity[0]
+        return gravity
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what is wrong with the sensor."""
+        reading = self.reading
+        if reading is None:
+            return ()
+        said = []
+        if reading.status not in (ReadingStatus.LIVE, ReadingStatus.NOMINAL):
+            said.append(f"gravity is {reading.status.value}")
+        if reading.faults:
+            said.append(f"sensor: {reading.faults.message}")
+        return tuple(said)
+
+    def _tilt(self, **changed: float) -> None:
+        for name, value in changed.items():
+            setattr(self, f"_{name}", value)
+        roll, pitch, amplitude = np.deg2rad([self._roll_deg, self._pitch_deg, self._rocking_deg])
+        self._base = self._base.toward(
+            self.plant.time, roll, pitch, amplitude=amplitude, frequency=self._frequency
+        )
+        self.plant.stand_on(self._base)
+
+    def _carry(self, mass: float) -> None:
+        if isinstance(self.plant, CablePlant):
+            self.plant.carry(mass)
+        elif mass > 0.0:
+            self.plant.attach(Payload(mass))
+        else:
+            self.plant.detach()
+
+    def _break_sensor(self, fault: str) -> None:
+        kind = FAULTS.get(fault)
+        self._sensor.faults = () if kind is None else (InjectedFault(kind, self.plant.time),)
+        noise = NOISY / math.sqrt(0.5 * self._quiet.rate_hz)
+        self._sensor.model = replace(self._quiet, noise=noise) if fault == "noisy" else self._quiet
+
+    def _rub(self, factor: float) -> None:
+        if isinstance(self.plant, CablePlant):
+            self.plant.rub(factor)
+        else:
+            self.plant.rub(factor * RIGID_FRICTION * self._torque)
+
+    def _wear(self, share: float) -> None:
+        if isinstance(self.plant, CablePlant):
+            self.plant.wear(share)

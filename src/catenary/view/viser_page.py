@@ -1,0 +1,319 @@
+"""The page in the browser: the one file that talks to viser."""
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import MissingPackageError
+from catenary.view.controls import (
+    ButtonsControl,
+    Change,
+    ChoiceControl,
+    Control,
+    ControlTab,
+    SliderControl,
+)
+from catenary.view.curves import Curves, Plot
+from catenary.view.scene import ARMS, Scene, TipPaths, scene_of
+from catenary.view.shown import Shown, extent_of
+from catenary.view.state import ViewState
+from catenary.view.tubes import grown
+from catenary.view.words import COLOURS, GRAVITY_COLOURS, gravity_html, joints_html, status_html
+
+HOST = "127.0.0.1"  # viser's own default is every address
+OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
+# shells about the true arm, so that those in the same place do not flicker; times the arm's length
+SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
+ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
+PLOT_ASPECT = 1.9
+
+
+class ViserPage:
+    """A page on this machine that draws states, and tells what somebody changes on it."""
+
+    def __init__(self, shown: Shown, port: int, tell: Callable[[Change], None]) -> None:
+        """Open the page; the next free port where this one is taken.
+
+        Args:
+            shown: The arm and its controls.
+            port: To listen on, of 127.0.0.1 alone.
+            tell: Called, in a thread of its own, with what is changed.
+
+        Raises:
+            MissingPackageError: viser is not installed.
+        """
+        viser = import_viser()
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)
+        self._shown, self._tell = shown, tell
+        self._server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
+        self._paths = TipPaths(shown.shapes.length)
+        self._curves = Curves(shown.model.joint_names, shown.model.joint_units)
+        self._set: dict[str, Floats] = {}  # what was sent of each node last
+        self._handles: dict[str, Any] = {}  # of controls
+        self._values: dict[str, float | bool | str] = {}  # of controls, as the program set them last
+        self._joint = 0
+        self._wanted = dict.fromkeys(ARMS, True)
+        self._build_scene()
+        self._build_panels()
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self._server.get_port()}"
+
+    @property
+    def clients(self) -> int:
+        """How many browsers look."""
+        return len(self._server.get_clients())
+
+    def close(self) -> None:
+        """Close the page."""
+        self._server.stop()
+
+    # what changes
+
+    def draw(self, state: ViewState) -> None:
+        """Show a state in the picture."""
+        scene = scene_of(self._shown.model, state)
+        self._paths.add(scene)
+        self._curves.add(state)
+        with self._server.atomic():
+            self._place(self._base, "base", scene.base_wxyz, None)
+            for name in ARMS:
+                self._draw_arm(name, scene)
+            self._draw_gravity(scene)
+
+    def write(self, state: ViewState) -> None:
+        """Show a state's words and numbers, which nobody reads twenty times a second."""
+        self._status.content = status_html(state)
+        self._joints.content = joints_html(self._shown, state)
+        self._gravity.content = gravity_html(state)
+        for name, value in state.values.items():
+            if name in self._handles and self._values.get(name) != value:
+                self._values[name] = value
+                self._handles[name].value = value
+
+    def plot(self) -> None:
+        """Show the tips' paths and the curves of the states until now."""
+        for name, path in self._path_nodes.items():
+            if len(segments := self._paths.segments(name)):
+                path.points = segments.astype(np.float32)
+                path.colors = np.array(_rgb(COLOURS[name]), np.uint8)
+        with self._server.atomic():
+            for handle, plot in zip(self._plots, self._curves.plots(self._joint), strict=True):
+                _draw_plot(handle, plot)
+
+    def forget_paths(self) -> None:
+        """Wipe the tips' paths."""
+        self._paths.clear()
+        for path in self._path_nodes.values():
+            path.points = np.zeros((1, 2, 3), np.float32)
+
+    # the scene
+
+    def _build_scene(self) -> None:
+        scene, shown = self._server.scene, self._shown
+        length, extent = shown.shapes.length, extent_of(shown)
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(cast_shadow=False)
+        floor = float(extent.centre[2] - 1.05 * extent.radius)
+        scene.add_grid(
+            "/floor", 4.0 * extent.radius, 4.0 * extent.radius, position=(0.0, 0.0, floor),
+            cell_size=_round(extent.radius / 4.0), section_size=_round(extent.radius), shadow_opacity=0.0,
+        )  # fmt: skip
+        self._base = scene.add_frame(
+            "/base", axes_length=0.12 * length, axes_radius=0.006 * length, origin_radius=0.0
+        )
+        if shown.shapes.base is not None:
+            base = shown.shapes.base
+            scene.add_mesh_simple("/base/foot", base.vertices, base.faces, color=(70, 74, 82))
+        self._roots: dict[str, Any] = {}
+        self._arms = {name: self._add_arm(name) for name in ARMS}
+        corner = extent.centre + extent.radius * np.array([0.15, -0.75, 0.75])
+        self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
+        empty = np.zeros((1, 2, 3), np.float32)
+        self._path_nodes = {
+            name: scene.add_line_segments(
+                f"/base/path_{name}", empty, _rgb(COLOURS[name]), thickness=2.0, thickness_units="screen"
+            )
+            for name in ARMS
+        }
+        camera = self._server.initial_camera
+        camera.look_at = extent.centre
+        camera.position = extent.centre + extent.radius * np.array([2.9, -1.9, 1.2])
+        camera.fov = np.deg2rad(50.0)
+
+    def _add_arm(self, name: str) -> list[Any]:
+        scene, shapes = self._server.scene, self._shown.shapes
+        meshes = [grown(mesh, SHELL[name] * shapes.length) for mesh in shapes.links]
+        self._roots[name] = scene.add_frame(f"/base/{name}", show_axes=False, visible=False)
+        return [
+            scene.add_mesh_simple(
+                f"/base/{name}/link_{i}", mesh.vertices, mesh.faces, color=_rgb(COLOURS[name]),
+                opacity=OPACITY[name], side="front", cast_shadow=False, receive_shadow=False,
+            )
+            for i, mesh in enumerate(meshes)
+        ]  # fmt: skip
+
+    def _add_arrow(self, name: str, place: Floats) -> Any:
+        length = self._shown.shapes.length
+        points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, -ARROW * length]]], np.float32)
+        size = 1.0 if name == "measured" else 0.8
+        arrow = self._server.scene.add_arrows(
+            f"/base/gravity_{name}", points, _rgb(GRAVITY_COLOURS[name]), shaft_radius=0.009 * size * length,
+            head_radius=0.022 * size * length, head_length=0.06 * length, position=place, visible=False,
+        )  # fmt: skip
+        if name == "measured":
+            self._server.scene.add_label("/base/gravity_measured/label", "gravity", anchor="bottom-center")
+        return arrow
+
+    def _draw_arm(self, name: str, scene: Scene) -> None:
+        arm, root = scene.arms.get(name), self._roots[name]
+        wanted = arm is not None and self._wanted[name]
+        if root.visible != wanted:
+            root.visible = wanted
+        if arm is not None:
+            for i, node in enumerate(self._arms[name]):
+                self._place(node, f"{name}{i}", arm.wxyz[i], arm.positions[i])
+
+    def _place(self, node: Any, key: str, wxyz: Floats, position: Floats | None) -> None:
+        """Move a node, unless it is there."""
+        pose = wxyz if position is None else np.concatenate([wxyz, position])
+        before = self._set.get(key)
+        if before is not None and np.abs(before - pose).max() < 1e-6:
+            return
+        self._set[key] = pose
+        node.wxyz = wxyz
+        if position is not None:
+            node.position = position
+
+    def _draw_gravity(self, scene: Scene) -> None:
+        length = ARROW * self._shown.shapes.length
+        for name, vector in (("measured", scene.measured), ("assumed", scene.assumed)):
+            arrow = self._arrows[name]
+            if arrow.visible != (vector is not None):
+                arrow.visible = vector is not None
+            before = self._set.get(f"gravity {name}")
+            if vector is None or (before is not None and np.abs(before - vector).max() < 1e-3):
+                continue
+            self._set[f"gravity {name}"] = vector
+            arrow.points = np.array([[np.zeros(3), length * vector]], np.float32)
+
+    # the panels
+
+    def _build_panels(self) -> None:
+        gui, shown = self._server.gui, self._shown
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        gui.set_panel_label(shown.title)
+        gui.main_panel.dock_right()
+        self._status = gui.add_html("")
+        self._joints = gui.add_html("")
+        self._gravity = gui.add_html("")
+        tabs = gui.add_tab_group()
+        for tab in shown.tabs:
+            with tabs.add_tab(tab.label):
+                self._add_tab(tab)
+        with tabs.add_tab("Show"):
+            self._add_show_tab()
+        plots = gui.add_panel()
+        plots.dock_left()
+        with plots.add_tab("Curves"):
+            self._add_plots()
+
+    def _add_tab(self, tab: ControlTab) -> None:
+        if tab.text:
+            self._server.gui.add_markdown(tab.text)
+        for control in tab.controls:
+            self._handles[control.name] = self._add_control(control)
+
+    def _add_control(self, control: Control) -> Any:
+        gui, name, hint = self._server.gui, control.name, control.hint or None
+        handle: Any
+        if isinstance(control, ButtonsControl):
+            handle = gui.add_button_group(control.label, control.options, hint=hint)
+            handle.on_click(lambda event: self._tell(Change(name, event.target.value)))
+            return handle
+        if isinstance(control, SliderControl):
+            low, high, step = control.low, control.high, control.step
+            handle = gui.add_slider(control.label, low, high, step, initial_value=control.value, hint=hint)
+        elif isinstance(control, ChoiceControl):
+            handle = gui.add_dropdown(control.label, control.options, initial_value=control.value, hint=hint)
+        else:
+            handle = gui.add_checkbox(control.label, control.value, hint=hint)
+
+        def changed(event: Any) -> None:
+            if event.client is not None:  # somebody did it, not this program
+                self._values.pop(name, None)
+                self._tell(Change(name, event.target.value))
+
+        handle.on_update(changed)
+        return handle
+
+    def _add_show_tab(self) -> None:
+        gui = self._server.gui
+        for name in ARMS:
+            if name in self._shown.legend:
+                box = gui.add_checkbox(f"{self._shown.legend[name]} arm", True)
+                box.on_update(lambda event, name=name: self._wanted.__setitem__(name, event.target.value))
+        gui.add_button("Wipe the tip's paths").on_click(lambda _: self.forget_paths())
+
+    def _add_plots(self) -> None:
+        gui, names = self._server.gui, self._shown.model.joint_names
+        joint = gui.add_dropdown("joint", names, initial_value=names[0])
+        joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
+        self._plots = [_add_plot(gui, plot) for plot in self._curves.plots(0)]
+
+
+def import_viser() -> Any:
+    """Return the module viser, which takes most of a second to import.
+
+    Raises:
+        MissingPackageError: It is not installed.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise MissingPackageError(
+            "catenary view needs viser, which is not installed: pip install 'catenary[view]'"
+        ) from error
+    return viser
+
+
+def _add_plot(gui: Any, plot: Plot) -> Any:
+    from viser import uplot
+
+    nothing = (np.zeros(1), np.zeros(1))
+    series = (uplot.Series(label="s"), uplot.Series(label=""))
+    scales = {"x": uplot.Scale(time=False)}
+    return gui.add_uplot(nothing, series, title=plot.title, aspect=PLOT_ASPECT, scales=scales)
+
+
+def _draw_plot(handle: Any, plot: Plot) -> None:
+    """Draw the curves of which something is known; other series and titles only where they change, which is slow."""
+    from viser import uplot
+
+    known = plot.known()
+    if not known:
+        return
+    series = [uplot.Series(label="s")]
+    for curve in known:
+        line = uplot.Series(label=curve.label, stroke=curve.colour, width=2.0, points={"show": False})
+        series.append(uplot.Series(**line, dash=(4.0, 4.0)) if curve.dashed else line)
+    if tuple(one["label"] for one in handle.series) != tuple(one["label"] for one in series):
+        handle.series = tuple(series)
+    handle.data = (plot.time, *(curve.values for curve in known))
+    if handle.title != plot.title:
+        handle.title = plot.title
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def _round(size: float) -> float:
+    """Return a length near this one that reads well: 1, 2 or 5 times a power of ten [m]."""
+    power = 10.0 ** np.floor(np.log10(size))
+    return float(power * min((1.0, 2.0, 5.0, 10.0), key=lambda x: abs(x - size / power)))

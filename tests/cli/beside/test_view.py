@@ -1,0 +1,43 @@
+import json
+
+import pytest
+
+from catenary.view import page_process, simulated
+from command_line import catenary, refusal
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["raven2", "--host", "0.0.0.0"], "ssh -L 8080:127.0.0.1:8080"),
+        (["raven2", "--port", "80"], "--port: expected 1024 to 65535, got 80"),
+        (["ravn2"], 'did you mean "raven2"?'),
+        (["raven2", "--model", "none.npz"], "none.npz"),
+        (["panda", "--robot-seed", "1"], "a seed draws the cables"),
+        (["dvrk_psm"], "no inertia"),
+    ],
+)
+def test_view_refuses_what_cannot_be_shown(arguments: list[str], message: str) -> None:
+    assert message in refusal("view", *arguments)
+
+
+def test_view_without_viser_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_process, "find_spec", lambda name: None)
+    assert "pip install 'catenary[view]'" in refusal("view", "raven2")
+
+
+@pytest.mark.slow
+def test_view_says_where_its_page_is_and_ends_after_the_time_that_it_was_given() -> None:
+    outcome = catenary("view", "two_link", "--seconds", 3, "--port", 18090, "--json")
+    assert outcome.code == 0
+    told = json.loads(outcome.out)
+    assert told["shown"] == "two_link"
+    assert told["url"].startswith("http://127.0.0.1:")
+
+
+def test_ctrl_c_is_the_usual_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulated.DrivenArm, "run", interrupted)
+    assert catenary("view", "two_link", "--port", 18091).code == 0

@@ -1,0 +1,29 @@
+"""A served robot, and a client that knows neither catenary nor Python: Fast DDS alone."""
+
+import numpy as np
+import pytest
+
+from dds import Network
+from fast_dds import build, run_client
+from ros import COMMAND, Program
+
+STEPS = ["connected", "enabled", "homed", "moved", "servoed"]
+
+
+@pytest.mark.slow
+def test_a_client_of_fast_dds_homes_moves_and_reads_a_served_robot() -> None:
+    build("client")
+    network = Network()
+    with Program(network, COMMAND, "serve", "--ros", "2", "--dialect", "crtk", "--json") as server:
+        server.line()
+        said = run_client(network.domain, "/arm1")
+        server.interrupt()
+        _, errors = server.finish()
+    assert said[: len(STEPS)] == STEPS
+    assert said[-1] == "disabled"
+    goal, measured, tip = (np.array(line.split()[1:], dtype=float) for line in said[-4:-1])
+    # what the simulated robot's own feedback leaves: a fraction of a degree, of a millimetre; its wrist more
+    np.testing.assert_allclose(measured[:2], goal[:2], atol=np.deg2rad(0.5))
+    np.testing.assert_allclose(measured[2], goal[2], atol=1e-3)
+    assert 0.01 < np.linalg.norm(tip) < 0.5
+    assert "Traceback" not in errors

@@ -1,0 +1,60 @@
+"""Zeros that move are told, with where and what mends it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from catenary.plant import MotionLog
+from catenary.recording.mend import Mend
+from catenary.verdict.check import findings_of
+from hysteretic_arm import recording
+from spoilt import copied, leapt
+
+
+def refusals(log: MotionLog) -> list[str]:
+    return [each.name for each in findings_of(log) if each.refuses]
+
+
+def test_a_leap_is_told_by_its_size_and_row_and_mended_by_leaving_out_the_shorter_part() -> None:
+    log = leapt(recording(), 0, np.deg2rad(10.0))
+    (found,) = [each for each in findings_of(log) if each.refuses]
+    told = re.match(r"at row 600 the error leaps by \+([0-9.]+) deg", found.says)
+    assert told
+    assert abs(float(told[1]) - 10.0) < 0.1  # the error's own spread
+    option, rows = found.remedy.split()
+    assert option == "--leave-out"
+    assert refusals(Mend(leave_out=(rows,))(log)) == []
+
+
+@pytest.mark.parametrize("by", [0.02, -0.05])
+def test_what_a_registration_moves_by_passes(by: float) -> None:
+    assert refusals(leapt(recording(), 0, by)) == []
+
+
+def test_a_burst_of_wild_measurements_is_no_leap() -> None:
+    log = recording()
+    assert log.q_encoder is not None
+    wild = log.q_encoder.copy()
+    wild[700:740, 0] += 0.5
+    assert refusals(replace(log, q_encoder=wild)) == []
+
+
+def test_a_slow_drift_is_no_leap() -> None:
+    log = recording()
+    assert log.q_encoder is not None
+    drift = np.linspace(0.0, 0.3, len(log))[:, None] * np.eye(5)[0]
+    assert "jump" not in refusals(replace(log, q_encoder=log.q_encoder + drift))
+
+
+@pytest.mark.parametrize("turn", [2.0 * np.pi, -4.0 * np.pi])
+def test_lost_turns_are_told_as_turns_whatever_else_they_look_like(turn: float) -> None:
+    (found,) = [each for each in findings_of(leapt(recording(), 3, turn)) if each.refuses]
+    assert (found.name, found.joints) == ("turns", ("J4",))
+
+
+def test_a_copy_in_single_precision_is_a_copy() -> None:
+    log = copied(recording(), slice(None))
+    assert log.q_encoder is not None
+    assert refusals(replace(log, q_encoder=log.q_encoder.astype(np.float32).astype(float))) == ["copied"]

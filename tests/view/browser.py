@@ -1,0 +1,91 @@
+"""A page in Debian's Chromium, headless, drawn by its own software; nothing is downloaded."""
+
+import io
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+CHROMIUM = shutil.which("chromium")
+ARGUMENTS = [
+    "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--no-first-run", "--disable-dev-shm-usage",
+]  # fmt: skip
+PATIENCE = 120_000  # [ms]: two slow processors draw a picture in seconds
+SIZE = {"width": 1000, "height": 560}
+
+
+class LookedAtPage:
+    """A page of the view, and what its console says."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.complaints: list[str] = []
+        self.foreign: list[str] = []
+        page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", self._asked)
+
+    def _asked(self, request: Any) -> None:
+        if not request.url.startswith(("http://127.0.0.1", "ws://127.0.0.1", "data:", "blob:")):
+            self.foreign.append(request.url)
+
+    def joint(self, name: str, column: int = 0) -> float:
+        """What the page's table says of a joint [deg|mm]: reported, calibrated where there is a model, true."""
+        row = self.page.locator("tr", has_text=f"{name} [").first
+        text = row.locator("td").nth(1 + column).inner_text(timeout=PATIENCE)
+        return float(text.split()[0].replace("−", "-"))
+
+    def wait_for_joint(self, name: str, value: float, within: float) -> None:
+        for _ in range(240):
+            if abs(self.joint(name) - value) <= within:
+                return
+            self.page.wait_for_timeout(500)
+        raise AssertionError(f"{name} is at {self.joint(name)}, expected {value}")
+
+    def set_slider(self, label: str, value: float) -> None:
+        """Type a value into the box beside a slider."""
+        row = self.page.locator("label", has_text=label).first.locator("xpath=ancestor::*[.//input][1]")
+        box = row.locator("input").last
+        box.fill(str(value), timeout=PATIENCE)
+        box.press("Enter")
+
+    def picture(self) -> np.ndarray:
+        """The middle of the window, between the panels, (rows, columns, 3)."""
+        from PIL import Image
+
+        shot = self.page.screenshot(timeout=PATIENCE)
+        pixels = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+        return pixels[:, 320:620]
+
+
+@contextmanager
+def looked_at(url: str, size: dict[str, int] = SIZE) -> Iterator[LookedAtPage]:
+    """Open a page and wait until it shows a robot's state."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed (apt install chromium)")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        try:
+            looked = LookedAtPage(browser.new_page(viewport=size))
+            looked.page.goto(url, timeout=PATIENCE)
+            looked.page.locator("text=warnings").first.or_(
+                looked.page.locator("text=⚠").first
+            ).first.wait_for(timeout=PATIENCE)
+            # fades in, and a message about drawing by software lies over it
+            for button in looked.page.locator("button.mantine-Notification-closeButton").all():
+                button.click(timeout=PATIENCE)
+            looked.page.wait_for_timeout(3000)
+            yield looked
+        finally:
+            browser.close()
+
+
+def share_of_pixels(picture: np.ndarray, *, more: int, than: tuple[int, int], by: int = 18) -> float:
+    """Share of pixels in which one channel is larger than the two others."""
+    a, b, c = picture[..., more], picture[..., than[0]], picture[..., than[1]]
+    return float(np.mean((a > b + by) & (a > c + by)))

@@ -1,0 +1,53 @@
+import numpy as np
+from numpy.testing import assert_allclose
+
+from catenary.view.curves import SPAN, Curves
+from view.arms import RAVEN, Q, state
+
+
+def curve(curves: Curves, joint: int, plot: int, label: str) -> np.ndarray:
+    (found,) = [one for one in curves.plots(joint)[plot].curves if one.label == label]
+    return found.values
+
+
+def filled() -> Curves:
+    curves = Curves(RAVEN.joint_names, RAVEN.joint_units)
+    for k in range(50):
+        curves.add(
+            state(0.1 * k, true=Q - np.array([0.0, np.deg2rad(2.0), 0.003]), calibrated=Q, interval=np.full(3, 0.001),
+                  tau=np.array([3.0, 2.0, 1.0]), gravity_tau=np.array([2.5, 2.0, 1.5]), feedback=np.zeros(3))
+        )  # fmt: skip
+    return curves
+
+
+def test_errors_are_in_degrees_and_millimetres_reported_less_true() -> None:
+    assert_allclose(curve(filled(), 1, 0, "reported"), 2.0)
+    assert_allclose(curve(filled(), 2, 0, "reported"), 3.0)
+    assert_allclose(curve(filled(), 2, 0, "+ interval"), 1.0)
+    assert filled().plots(1)[0].title == "elbow: error [deg]"
+    assert filled().plots(2)[1].title == "insertion: torque [N]"
+
+
+def test_parts_of_the_torque_sum_to_it() -> None:
+    curves = filled()
+    total, gravity, rest = (curve(curves, 0, 1, label) for label in ("total", "gravity", "friction, inertia"))
+    assert_allclose(gravity + rest, total)
+
+
+def test_curves_of_which_nothing_is_known_are_left_out_and_gaps_are_level() -> None:
+    curves = Curves(RAVEN.joint_names, RAVEN.joint_units)
+    for k, known in enumerate([False, True, False, True]):
+        curves.add(state(float(k), **({"setpoint": Q - k} if known else {})))
+    (tracking,) = curves.plots(2)[0].known()
+    assert tracking.label == "tracking"
+    assert_allclose(tracking.values, [1000.0, 1000.0, 1000.0, 3000.0])
+
+
+def test_curves_span_half_a_minute_and_begin_anew_when_time_goes_back() -> None:
+    curves = Curves(RAVEN.joint_names, RAVEN.joint_units)
+    for k in range(3000):
+        curves.add(state(0.04 * k))
+    time = curves.plots(0)[0].time
+    assert SPAN - 1.0 < time[-1] - time[0] < 1.3 * SPAN
+    curves.add(state(0.0))
+    assert len(curves.plots(0)[0].time) == 1

@@ -1,0 +1,84 @@
+"""The page in a real browser: it loads, an arm is to be seen, a slider moves it, the corrected arm parts from it."""
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catenary.calibration import calibration
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.workflows.simulated_recording import record_simulated
+from oracles.cable_arms import homed_plant
+from view.browser import looked_at, share_of_pixels
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+
+@contextmanager
+def view(*arguments: object) -> Iterator[str]:
+    """`catenary view` as a program of its own; yields the address of its page."""
+    command = [sys.executable, "-m", "catenary.cli.main", "view", *map(str, arguments), "--port", "18080"]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        lines = []
+        assert program.stdout is not None
+        for line in program.stdout:
+            lines.append(line)
+            if found := re.search(r"http://127\.0\.0\.1:\d+", line):
+                yield found[0]
+                break
+        else:
+            raise AssertionError("".join(lines))
+        program.send_signal(signal.SIGINT)
+        assert program.wait(30.0) == 0
+    finally:
+        if program.poll() is None:
+            program.kill()
+            program.wait()
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibration model of the nominal simulated RAVEN-II, linear in its positions."""
+    motion = random_sinusoids(np.random.default_rng(0), 120.0)
+    log = record_simulated(homed_plant("left"), motion, "two minutes", np.random.default_rng(1))
+    path = tmp_path_factory.mktemp("model") / "arm.npz"
+    fitted = calibration.fit(log, model="linear", inputs=[f"q:{name}" for name in log.joint_names])
+    fitted.save(path)
+    return path
+
+
+def test_simulated_arm_is_seen_and_driven() -> None:
+    with view("raven2") as url, looked_at(url) as looked:
+        assert (
+            share_of_pixels(looked.picture(), more=2, than=(0, 1)) > 0.02
+        )  # the blue shell of the reported arm
+        looked.set_slider("shoulder [deg]", 45.0)
+        looked.wait_for_joint("shoulder", 45.0, within=1.0)
+        looked.set_slider("shoulder [deg]", 20.0)
+        before = looked.picture()
+        looked.wait_for_joint("shoulder", 20.0, within=1.0)
+        looked.page.wait_for_timeout(2000)
+        assert (
+            np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01
+        )  # it has moved in the picture
+        assert looked.complaints == []
+        assert looked.foreign == []
+
+
+def test_corrected_arm_parts_from_the_reported_one(model: Path) -> None:
+    with view("raven2", "--model", model) as url, looked_at(url) as looked:
+        looked.page.wait_for_timeout(4000)
+        # by what the encoders' zero is apart from the robot's, 7.5 deg, and what the cables give
+        assert abs(looked.joint("elbow", 0) - looked.joint("elbow", 1)) > 4.0
+        assert abs(looked.joint("elbow", 1) - looked.joint("elbow", 2)) < 1.5
+        picture = looked.picture()
+        assert share_of_pixels(picture, more=2, than=(0, 1)) > 0.004  # blue where only the reported arm is
+        assert share_of_pixels(picture, more=1, than=(0, 2)) > 0.004  # green where only the calibrated one is
+        assert looked.complaints == []
