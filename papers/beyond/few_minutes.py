@@ -69,8 +69,12 @@ REACHED = 1.005  # times the error that is to be reached: equal to two digits
 @run(revision=1)
 def recorded_curve(recording: str, model: str, seed: int, data: Path) -> Result:
     """Return, by length of training, the rows learnt from and the RMSE per joint [deg|mm] on the last fifth."""
+    return curve_of(recording, replace(MODELS[model], seed=seed), data)
+
+
+def curve_of(recording: str, options: FitOptions, data: Path) -> Result:
+    """Return the same of a model with any options."""
     log = read_log(data / FOLDER / f"{recording}.npz")
-    options = replace(MODELS[model], seed=seed)
     rate = sampling_rate(log)
     if rate is None:
         raise AssertionError("the recordings have time stamps")

@@ -105,7 +105,6 @@ def test_a_deployment_reports_whatever_ends_it(
     log = MotionLog("run", names, units, q, np.ones(400, dtype=bool), q + 0.01, time=np.arange(400) / 30.0)
     inputs = tuple(f"q:{name}" for name in names)
     save_model(fitted(log, kind="linear", inputs=inputs), {}, tmp_path / "arm.npz")
-    run = CalibratedTopics.run
     calls = []
 
     def ends(topics: CalibratedTopics, seconds: float) -> Any:
@@ -114,7 +113,8 @@ def test_a_deployment_reports_whatever_ends_it(
             raise TransportError("the ROS node was shut down")
         for _ in range(100):
             setup.transport.sleep(0.001)
-        return run(topics, 0.001)
+        topics.step()
+        return topics.report()
 
     monkeypatch.setattr(CalibratedTopics, "run", ends)
     outcome = catenary("deploy", tmp_path / "arm.npz", "--ros", 1, "--json")

@@ -125,25 +125,6 @@ def test_a_payload_is_not_weighed_by_torques_of_another_sign_or_unit(
         assert catenary(*line, *mend, "--json").json["mass"] == pytest.approx(0.2, abs=0.01)
 
 
-def test_excitation_designs_poses_and_motions(tmp_path: Path) -> None:
-    poses, motion = tmp_path / "poses.npz", tmp_path / "motion.csv"
-    content = catenary("excitation", "panda", "--static", 10, "--out", poses, "--json").json
-    assert content["rows"] == 10
-    with np.load(poses, allow_pickle=False) as archive:
-        assert archive["q"].shape == (10, 7)
-    outcome = catenary("excitation", "panda", "--trials", 3, "--period-s", 5, "--out", motion)
-    assert "1001 rows, 5 s" in outcome.out
-    lines = motion.read_text().splitlines()
-    assert lines[0].startswith("t,q:q1")
-    assert len(lines) == 1002
-
-
-def test_excitation_of_a_robot_without_limits_takes_them(tmp_path: Path) -> None:
-    bounds = ["--lower=-1,-0.7,0.05,-1,-1,-1,-1", "--upper", "1,0.7,0.2,1,1,1,1"]
-    design = ("excitation", "dvrk_psm", "--static", 12, *bounds, "--out", tmp_path / "p.npz")
-    assert catenary(*design, "--json").json["terms"] == "static"
-
-
 RUN = recorded(ARM, 0, seconds=4.0)
 
 

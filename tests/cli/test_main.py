@@ -9,7 +9,7 @@ from command_line import catenary
 COMMANDS = [
     "calibrate", "home", "excite", "record", "extract", "import", "fit", "evaluate", "refresh", "drift", "deploy", "goto", "random", "follow", "teleop",
     "monitor", "gravity", "track", "hold", "export", "recover", "serve", "button", "identify", "excitation", "payload", "check",
-    "fk", "ik", "plot", "regressor", "sense", "encoders", "gravity-node", "robots", "demo",
+    "fk", "ik", "plot", "regressor", "sense", "encoders", "gravity-node", "robots", "view", "demo",
 ]  # fmt: skip
 HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")
 

@@ -47,7 +47,7 @@ WRITING = {
     "hold --report": ("hold two_link --q 0.4,0.9 --seconds 0.1 --report", ".csv", PAGE),
 }
 # what names a folder, or never replaces anything: by tests of their own
-OTHERS = {"demo --out", "recover --out", "teleop --record", "monitor --record"}
+OTHERS = {"demo --out", "plot --out", "recover --out", "teleop --record", "monitor --record"}
 QUICK = ("fit --out", "import --out")
 SLOW = (
     "excitation --out",

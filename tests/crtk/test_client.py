@@ -14,6 +14,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.recording.topics import JOINTS
+from catenary.sensing.bases import rules_for
 from catenary.sensing.mounting import Mounting
 from catenary.simulation.cable_plant import UNITS, CablePlant
 from oracles.cable_arms import homed_plant
@@ -225,9 +226,9 @@ def test_robot_without_encoders_has_no_such_columns() -> None:
     assert "ext_jpos" not in names
 
 
-def with_imu(**mounting: Any) -> tuple[CrtkClient, Any]:
+def with_imu(on: str = "table", **mounting: Any) -> tuple[CrtkClient, Any]:
     """A client with an accelerometer, and a function that has it publish a reading."""
-    setup, client = connected(ideal(), imu=ImuTopic(mounting=Mounting(**mounting)))
+    setup, client = connected(ideal(), imu=ImuTopic(mounting=Mounting(**mounting), rules=rules_for(on)))
     imu = Loopback("imu", setup.network).publisher("/imu/data_raw", "sensor_msgs/Imu")
     vector = message_class("geometry_msgs/Vector3")
 
@@ -255,6 +256,25 @@ def test_gravity_is_what_an_accelerometer_reads_turned_round() -> None:
     state = client.measured_js()
     assert_allclose(state.gravity, [0.0, 0.0, -9.8], atol=1e-12)
     assert_allclose(state.gravity_age, 0.001)
+
+
+@pytest.mark.parametrize(("on", "believed"), [("table", False), ("ship", True)])
+def test_a_reading_on_a_deck_that_heaves_is_believed_where_a_ship_carries_the_base(
+    on: str, believed: bool
+) -> None:
+    client, read = with_imu(on)
+    read(0.0, 0.0, 11.8)  # 2 m/s2 upwards
+    assert_allclose(client.measured_js().gravity, [0.0, 0.0, -11.8 if believed else -9.81], atol=1e-12)
+
+
+def test_gravity_on_a_deck_that_heaves_comes_from_a_node_that_judged_it() -> None:
+    setup, client = connected(ideal(), imu=published_gravity("/gravity"))
+    node = Loopback("node", setup.network)
+    vector = node.publisher("/gravity", "geometry_msgs/Vector3Stamped")
+    down = message_class("geometry_msgs/Vector3")(0.0, 0.5, -11.8)
+    vector.publish(message_class("geometry_msgs/Vector3Stamped")(vector=down))
+    client.wait()
+    assert_allclose(client.measured_js().gravity, [0.0, 0.5, -11.8], atol=1e-12)
 
 
 def test_gravity_that_a_node_publishes_points_down_and_ages_while_it_does_not_measure() -> None:

@@ -280,3 +280,53 @@ def test_setpoints_stop_at_the_joint_limits(robot):
         robot.joints("servo_jr", shoulder(-0.0025))
         robot.tick()
     assert_allclose(robot.setpoint[0], robot.plant.lower[0], atol=EXACT)
+
+
+def test_the_robots_own_gravity_compensation_is_switched_while_it_runs(robot):
+    vector = message_class("geometry_msgs/Vector3")
+    assert not robot.plant.control.gravity_torque.any()
+    robot.say("grav_dir", vector(0.0, 0.0, 980.0), arm=None)
+    robot.tick(5)
+    assert robot.plant.grav_dir == (0, 0, 980)
+    weighed = robot.plant.control.gravity_torque.copy()
+    made_so = homed_plant("left", grav_dir=(0, 0, 980))
+    made_so.wait()
+    assert_allclose(weighed, made_so.control.gravity_torque, rtol=2e-2)  # a few ticks apart
+    robot.server.person_says("grav-dir off")
+    robot.tick(5)
+    assert robot.plant.grav_dir is None
+    assert not robot.plant.control.gravity_torque.any()
+    robot.server.person_says("grav-dir 0,0,490")
+    robot.tick(5)
+    assert_allclose(robot.plant.control.gravity_torque, 0.5 * weighed, rtol=2e-2)
+
+
+@pytest.mark.parametrize("values", [(0.0, 0.0, np.nan), (0.5, 0.0, 980.0), (0.0, 0.0, 9e9)])
+def test_a_gravity_that_is_none_is_refused(robot, values):
+    robot.say("grav_dir", message_class("geometry_msgs/Vector3")(*values), arm=None)
+    robot.tick(3)
+    assert robot.plant.grav_dir is None
+    assert "/grav_dir: refused" in robot.server.reports.kinds
+
+
+def test_an_arms_servo_jp_carries_its_motors_torques_where_the_robot_was_changed_so():
+    """The UW's torque controller: 15 numbers in mNm; `tau` of raven_state is what was commanded at the capstans."""
+    plants = {"gold": homed_plant("left"), "green": homed_plant("right")}
+    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    server = make_server(Serving(torque_arm="green"), Loopback("robot", network), plants=plants)
+    client = Loopback("client", network)
+    heard = client.subscribe("/ravenstate", "raven_2/raven_state")
+    sends = client.publisher("/arm2/servo_jp", "sensor_msgs/JointState", latch=True)
+    asked = np.array([20.0, -15.0, 10.0, 3.0, -3.0, 2.0, -2.0])
+    sends.publish(JointState(position=[*asked, *np.zeros(8)]))
+    for _ in range(3):
+        network.clock.sleep(0.001)
+        server.tick()
+    tau = heard.take()[-1].message.tau
+    assert_allclose(tau[[8, 9, 10, 12, 13, 14, 15]], 1e-3 * asked, rtol=1e-5)
+    for _ in range(200):
+        network.clock.sleep(0.001)
+        server.tick()
+    held = plants["green"].setpoint_js().q  # they lapse a tenth of a second after the last message
+    server.tick()
+    assert_array_equal(plants["green"].setpoint_js().q, held)

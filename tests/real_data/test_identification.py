@@ -156,14 +156,13 @@ def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(ps
 @pytest.mark.slow  # a fit for every axis
 def test_a_panda_whose_torques_are_all_turned_names_all_joints(recordings: Path) -> None:
     log, panda = log_of(recordings / "panda_dynamics", "panda_first60.npz", "panda"), load_robot("panda")
+    options = IdentifyOptions(consistent=False, friction=(), prior=False)
     for joints in (range(7), [3]):  # the fourth alone makes the friction of its neighbours look wrong
         sign = np.ones(7)
         sign[list(joints)] = -1.0
         assert log.tau is not None
-        samples = prepare(replace(log, tau=sign * log.tau), panda, IdentifyOptions())
-        findings = torque_findings(
-            identify_samples([samples], panda, IdentifyOptions()), samples, fitted=True
-        )
+        samples = prepare(replace(log, tau=sign * log.tau), panda, options)
+        findings = torque_findings(identify_samples([samples], panda, options), samples, fitted=True)
         assert [(f.name, f.joints) for f in findings] == [("sign", (panda.joint_names[j],)) for j in joints]
 
 

@@ -45,13 +45,9 @@ def test_its_links_and_friction_together_are_what_was_identified(found: Identifi
 
 @pytest.mark.parametrize("command", ["gravity", "check", "fk", "plot"])
 def test_commands_take_it(path: Path, command: str, tmp_path: Path) -> None:
-    if command == "plot":
-        pytest.importorskip("catenary.cli.plot", reason="no command plots an arm yet")
-    outcome = (
-        catenary(command, path, "--json")
-        if command == "check"
-        else catenary(command, path, "--q", "0,0.3,0.2")
-    )
+    pose = () if command == "check" else ("--q", "0,0.3,0.2")
+    out = ("--out", tmp_path / "arm.png") if command == "plot" else ()
+    outcome = catenary(command, path, *pose, *out, "--json")
     assert outcome.code == 0, outcome.err
 
 

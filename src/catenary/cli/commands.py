@@ -33,7 +33,7 @@ _FUNCTIONS = {
     "track": ("gravity", "track"),
     "hold": ("gravity", "hold"),
     "identify": ("identify", "identify"),
-    "excitation": ("identify", "excitation"),
+    "excitation": ("excite.excitation", "excitation"),
     "payload": ("identify", "payload"),
     "check": ("check", "check"),
     "fk": ("robots", "fk"),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -96,7 +96,45 @@ class GivenGravity:
 
 
 @dataclass(frozen=True)
-class GravityOptions:
+class RuleOptions:
+    """Options that say what of a sensor on a base is believed."""
+
+    mounting_on: Annotated[
+        str,
+        Option(
+            metavar="table|cart|vehicle|ship",
+            help="What carries the base: gives rules, cut-off and times that suit how it moves.",
+        ),
+    ] = "table"
+    sensor_noise: Annotated[
+        float | None,
+        Option(metavar="M/S2", min=0.0, help="Noise of an axis of the sensor at rest. [default: 0.04]"),
+    ] = None
+    rule: Annotated[
+        list[str] | None,
+        Option(
+            metavar="NAME=VALUE",
+            help="A rule of what is believed, as max_push=4; repeatable. docs/gravity-vector.md has all of them.",
+        ),
+    ] = None
+    hanging: Hanging = False
+
+    def rules(self) -> "SensorRules":
+        """Return what is believed.
+
+        Raises:
+            InputError: No such base or rule, or a number out of its range.
+        """
+        from catenary.sensing.bases import CHEAP_NOISE, rules_for
+
+        changes = {"max_tilt": math.pi} if self.hanging else {}
+        changes |= dict(_rule(text) for text in self.rule or ())
+        noise = CHEAP_NOISE if self.sensor_noise is None else self.sensor_noise
+        return rules_for(self.mounting_on, noise=noise, changes=changes)
+
+
+@dataclass(frozen=True)
+class GravityOptions(RuleOptions):
     """Options that say where gravity comes from; nominal gravity without any."""
 
     gravity: Annotated[
@@ -119,42 +157,30 @@ class GravityOptions:
         if self == GravityOptions():
             return None
         if ros is None:
-            raise InputError("--gravity, --imu and --mounting go with --ros; a simulated robot knows its own")
+            raise InputError(
+                "--gravity, --imu and options of a sensor go with --ros; a simulated robot knows its own"
+            )
         if self.gravity is not None and self.imu is not None:
             raise InputError("give one of --gravity and --imu")
         if self.mounting is not None and self.imu is None:
             raise InputError("--mounting goes with --imu; a gravity node publishes in base axes already")
+        if self.imu is None and replace(self, gravity=None) != GravityOptions():
+            raise InputError(
+                "--mounting-on, --sensor-noise, --rule and --hanging go with --imu; a gravity node has its own"
+            )
         from catenary.crtk.latest import ImuTopic, published_gravity
         from catenary.sensing.mounting import Mounting, load_mounting
 
         if self.gravity is not None:
             return published_gravity(self.gravity)
         mounting = Mounting() if self.mounting is None else load_mounting(self.mounting)
-        return ImuTopic(self.imu or "", mounting=mounting)
+        return ImuTopic(self.imu or "", mounting=mounting, rules=self.rules())
 
 
 @dataclass(frozen=True)
-class SensingOptions:
+class SensingOptions(RuleOptions):
     """Options of every command that turns samples of a sensor into gravity."""
 
-    mounting_on: Annotated[
-        str,
-        Option(
-            metavar="table|cart|vehicle|ship",
-            help="What carries the base: gives rules, cut-off and times that suit how it moves.",
-        ),
-    ] = "table"
-    sensor_noise: Annotated[
-        float | None,
-        Option(metavar="M/S2", min=0.0, help="Noise of an axis of the sensor at rest. [default: 0.04]"),
-    ] = None
-    rule: Annotated[
-        list[str] | None,
-        Option(
-            metavar="NAME=VALUE",
-            help="A rule of what is believed, as max_push=4; repeatable. docs/gravity-vector.md has all of them.",
-        ),
-    ] = None
     cutoff_hz: Annotated[
         float | None,
         Option(metavar="HZ", help="Half power of the filter. [default: what suits --mounting-on]"),
@@ -175,25 +201,11 @@ class SensingOptions:
     start_limit: Annotated[
         float, Option(metavar="S", help="Without a believed sample for so long, fallback stop stops.")
     ] = 1.0
-    hanging: Hanging = False
 
     def as_data(self) -> dict[str, Any]:
         """Return what was given, as plain data."""
         defaults = SensingOptions()
         return {name: value for name, value in vars(self).items() if value != getattr(defaults, name)}
-
-    def rules(self) -> "SensorRules":
-        """Return what is believed.
-
-        Raises:
-            InputError: No such base or rule, or a number out of its range.
-        """
-        from catenary.sensing.bases import CHEAP_NOISE, rules_for
-
-        changes = {"max_tilt": math.pi} if self.hanging else {}
-        changes |= dict(_rule(text) for text in self.rule or ())
-        noise = CHEAP_NOISE if self.sensor_noise is None else self.sensor_noise
-        return rules_for(self.mounting_on, noise=noise, changes=changes)
 
     def source(
         self,

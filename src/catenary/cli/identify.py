@@ -1,4 +1,4 @@
-"""catenary identify, excitation, payload."""
+"""catenary identify, payload."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,6 @@ from catenary.cli.options import (
     robots_beginning,
 )
 from catenary.cli.out_files import (
-    EXCITATION,
     NAMED_AS_TYPED,
     PAGE,
     PARAMETERS,
@@ -23,7 +22,6 @@ from catenary.cli.out_files import (
     out_path,
     refuse_outputs,
 )
-from catenary.cli.robots import DescriptionOptions
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, words
 from catenary.errors import InputError
 from catenary.files import card_path
@@ -119,7 +117,7 @@ def identify(
 
     options = IdentifyOptions(
         terms=terms,  # type: ignore[arg-type]  # IdentifyOptions refuses what it does not know
-        gravity=_gravity(gravity, imu_reading),
+        gravity=gravity_vector(gravity, imu_reading),
         cutoff_hz=cutoff_hz,
         period_samples=period,
         weighting=weighting,  # type: ignore[arg-type]
@@ -173,7 +171,8 @@ def identify(
             print(f"page:  {report}")
 
 
-def _gravity(text: str | None, reading: str | None) -> tuple[float, float, float]:
+def gravity_vector(text: str | None, reading: str | None) -> tuple[float, float, float]:
+    """Return the gravity that --gravity or --imu-reading gives, level when neither does."""
     from catenary.identification.options import NOMINAL_GRAVITY
 
     if reading is not None:
@@ -193,75 +192,6 @@ def _rows(text: str | None) -> tuple[int, int] | None:
         return int(first), int(last)
     except ValueError:
         raise InputError(f"--rows: expected FIRST:LAST, such as 921:6791, got {text!r}") from None
-
-
-def excitation(
-    robot: Annotated[
-        str,
-        Argument(
-            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
-        ),
-    ],
-    description: DescriptionOptions,
-    out: Annotated[
-        Path,
-        Option(
-            metavar="FILE",
-            parser=out_path,
-            help=f"File to write t, q, dq, ddq to, .npz or .csv. {NAMED_AS_TYPED}",
-        ),
-    ],
-    static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
-    fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,
-    period: Annotated[float, Option("--period-s", metavar="S", help="Period of the motion.")] = 10.0,
-    harmonics: Annotated[int, Option(metavar="N", help="Harmonics of the motion, 3 or more.")] = 5,
-    rate: Annotated[float, Option("--rate-hz", metavar="F", help="Rows of the motion per second.")] = 200.0,
-    trials: Annotated[
-        int, Option(metavar="N", min=1, help="Motions to choose from; more trials find a better one.")
-    ] = 300,
-    lower: Annotated[str | None, Option(metavar="Q,Q,...", help="Lower limits to keep, rad and m.")] = None,
-    upper: Annotated[str | None, Option(metavar="Q,Q,...", help="Upper limits to keep, rad and m.")] = None,
-    velocity: Annotated[
-        str | None, Option(metavar="V,V,...", help="Limits of velocity to keep, rad/s and m/s.")
-    ] = None,
-    gravity: Gravity = None,
-    imu_reading: ImuReading = None,
-    seed: Annotated[int, Option(metavar="N", min=0, help="Seed of everything random.")] = 0,
-    as_json: AsJsonNotTables = False,
-) -> None:
-    """Design poses or a motion that show an arm's dynamics.
-
-    Example: catenary excitation panda --static 40 --out poses.npz
-    """
-    import numpy as np
-
-    from catenary.identification.excitation import fourier_motion, room_of, static_poses
-    from catenary.workflows.identify import write_excitation
-
-    if static is not None and fourier:
-        raise InputError("excitation: give one of --static and --fourier")
-    refuse_outputs({"--out": (out, EXCITATION)}, [Path(robot)])
-    model = description.load(robot)
-    limits = {
-        name: None if text is None else numbers(f"--{name}", text)
-        for name, text in (("lower", lower), ("upper", upper), ("velocity", velocity))
-    }
-    if static is not None and velocity is None:
-        limits["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
-    room, rng, down = room_of(model, **limits), np.random.default_rng(seed), _gravity(gravity, imu_reading)
-    if static is not None:
-        design = static_poses(model, static, room, rng, gravity=down)
-    else:
-        shape = {"period": period, "harmonics": harmonics, "rate": rate, "trials": trials}
-        design = fourier_motion(model, room, rng, gravity=down, **shape)  # type: ignore[arg-type]  # int or float
-    write_excitation(design, model, out)
-    if as_json:
-        size = {"rows": len(design.q), "n_base": design.n_base, "condition": design.condition}
-        print_json({"robot": model.name, "terms": design.terms, **size, "seed": seed, "file": str(out)})
-        return
-    what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
-    print(f"{model.name}: {len(design.q)} {what}")
-    print(f"condition: {design.condition:.4g} for {design.n_base} base parameters\nfile: {out}")
 
 
 def payload(

@@ -156,13 +156,14 @@ _is_designed = _has_arrays("t", "q", "dq", "ddq", without="tau")
 
 
 def _is_excitation(path: Path) -> bool:
-    return _is_designed(path) or _holds(b"t,q:", b",ddq:")(path)
+    return _is_designed(path) or _holds(b",ddq:")(path)
 
 
 MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"))
 PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"))
 LOG = FileKind("a motion log", (".parquet",), _is_log)
 EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
+TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"', b'"points"'))
 MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"[mounting]"))
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
 GRAPH = FileKind("an ONNX graph", (".onnx",), _holds(b"catenary"))

@@ -10,11 +10,12 @@ from catenary.crtk.conversions import specific_force
 from catenary.crtk.message import Message
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
+from catenary.sensing.checks import SensorRules
 from catenary.sensing.mailbox import Kind
 from catenary.sensing.mounting import Mounting
 from catenary.spatial import LEVEL
 
-PLAUSIBLE = 9.0, 10.6  # [m/s2] what an accelerometer at rest reads, with room for its errors and slow motion
+PUBLISHED = 1.0, 30.0  # [m/s2] of gravity that a node has judged already, on bases that accelerate
 
 
 class Latest:
@@ -60,6 +61,15 @@ class ImuTopic(NamedTuple):
     type_name: str = "sensor_msgs/Imu"  # or geometry_msgs/AccelStamped, geometry_msgs/Vector3Stamped
     mounting: Mounting = Mounting()
     kind: Kind = Kind.SPECIFIC_FORCE  # FREE_FALL: vectors are gravity itself, which points down
+    rules: SensorRules = SensorRules()  # what of an accelerometer's readings is believed, by their length
+
+    @property
+    def plausible(self) -> tuple[float, float]:
+        """Least and largest length of a vector that may be gravity, and slow accelerations of the base [m/s2]."""
+        if self.kind is Kind.FREE_FALL:
+            return PUBLISHED
+        slow = self.rules.slow_acceleration
+        return self.rules.rest_lower - slow, self.rules.rest_upper + slow
 
 
 def published_gravity(topic: str) -> ImuTopic:
@@ -77,7 +87,7 @@ class MeasuredGravity:
     def __init__(self, transport: Transport, imu: ImuTopic) -> None:
         """Begin to receive."""
         self.latest = Latest(transport, imu.topic, imu.type_name)
-        self._mounting, self._kind = imu.mounting, imu.kind
+        self._mounting, self._kind, self._plausible = imu.mounting, imu.kind, imu.plausible
         self._transport = transport
         self._status = (
             Latest(transport, f"{imu.topic}/status", "crtk_msgs/StringStamped")
@@ -109,7 +119,7 @@ class MeasuredGravity:
             gravity = self._mounting.gravity(specific_force(message), self._kind)
         except InputError:  # NaN, or an Imu that measures no acceleration
             return
-        if not PLAUSIBLE[0] < np.linalg.norm(gravity) < PLAUSIBLE[1]:
+        if not self._plausible[0] < np.linalg.norm(gravity) < self._plausible[1]:
             return
         self._gravity = gravity
         status = None if self._status is None else self._status.message()

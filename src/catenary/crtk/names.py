@@ -22,11 +22,14 @@ TRANSFORM = "geometry_msgs/TransformStamped"
 POSE = "geometry_msgs/PoseStamped"
 TWIST = "geometry_msgs/TwistStamped"
 WRENCH = "geometry_msgs/WrenchStamped"
+VECTOR = "geometry_msgs/Vector3"
 MATRIX = "std_msgs/Float64MultiArray"
 COMMAND = "crtk_msgs/StringStamped"
 WARNING = "warning"  # verb: what an arm has to say of commands that it did not obey; ours, in both dialects
 DIAGNOSTICS = "/diagnostics"  # topic of all robots: their states, and why they are in FAULT
 DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
+# verb: gravity that a RAVEN-II's own compensation goes by, ours: the robot's software takes it from nobody
+GRAV_DIR = "grav_dir"
 BUTTON = "/silver_button"  # service: the RAVEN-II's start button, which no public topic presses
 BUTTON_TYPE = "std_srvs/Trigger"
 NAMESPACES: dict[Arm, str] = {"gold": "/arm1", "green": "/arm2"}  # of a RAVEN-II
@@ -50,6 +53,7 @@ _RAVEN_ROBOT: _Verbs = {
     "joint_states": (JOINT_STATE, "out"),
     "state_command": (COMMAND, "in"),
     "raven_automove": ("raven_2/raven_automove", "in"),
+    GRAV_DIR: (VECTOR, "in"),
 }
 _SWAPPED: _Verbs = {
     "measured_js": (JOINT_STATE, "out"),

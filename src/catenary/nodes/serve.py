@@ -51,6 +51,7 @@ class Serving:
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
     # [cm/s2] of the robot's own gravity compensation; None: without
     grav_dir: tuple[int, int, int] | None = None
+    torque_arm: str | None = None  # dialect raven: whose servo_jp carries torques of its motors [mNm]
     namespace: str = "/PSM1"  # of a PSM
 
     def __post_init__(self) -> None:
@@ -58,6 +59,8 @@ class Serving:
             raise InputError(
                 f'robot "{self.robot}": expected {RAVEN} or {PSM}, the robots that can be served'
             )
+        if self.torque_arm is not None and self.dialect != "raven":
+            raise InputError("torques in place of positions go with dialect raven; crtk has servo_jf")
         if self.robot == PSM:
             if self.dialect != "crtk":
                 raise InputError(f"robot {PSM}: speaks the dialect crtk, got {self.dialect}")
@@ -116,7 +119,11 @@ def make_server(
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
     listed = crtk_topics(serving.namespace, *arms) if serving.robot == PSM else None
-    speaker: Speaker = RavenDialect(arms) if serving.dialect == "raven" else CrtkDialect(arms, listed)
+    speaker: Speaker = (
+        RavenDialect(arms, torque_arm=serving.torque_arm)
+        if serving.dialect == "raven"
+        else CrtkDialect(arms, listed)
+    )
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:

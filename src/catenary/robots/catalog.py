@@ -17,6 +17,11 @@ def robot_names() -> tuple[str, ...]:
     return tuple(sorted(p.name.removesuffix(".toml") for p in _data().iterdir() if p.name.endswith(".toml")))
 
 
+def catalogue_file(name: str) -> Traversable:
+    """Return the table of a robot that comes with the package."""
+    return _data() / f"{name}.toml"
+
+
 def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
     """Load a robot by catalogue name, from a file, or from the text of a URDF.
 
@@ -36,7 +41,7 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return load_text(source, massless=massless, strict=strict)
     if name in robot_names():
-        with as_file(_data() / f"{name}.toml") as table:
+        with as_file(catalogue_file(name)) as table:
             return load_file(table, massless=massless, strict=strict)
     path = Path(source)
     if not _is_file(path):

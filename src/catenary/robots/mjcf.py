@@ -55,7 +55,7 @@ def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
     content = read_description(path)
     included = included_files(path, content)
     refuse_too_much(path, content, included)
-    compiled = _compile(path)
+    compiled = compile_mjcf(path)
     sources = [file_source(path, content)]
     sources += [file_source(Path(name), text) for name, text in included.items()]
     with naming_the_file(str(path)), np.errstate(all="ignore"):  # what is not finite is refused by name
@@ -64,7 +64,7 @@ def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
     return model.with_massless(massless)
 
 
-class _Compiled(NamedTuple):
+class CompiledMjcf(NamedTuple):
     """With hinges and slides only, a joint's index is also its index in qpos0 and in the dof arrays."""
 
     mujoco: Any
@@ -86,7 +86,8 @@ class _Compiled(NamedTuple):
         return range(first, first + count) if count else range(0)
 
 
-def _compile(path: Path) -> _Compiled:
+def compile_mjcf(path: Path) -> CompiledMjcf:
+    """Return a file as MuJoCo compiles it, whatever masses it lacks."""
     try:
         import mujoco
     except ImportError as error:
@@ -104,7 +105,7 @@ def _compile(path: Path) -> _Compiled:
         mass = np.where(model.body_mass > 100.0 * _LEAST_MASS, model.body_mass, 0.0)
         inertia = np.where(model.body_inertia > 100.0 * _LEAST_INERTIA, model.body_inertia, 0.0)
     given = {body.name for body in spec.bodies if body.explicitinertial}
-    compiled = _Compiled(mujoco, model, np.array(mass), np.array(inertia), [])
+    compiled = CompiledMjcf(mujoco, model, np.array(mass), np.array(inertia), [])
     for body in range(1, model.nbody):
         name = compiled.name("body", body)
         if mass[body] > 0.0 and model.body_weldid[body] != 0 and name not in given:
@@ -148,7 +149,7 @@ def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any]:
         raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
 
 
-def _refuse_what_no_tree_has(c: _Compiled) -> None:
+def _refuse_what_no_tree_has(c: CompiledMjcf) -> None:
     for joint in range(c.model.njnt):
         kind = c.mujoco.mjtJoint(c.model.jnt_type[joint])
         if kind not in (c.mujoco.mjtJoint.mjJNT_HINGE, c.mujoco.mjtJoint.mjJNT_SLIDE):
@@ -168,7 +169,7 @@ def _refuse_what_no_tree_has(c: _Compiled) -> None:
             )
 
 
-def _assemble(c: _Compiled, path: Path, sources: Sequence[str], *, strict: bool) -> RobotModel:
+def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str], *, strict: bool) -> RobotModel:
     joints = _joint_names(c)
     following = resolve_mimics(_mimics(c, joints))
     bodies = names_beside_base(c.name("body", body) for body in range(1, c.model.nbody))
@@ -195,7 +196,7 @@ def _assemble(c: _Compiled, path: Path, sources: Sequence[str], *, strict: bool)
     )
 
 
-def _joint_names(c: _Compiled) -> dict[int, str]:
+def _joint_names(c: CompiledMjcf) -> dict[int, str]:
     """Name every joint; one without a name has its body's, numbered when the body has several."""
     names: dict[int, str] = {}
     for body in range(1, c.model.nbody):
@@ -207,7 +208,7 @@ def _joint_names(c: _Compiled) -> dict[int, str]:
 
 
 def _body_links(
-    c: _Compiled,
+    c: CompiledMjcf,
     body: int,
     bodies: Mapping[str, str],
     joints: Mapping[int, str],
@@ -243,7 +244,7 @@ def _body_links(
         parent, pose = link, identity_pose()
 
 
-def _inertia(c: _Compiled, body: int) -> LinkInertia | None:
+def _inertia(c: CompiledMjcf, body: int) -> LinkInertia | None:
     if c.mass[body] == 0.0:
         return None
     about_com = LinkInertia(float(c.mass[body]), np.zeros(3), np.diag(c.inertia[body]))
@@ -252,7 +253,7 @@ def _inertia(c: _Compiled, body: int) -> LinkInertia | None:
     )
 
 
-def _coordinate(c: _Compiled, joint: int, name: str) -> Coordinate:
+def _coordinate(c: CompiledMjcf, joint: int, name: str) -> Coordinate:
     """Return the joint's coordinate; its effort limit is the smaller side of `actuatorfrcrange`."""
     lower, upper = c.model.jnt_range[joint] if c.model.jnt_limited[joint] else (-np.inf, np.inf)
     effort = np.inf
@@ -263,11 +264,11 @@ def _coordinate(c: _Compiled, joint: int, name: str) -> Coordinate:
     return Coordinate(name, unit, float(lower), float(upper), effort=effort)
 
 
-def _active_equalities(c: _Compiled) -> list[int]:
+def _active_equalities(c: CompiledMjcf) -> list[int]:
     return [equality for equality in range(c.model.neq) if c.model.eq_active0[equality]]
 
 
-def _mimics(c: _Compiled, joints: Mapping[int, str]) -> dict[str, Mimic]:
+def _mimics(c: CompiledMjcf, joints: Mapping[int, str]) -> dict[str, Mimic]:
     """Read joint equalities: q1 - ref1 = c0 + c1 (q2 - ref2), constant when there is no second joint."""
     mimics: dict[str, Mimic] = {}
     for equality in _active_equalities(c):
@@ -290,7 +291,7 @@ def _mimics(c: _Compiled, joints: Mapping[int, str]) -> dict[str, Mimic]:
     return mimics
 
 
-def _notes(c: _Compiled, joints: Mapping[int, str]) -> list[str]:
+def _notes(c: CompiledMjcf, joints: Mapping[int, str]) -> list[str]:
     """Return notes on what the file holds and the model leaves out."""
     m = c.model
     notes = []
@@ -318,6 +319,6 @@ def _notes(c: _Compiled, joints: Mapping[int, str]) -> list[str]:
     return notes
 
 
-def _model_name(c: _Compiled, path: Path) -> str:
+def _model_name(c: CompiledMjcf, path: Path) -> str:
     name = bytes(c.model.names).split(b"\0", 1)[0].decode()  # the first of the compiled names is the model's
     return path.stem if name in ("", "MuJoCo Model") else name

@@ -66,6 +66,15 @@ class FrameTable(Settings):
     rotation: Matrix = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
+class CapsuleTable(Settings):
+    """What a link looks like: all points within a distance of a segment, in the axes of a frame."""
+
+    frame: str  # a link, a named frame, or base
+    from_m: Vector
+    to_m: Vector
+    radius_m: Annotated[float, Field(gt=0.0)]
+
+
 class RobotTable(Settings):
     """A robot file."""
 
@@ -80,6 +89,8 @@ class RobotTable(Settings):
     link: Annotated[list[LinkTable], Field(min_length=1)]
     coordinate: list[CoordinateTable] | None = None
     frame: tuple[FrameTable, ...] = ()
+    capsule: tuple[CapsuleTable, ...] = ()
+    capsules_from: str = "whose source it does not state"  # where the capsules' numbers come from
     actuation: ActuationTable | None = None
 
 

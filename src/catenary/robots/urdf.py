@@ -68,11 +68,11 @@ def parse_urdf(
     sources: Sequence[str] = (),
 ) -> RobotModel:
     """Return the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
-    robot = _root(text, where)
-    links = dict(_named(where, robot, "link"))
+    robot = urdf_root(text, where)
+    links = dict(named_elements(where, robot, "link"))
     if len(links) > MOST_LINKS:
         raise FileFormatError(f"{where}: {len(links)} links, expected at most {MOST_LINKS}")
-    joints = [_joint(where, name, element, links) for name, element in _named(where, robot, "joint")]
+    joints = [_joint(where, name, element, links) for name, element in named_elements(where, robot, "joint")]
     if not links:
         raise FileFormatError(f"{where}: no <link>, expected at least one")
     root = _only_root(where, links, joints)
@@ -118,7 +118,8 @@ class _Joint:
     element: Element
 
 
-def _root(text: str | bytes, where: str) -> Element:
+def urdf_root(text: str | bytes, where: str) -> Element:
+    """Return the <robot> of a URDF text."""
     try:
         root = xml_tree(text, where)
     except FileFormatError as error:
@@ -134,8 +135,8 @@ def _root(text: str | bytes, where: str) -> Element:
     return root
 
 
-def _named(where: str, robot: Element, tag: str) -> list[tuple[str, Element]]:
-    """Return the robot's links or joints with their names, which must differ."""
+def named_elements(where: str, robot: Element, tag: str) -> list[tuple[str, Element]]:
+    """Return a robot's links or joints with their names, which must differ."""
     found: dict[str, Element] = {}
     for number, element in enumerate(robot.findall(tag), start=1):
         name = element.get("name")
@@ -158,7 +159,7 @@ def _joint(where: str, name: str, element: Element, links: Mapping[str, Element]
         raise FileFormatError(f'{what}: type "{kind}", expected {", ".join(_KINDS)}')
     parent, child = (_link_name(what, element, tag, links) for tag in ("parent", "child"))
     axis = element.find("axis")
-    direction = np.array([1.0, 0.0, 0.0]) if axis is None else _vector(f"{what}: <axis>", axis, "xyz", 3)
+    direction = np.array([1.0, 0.0, 0.0]) if axis is None else numbers_of(f"{what}: <axis>", axis, "xyz", 3)
     if _KINDS[kind] != "fixed" and not np.linalg.norm(direction) > 1e-9:
         raise FileFormatError(f"{what}: <axis xyz> is zero, expected a direction")
     mimic = element.find("mimic")
@@ -167,7 +168,7 @@ def _joint(where: str, name: str, element: Element, links: Mapping[str, Element]
         kind=_KINDS[kind],
         parent=parent,
         child=child,
-        pose=_origin(what, element),
+        pose=origin_of(what, element),
         axis=direction,
         coordinate=_coordinate(what, name, kind, element),
         mimic=None if mimic is None or kind == "fixed" else _mimic(what, mimic),
@@ -194,10 +195,10 @@ def _coordinate(what: str, name: str, kind: str, joint: Element) -> Coordinate:
     if limit is None:
         raise FileFormatError(f"{what}: type {kind} without <limit>; expected lower, upper, effort, velocity")
     what = f"{what}: <limit>"
-    velocity, effort = (_number(what, limit, key) for key in ("velocity", "effort"))
+    velocity, effort = (number_of(what, limit, key) for key in ("velocity", "effort"))
     if kind == "continuous":
         return Coordinate(name, unit, velocity=velocity, effort=effort)
-    lower, upper = (_number(what, limit, key, default=0.0) for key in ("lower", "upper"))
+    lower, upper = (number_of(what, limit, key, default=0.0) for key in ("lower", "upper"))
     if lower > upper:
         raise FileFormatError(f"{what}: lower {lower} is above upper {upper}")
     return Coordinate(name, unit, lower, upper, velocity, effort)
@@ -208,8 +209,8 @@ def _mimic(what: str, element: Element) -> Mimic:
     if not leader:
         raise FileFormatError(f"{what}: <mimic> names no joint")
     what = f"{what}: <mimic>"
-    multiplier = _number(what, element, "multiplier", default=1.0)
-    return Mimic(leader, multiplier, _number(what, element, "offset", default=0.0))
+    multiplier = number_of(what, element, "multiplier", default=1.0)
+    return Mimic(leader, multiplier, number_of(what, element, "offset", default=0.0))
 
 
 def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint]) -> str:
@@ -287,43 +288,46 @@ def _inertia(what: str, link: Element) -> LinkInertia | None:
     if mass is None:
         raise FileFormatError(f"{what}: no <mass>; expected one")
     if tensor is None:
-        without = LinkInertia(_number(f"{what}: <mass>", mass, "value"), np.zeros(3), None)
-        return without.moved(_origin(what, inertial))
+        without = LinkInertia(number_of(f"{what}: <mass>", mass, "value"), np.zeros(3), None)
+        return without.moved(origin_of(what, inertial))
     xx, xy, xz, yy, yz, zz = (
-        _number(f"{what}: <inertia>", tensor, key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        number_of(f"{what}: <inertia>", tensor, key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     about_com = LinkInertia(
-        _number(f"{what}: <mass>", mass, "value"),
+        number_of(f"{what}: <mass>", mass, "value"),
         np.zeros(3),
         np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
     )
-    return about_com.moved(_origin(what, inertial))
+    return about_com.moved(origin_of(what, inertial))
 
 
-def _origin(what: str, element: Element) -> Pose:
+def origin_of(what: str, element: Element) -> Pose:
+    """Return the pose that an element's <origin> states."""
     origin = element.find("origin")
     if origin is None:
         return identity_pose()
     what = f"{what}: <origin>"
-    position = _vector(what, origin, "xyz", 3) if "xyz" in origin.attrib else np.zeros(3)
+    position = numbers_of(what, origin, "xyz", 3) if "xyz" in origin.attrib else np.zeros(3)
     if "quat_xyzw" in origin.attrib:  # URDF 1.2
         if "rpy" in origin.attrib:
             raise FileFormatError(f"{what}: has rpy and quat_xyzw, expected one of the two")
-        quaternion = _vector(what, origin, "quat_xyzw", 4)
+        quaternion = numbers_of(what, origin, "quat_xyzw", 4)
         if not np.linalg.norm(quaternion) > 1e-9:
             raise FileFormatError(f"{what}: quat_xyzw is zero, expected a rotation")
         return Pose(rotation_from_quaternion(np.roll(quaternion, 1)), position)
-    rpy = _vector(what, origin, "rpy", 3) if "rpy" in origin.attrib else np.zeros(3)
+    rpy = numbers_of(what, origin, "rpy", 3) if "rpy" in origin.attrib else np.zeros(3)
     return Pose(rotation_from_rpy(rpy), position)
 
 
-def _number(what: str, element: Element, key: str, *, default: float | None = None) -> float:
+def number_of(what: str, element: Element, key: str, *, default: float | None = None) -> float:
+    """Return a number that an attribute holds."""
     if key not in element.attrib and default is not None:
         return default
-    return float(_vector(what, element, key, 1)[0])
+    return float(numbers_of(what, element, key, 1)[0])
 
 
-def _vector(what: str, element: Element, key: str, count: int) -> Floats:
+def numbers_of(what: str, element: Element, key: str, count: int) -> Floats:
+    """Return the finite numbers (count,) that an attribute holds."""
     expected = "a number" if count == 1 else f"{count} numbers"
     text = element.get(key)
     if text is None:

@@ -128,6 +128,18 @@ class CablePlant(FirmwarePlant[TickLog]):
         if self._own_gravity.weighs:
             self._own_gravity.gravity = gravity
 
+    def switch_own_gravity(self, grav_dir: Sequence[int] | None) -> None:
+        """Switch the robot's own gravity compensation on, by a gravity as `grav_dir` has it, or off.
+
+        As if its program had been made so: it outlasts `disable` and homing. No topic of the robot's software does it.
+
+        Raises:
+            InputError: No such gravity.
+        """
+        self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
+        self._own_gravity.gravity = np.zeros(3) if self._written_gravity is None else self._written_gravity
+        self._state_or_homing_changed()
+
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
         return sample(self.control, self.state.q, self.encoders, self._base_now())

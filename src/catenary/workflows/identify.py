@@ -1,6 +1,5 @@
 """Identify a robot's dynamics from recordings in files, and judge the result on others."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -9,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from catenary.errors import InputError
-from catenary.files import write_atomically
 from catenary.identification.doubts import torque_findings
-from catenary.identification.excitation import Excitation
 from catenary.identification.files import Card, identification_card, residual_record
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.options import IdentifyOptions, filter_of
@@ -111,25 +108,6 @@ def identify_files(
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
     card = identification_card(result, data, tuple(notes))
     return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out))
-
-
-def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
-    """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv if its name says so.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
-    ending = path.suffix.lower()
-    if ending == ".csv":
-        header = ["t", *(f"{kind}:{name}" for kind in ("q", "dq", "ddq") for name in model.joint_names)]
-        rows = np.column_stack([design.time, design.q, design.qd, design.qdd])
-        lines = [",".join(header), *(",".join(repr(float(v)) for v in row) for row in rows)]
-        write_atomically(path, ("\n".join(lines) + "\n").encode())
-    else:
-        buffer = io.BytesIO()
-        motion = {"t": design.time, "q": design.q, "dq": design.qd, "ddq": design.qdd}
-        np.savez(buffer, allow_pickle=False, joint_names=model.joint_names, units=model.joint_units, **motion)
-        write_atomically(path, buffer.getvalue())
 
 
 def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:

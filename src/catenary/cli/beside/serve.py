@@ -71,17 +71,27 @@ def serve(
             "real one. [default: none]",
         ),
     ] = None,
+    torque_arm: Annotated[
+        str | None,
+        Option(
+            metavar="gold|green",
+            help="Dialect raven: this arm's servo_jp carries torques of its motors in mNm, as on the robot that the UW "
+            "changed for its torque controller. [default: none]",
+        ),
+    ] = None,
     duration: Duration = None,
     as_json: JsonLines = False,
 ) -> None:
     """Serve a simulated robot over ROS, in real time.
 
-    Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state command.
+    Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state
+    command, or `grav-dir 0,0,980` and `grav-dir off` for the robot's own gravity compensation.
 
     Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
     """
     from catenary.crtk.network import make_transport
     from catenary.crtk.node_name import node_name
+    from catenary.crtk.serving.server import whole_numbers
     from catenary.nodes.serve import Serving, make_server
     from catenary.nodes.serve import serve as run
 
@@ -89,14 +99,18 @@ def serve(
     dialect = dialect or ("raven" if is_raven else "crtk")
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
+    if torque_arm not in (None, "gold", "green"):
+        raise InputError(f'--torque-arm "{torque_arm}": expected gold or green')
     tilt = base_tilt(base_tilt_deg)
-    by = None if grav_dir is None else _whole_numbers(grav_dir)
+    by = None if grav_dir is None else whole_numbers(grav_dir)
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     if is_raven and namespace is not None:
         raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
-    place = namespace or "/PSM1"
-    serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders, by, place)  # type: ignore[arg-type]
+    serving = Serving(
+        robot, dialect, seed, tilt, payload, green, homed, encoders, by,  # type: ignore[arg-type]
+        torque_arm=torque_arm, namespace=namespace or "/PSM1",
+    )  # fmt: skip
     with make_transport(ros, node_name("robot", name)) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         commands = deque(["start"] if start else [])
@@ -136,14 +150,6 @@ def _greeting(server: "Server", dialect: str, ros: str) -> str:
     if server.button is not None:
         text += "; `button` and Enter, or `catenary button`, presses the silver button"
     return text
-
-
-def _whole_numbers(text: str) -> tuple[int, int, int]:
-    try:
-        x, y, z = map(int, text.split(","))
-    except ValueError as error:
-        raise InputError(f'--grav-dir "{text}": expected three whole numbers, as 0,0,980') from error
-    return x, y, z
 
 
 def _listen(commands: deque[str]) -> None:

@@ -68,8 +68,8 @@ def _hash(name: str) -> str:
 
 @cache
 def _services() -> Typestore:
-    """Return halves of services under ROS 2's names."""
-    store, halves = get_typestore(Stores.EMPTY), {}
+    """Return halves of services under ROS 2's names, with the messages that they contain."""
+    store, halves = get_typestore(Stores.EMPTY), dict(typestore(2).fielddefs)
     for service in SERVICES:
         package, _, name = service.partition("/")
         for half in ("Request", "Response"):

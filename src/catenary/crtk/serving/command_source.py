@@ -20,7 +20,7 @@ from catenary.crtk.bounds import Bounds
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, stamp_of
-from catenary.crtk.names import COMMAND, CrtkTopic
+from catenary.crtk.names import COMMAND, GRAV_DIR, CrtkTopic
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.transport import Transport
 
@@ -69,7 +69,8 @@ class CommandSource:
         self._subscription = transport.subscribe(topic.name, topic.type, bounds=LARGEST)
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)
-        self.moves = topic.type not in (COMMAND, "std_msgs/Bool")  # what is switched moves nothing
+        # what is switched moves nothing
+        self.moves = topic.type not in (COMMAND, "std_msgs/Bool") and topic.verb != GRAV_DIR
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
     def __len__(self) -> int:

@@ -1,6 +1,6 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Protocol, cast
 
@@ -29,6 +29,14 @@ class PushedInPart(Plant, Protocol):
 
     def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
         """Command torques (n,) of those joints that are pushed (n,)."""
+        ...
+
+
+class WeighsItself(Plant, Protocol):
+    """A plant whose own program compensates gravity, by a vector in its own units [cm/s2, z down]."""
+
+    def switch_own_gravity(self, grav_dir: Sequence[int] | None) -> None:
+        """Switch it on by a vector, or off."""
         ...
 
 
@@ -152,6 +160,16 @@ class ServedArm:
         """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
         self.hold()
         self._plan = plan
+
+    def switch_own_gravity(self, grav_dir: tuple[int, int, int] | None) -> None:
+        """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off.
+
+        Raises:
+            InputError: It has none, or there is no such gravity.
+        """
+        if not hasattr(self.plant, "switch_own_gravity"):
+            raise InputError("the arm has no gravity compensation of its own")
+        cast(WeighsItself, self.plant).switch_own_gravity(grav_dir)
 
     def hold(self) -> None:
         """Forget all commands and stay."""

@@ -19,7 +19,7 @@ from catenary.crtk.serving.served_encoders import ServedEncoders
 from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.crtk.transport import Transport
-from catenary.errors import CatenaryError
+from catenary.errors import CatenaryError, InputError
 
 _STARTS = ": starts"
 STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
@@ -28,6 +28,19 @@ WATCH = SECOND // 10  # [ns] between two looks at who is connected
 MOST = (
     8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
 )
+
+
+def whole_numbers(text: str) -> tuple[int, int, int]:
+    """Return three whole numbers, as 0,0,980.
+
+    Raises:
+        InputError: They are none.
+    """
+    try:
+        x, y, z = map(int, text.split(","))
+    except ValueError as error:
+        raise InputError(f'grav-dir "{text}": expected three whole numbers, as 0,0,980, or off') from error
+    return x, y, z
 
 
 class Server:
@@ -156,8 +169,21 @@ class Server:
         return said
 
     def person_says(self, line: str) -> None:
-        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms."""
+        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms.
+
+        Also "grav-dir X,Y,Z" and "grav-dir off": the gravity compensation of the robot's own.
+        """
         now = self.transport.now()
+        word, _, rest = line.partition(" ")
+        if word == "grav-dir":
+            try:
+                by = None if rest.strip() == "off" else whole_numbers(rest)
+                for arm in self.arms.values():
+                    if arm.machine.can_change:
+                        arm.switch_own_gravity(by)
+            except InputError as error:
+                self.reports.say("keyboard", str(error), now)
+            return
         if line == "button" or (line == "start" and self.button is not None):
             said = self.press_button()
             if not any(text.endswith(_STARTS) for text in said):

@@ -68,7 +68,15 @@ class Speaker:
             InputError: It is none that can be obeyed; nothing moves.
             UnreachablePoseError: The mechanism refuses it.
         """
-        if topic.arm is None:
+        self.follow(topic, message, self._obeyed.get(topic.verb))
+
+    def follow(self, topic: CrtkTopic, message: Message, do: Obey | None) -> None:
+        """Have the arm of a topic do something, unless it is in no state to be moved.
+
+        Raises:
+            InputError, UnreachablePoseError: As `obey`.
+        """
+        if topic.arm is None or do is None:
             raise InputError("the robot has no such arm")
         arm = self.arms[topic.arm]
         if not arm.machine.can_change:
@@ -76,7 +84,7 @@ class Speaker:
         if not arm.is_ready:
             raise InputError(why_not_obeyed(arm.state))
         arm.obeys = topic.name
-        self._obeyed[topic.verb](arm, message)
+        do(arm, message)
 
 
 def single_number(message: Message) -> float:

@@ -50,9 +50,10 @@ class FollowedFile:
 def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> FollowedFile:
     """Read a motion.
 
-    CSV with a heading that states units, as in `time [s],shoulder [deg],insertion [mm]`; CSV of numbers alone in the
-    layout of the published zig-zags (rad, rad, m, no times); a motion log, `.parquet`; an `.npz` with `q` or `q_des`
-    (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
+    CSV with a heading that states units, as in `time [s],shoulder [deg],insertion [mm]`, or that of `catenary
+    excitation` (`t [s],q:shoulder [rad],...,dq:shoulder [rad/s],...`, of which positions are taken); CSV of numbers
+    alone in the layout of the published zig-zags (rad, rad, m, no times); a motion log, `.parquet`; an `.npz` with `q`
+    or `q_des` (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
 
     Args:
         path: The file.
@@ -111,6 +112,11 @@ def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
     if names[0] not in ("time", "t") or units[0] not in SECONDS:
         raise FileFormatError(f'{path}: first column "{rows[0][0]}": expected time [s] or time [ms]')
     values = _numbers(path, rows[1:], first=2, width=len(names))
+    positions = [k for k, name in enumerate(names) if name.startswith("q:")]
+    if positions:  # velocities and accelerations stand beside them
+        names = [names[0], *(names[k].removeprefix("q:") for k in positions)]
+        units = [units[0], *(units[k] for k in positions)]
+        values = values[:, [0, *positions]]
     return _in_si(path, names[1:], units[1:], values[:, 0] * SECONDS[units[0]], values[:, 1:])
 
 

@@ -1,0 +1,1 @@
+"""Motions that show a robot's parameters and hit nothing."""

@@ -1,0 +1,224 @@
+"""A robot among obstacles: which pairs of bodies are looked at, and how far apart they are at a configuration."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.collision.bodies import Body, bodies_of
+from catenary.collision.segments import segment_distance
+from catenary.dynamics.kinematics import link_poses
+from catenary.errors import InputError
+from catenary.robots.geometry import Geometry, Shape
+from catenary.robots.model import BASE, RobotModel
+from catenary.spatial import Pose
+
+Index = NDArray[np.int64]
+Names = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class PlacedBodies:
+    """Bodies at N configurations."""
+
+    rotations: Floats  # (N, n_tree + 1, 3, 3) of the links in the base; the last is the base itself
+    positions: Floats  # (N, n_tree + 1, 3) [m]
+
+    def pose(self, row: int, body: Body) -> Pose:
+        """Return a body's pose in the base."""
+        R, p = self.rotations[row, body.link], self.positions[row, body.link]
+        return Pose(R @ body.pose.rotation, R @ body.pose.position + p)
+
+
+@dataclass(frozen=True)
+class CollisionScene:
+    """A robot, what stands about it, and the pairs of bodies that must keep apart."""
+
+    model: RobotModel
+    bodies: tuple[Body, ...]
+    pairs: Index  # (P, 2) indices of bodies
+    origin: str  # where the robot's shapes come from
+    assumed: bool
+    notes: tuple[str, ...] = ()
+    _tools: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def place(self, q: Floats) -> PlacedBodies:
+        """Return the links' poses at configurations (N, n)."""
+        rotations, positions = link_poses(self.model, q)
+        n = len(q)
+        return PlacedBodies(
+            np.concatenate([rotations, np.broadcast_to(np.eye(3), (n, 1, 3, 3))], axis=1),
+            np.concatenate([positions, np.zeros((n, 1, 3))], axis=1),
+        )
+
+    def lower_bounds(self, placed: PlacedBodies) -> Floats:
+        """Return distances (N, P) [m] that the pairs have at least, by the capsules about them."""
+        links, start, end, radius = self._capsules
+        R, p = placed.rotations[:, links], placed.positions[:, links]
+        a = np.einsum("nbij,bj->nbi", R, start) + p
+        b = np.einsum("nbij,bj->nbi", R, end) + p
+        first, second = self.pairs[:, 0], self.pairs[:, 1]
+        apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
+        apart -= radius[first] + radius[second]
+        for k in np.flatnonzero(self._has_plane):
+            plane, other = sorted(self.pairs[k], key=lambda body: not self.bodies[body].is_plane)
+            apart[:, k] = self._above(placed, int(plane), a[:, other], b[:, other]) - radius[other]
+        return apart
+
+    def distance(self, placed: PlacedBodies, row: int, pair: int, enough: float = 0.0) -> float:
+        """Return a pair's distance at one configuration by Coal [m], negative where the two overlap.
+
+        Beyond `enough` it may be that of their convex hulls, which is never more than their own.
+        """
+        a, b = (self.bodies[body] for body in self.pairs[pair])
+        hulls = self._measure(self._solid(a), a, self._solid(b), b, placed, row)
+        if hulls > enough or (a.surface is None and b.surface is None) or a.is_plane or b.is_plane:
+            return hulls
+        return self._measure(a.surface or self._solid(a), a, b.surface or self._solid(b), b, placed, row)
+
+    @cached_property
+    def is_exact(self) -> NDArray[np.bool_]:
+        """Of which pairs (P,) the lower bound is the distance itself: capsules, balls, planes."""
+        simple = np.array([body.is_capsule or body.is_plane for body in self.bodies])
+        return np.asarray(simple[self.pairs].all(axis=1))
+
+    def names(self, pair: int) -> Names:
+        """Return what the two bodies of a pair are called."""
+        first, second = (self.bodies[body].name for body in self.pairs[pair])
+        return first, second
+
+    @cached_property
+    def reach(self) -> Floats:
+        """How fast a pair's distance changes at most: (P, n) [m/s] for one unit of each coordinate's speed."""
+        from catenary.collision.reach import reach_of_body
+
+        tree = np.array([reach_of_body(self.model, body) for body in self.bodies])
+        common = np.array(
+            [self._ancestors(self.bodies[a]) & self._ancestors(self.bodies[b]) for a, b in self.pairs]
+        )
+        both = (tree[self.pairs[:, 0]] + tree[self.pairs[:, 1]]) * ~common
+        return np.asarray(both @ np.abs(self.model.coupling))
+
+    def _ancestors(self, body: Body) -> NDArray[np.bool_]:
+        found = np.zeros(len(self.model.link_names), dtype=bool)
+        link = body.link
+        while link >= 0:
+            found[link] = True
+            link = int(self.model.tree.parent[link])
+        return found
+
+    @cached_property
+    def _capsules(self) -> tuple[Index, Floats, Floats, Floats]:
+        return (
+            np.array([body.link for body in self.bodies]),
+            np.array([body.start for body in self.bodies]),
+            np.array([body.end for body in self.bodies]),
+            np.array([body.radius for body in self.bodies]),
+        )
+
+    @cached_property
+    def _has_plane(self) -> NDArray[np.bool_]:
+        planes = np.array([body.is_plane for body in self.bodies])
+        return np.asarray(planes[self.pairs].any(axis=1))
+
+    def _above(self, placed: PlacedBodies, plane: int, start: Floats, end: Floats) -> Floats:
+        """Return how far segments' lower ends (N, 3) are above a plane (N,)."""
+        body = self.bodies[plane]
+        R, p = placed.rotations[:, body.link], placed.positions[:, body.link]
+        normal = R @ body.pose.rotation[:, 2]
+        origin = R @ body.pose.position + p
+        heights = [np.einsum("ni,ni->n", point - origin, normal) for point in (start, end)]
+        return np.asarray(np.minimum(*heights))
+
+    def _solid(self, body: Body) -> Any:
+        if body.solid is not None:
+            return body.solid
+        from catenary.collision.coal_shapes import capsule, half_space
+
+        key = f"{body.name} {id(body)}"
+        if key not in self._tools:
+            length = float(np.linalg.norm(body.end - body.start))
+            self._tools[key] = half_space() if body.is_plane else capsule(body.radius, length)
+        return self._tools[key]
+
+    def _measure(self, a: Any, body_a: Body, b: Any, body_b: Body, placed: PlacedBodies, row: int) -> float:
+        if "distance" not in self._tools:
+            from catenary.collision.coal_shapes import distances
+
+            self._tools["distance"] = distances()
+        return float(self._tools["distance"](a, placed.pose(row, body_a), b, placed.pose(row, body_b)))
+
+
+def scene_of(
+    model: RobotModel,
+    geometry: Geometry,
+    obstacles: Sequence[Shape] = (),
+    *,
+    ignored: Sequence[Names] = (),
+) -> CollisionScene:
+    """Return a robot among obstacles, with all pairs of its bodies that are not neighbours.
+
+    Bodies of one link, and of a link and the one that carries it, are not compared: their joint holds them together. A
+    link without a shape is passed over: what it carries is its carrier's neighbour. The base is not compared with
+    obstacles: it stands where it stands.
+
+    Args:
+        model: The robot.
+        geometry: Its shapes.
+        obstacles: Shapes in the base frame.
+        ignored: Pairs of names of links or obstacles that may touch.
+
+    Raises:
+        FileFormatError: A mesh that cannot be read.
+        InputError: A name in `ignored` that nothing has, or nothing that could collide.
+        MissingPackageError: Coal is needed and not installed.
+    """
+    own = bodies_of(geometry.shapes)
+    bodies = [*own, *bodies_of(tuple(obstacles), obstacles=True)]
+    known = {body.name for body in bodies} | {BASE}
+    for name in (name for pair in ignored for name in pair):
+        if name not in known:
+            raise InputError(
+                f'"{name}": no link with a shape and no obstacle; there are {", ".join(sorted(known))}'
+            )
+    skipped = {frozenset(pair) for pair in ignored}
+    shaped = {body.link for body in own}
+    pairs = [
+        (i, j)
+        for i, a in enumerate(bodies)
+        for j, b in enumerate(bodies[:i])
+        if not _is_kept_together(model, a, b, shaped) and frozenset((a.name, b.name)) not in skipped
+    ]
+    if not pairs:
+        raise InputError(f'robot "{model.name}": no two bodies that could collide')
+    return CollisionScene(
+        model,
+        tuple(bodies),
+        np.array([(j, i) for i, j in pairs]),
+        geometry.origin,
+        geometry.assumed,
+        geometry.notes,
+    )
+
+
+def _is_kept_together(model: RobotModel, a: Body, b: Body, shaped: set[int]) -> bool:
+    """Return whether two bodies cannot move against each other, or meet in a joint."""
+    if a.link == b.link:
+        return True  # obstacles and the base among them
+    if a.is_obstacle or b.is_obstacle:
+        return False
+    return _carrier(model, a.link, shaped) == b.link or _carrier(model, b.link, shaped) == a.link
+
+
+def _carrier(model: RobotModel, link: int, shaped: set[int]) -> int | None:
+    """Return the next link towards the base that has a shape; None of the base itself."""
+    if link < 0:
+        return None
+    link = int(model.tree.parent[link])
+    while link >= 0 and link not in shaped:
+        link = int(model.tree.parent[link])
+    return link

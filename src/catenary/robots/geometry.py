@@ -1,0 +1,155 @@
+"""The shapes of a robot's links: constant data beside the model, for whoever asks what touches what."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+from catenary.robots.plausible import FARTHEST
+from catenary.spatial import Pose
+
+
+class Ball(NamedTuple):
+    """A ball about the shape's origin."""
+
+    radius: float  # [m]
+
+
+class Capsule(NamedTuple):
+    """All points within `radius` of a segment along z, centred at the origin."""
+
+    radius: float  # [m]
+    length: float  # [m] of the segment, without the caps
+
+
+class Cylinder(NamedTuple):
+    """A cylinder along z, centred at the origin."""
+
+    radius: float  # [m]
+    length: float  # [m]
+
+
+class Box(NamedTuple):
+    """A box along the axes, centred at the origin."""
+
+    x: float  # [m] whole edges
+    y: float
+    z: float
+
+
+class Ellipsoid(NamedTuple):
+    """An ellipsoid along the axes, centred at the origin."""
+
+    x: float  # [m] half axes
+    y: float
+    z: float
+
+
+class HalfSpace(NamedTuple):
+    """All that lies below the plane z = 0: a floor, a wall."""
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """A surface of triangles."""
+
+    vertices: Floats  # (V, 3) [m]
+    triangles: NDArray[np.int64]  # (T, 3) indices of vertices
+
+
+class MeshFile(NamedTuple):
+    """A surface in a file, which is read when distances are asked for."""
+
+    path: Path
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+Form = Ball | Capsule | Cylinder | Box | Ellipsoid | HalfSpace | TriangleMesh | MeshFile
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A form fixed to a link."""
+
+    name: str  # of the link in the description
+    link: int  # index into the tree; -1 is the base
+    pose: Pose  # of the form in that link's frame
+    form: Form
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What a robot's links look like."""
+
+    robot: str
+    shapes: tuple[Shape, ...]
+    origin: str  # where the shapes come from, in words
+    assumed: bool = False  # by us, or by the robot's file, and not measured
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def shape_on(where: str, model: RobotModel, frame: str, name: str, pose: Pose, form: Form) -> Shape:
+    """Return a form fixed to a frame of a robot.
+
+    Raises:
+        InputError: No frame of that name, a size that is not positive and finite, or one no robot has.
+    """
+    check_form(f'{where}: shape of "{name}"', form)
+    carrier = model.frame(frame)
+    return Shape(name, carrier.link, carrier.pose @ pose, form)
+
+
+def check_form(what: str, form: Form) -> None:
+    """Refuse sizes that are not positive, or beyond what any robot has (a kilometre).
+
+    Raises:
+        InputError: There is one; `what` opens the message.
+    """
+    if isinstance(form, MeshFile):
+        sizes: tuple[float, ...] = tuple(abs(float(s)) for s in form.scale)
+    elif isinstance(form, TriangleMesh):
+        _check_mesh(what, form)
+        return
+    elif isinstance(form, Capsule):
+        if not 0.0 <= form.length <= FARTHEST:
+            raise InputError(f"{what}: length {form.length:g} m, expected zero to {FARTHEST:g} m")
+        sizes = (form.radius,)
+    else:
+        sizes = tuple(float(s) for s in form)
+    for size in sizes:
+        if not 0.0 < size <= FARTHEST:
+            raise InputError(f"{what}: size {size:g}, expected above zero and at most {FARTHEST:g}")
+
+
+def _check_mesh(what: str, mesh: TriangleMesh) -> None:
+    if len(mesh.vertices) < 3 or len(mesh.triangles) < 1:
+        raise InputError(f"{what}: a mesh without triangles")
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"{what}: a vertex of the mesh is not finite")
+
+
+def capsule_between(start: Floats, end: Floats, radius: float) -> tuple[Pose, Capsule]:
+    """Return the capsule about a segment between two points (3,) [m], and where it stands."""
+    along = np.asarray(end, dtype=float) - start
+    length = float(np.linalg.norm(along))
+    z = along / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    rotation = np.column_stack([x, np.cross(z, x), z])
+    return Pose(rotation, 0.5 * (np.asarray(start, dtype=float) + end)), Capsule(radius, length)
+
+
+def links_without_shape(model: RobotModel, shapes: Iterable[Shape]) -> tuple[str, ...]:
+    """Return the moving links that have a mass and no shape, by name."""
+    shaped = {shape.link for shape in shapes}
+    return tuple(
+        name
+        for i, name in enumerate(model.link_names)
+        if i not in shaped and name not in model.massless and name not in model.missing_inertia
+    )

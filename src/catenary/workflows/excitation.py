@@ -1,0 +1,258 @@
+"""Design poses or a motion that show a robot's parameters, keep its limits and hit nothing; and write them."""
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.collision.contacts import POSES, without_constant_contacts
+from catenary.collision.scene import Names, scene_of
+from catenary.errors import InputError
+from catenary.files import write_atomically
+from catenary.identification.excitation import Excitation, static_poses
+from catenary.identification.expected_errors import Comparison, Expected, compare, torque_noise
+from catenary.identification.fourier import fourier_motion
+from catenary.identification.motion_limits import MotionLimits, Room
+from catenary.robots.geometry import Geometry, Shape
+from catenary.robots.model import RobotModel
+
+
+@dataclass(frozen=True)
+class MotionSurroundings:
+    """What a robot's motion must not hit."""
+
+    geometry: Geometry | None  # the robot's own shapes; None: collisions are unchecked
+    obstacles: tuple[Shape, ...] = ()
+    margin: float = 0.01  # [m]
+    ignored: tuple[Names, ...] = ()  # pairs that may touch
+    unchecked: str = ""  # why there is no geometry
+
+
+@dataclass(frozen=True)
+class DesignedMotion:
+    """A design, what it keeps, what it shows beside other motions, and notes for the reader."""
+
+    design: Excitation
+    limits: MotionLimits
+    comparison: Comparison | None  # None of static poses
+    notes: tuple[str, ...]
+
+    def kept(self) -> list[str]:
+        """Return in words what the design keeps."""
+        checked, scene = self.design.checked, self.limits.scene
+        lines = []
+        if checked is not None and checked.torque is not None:
+            worst = int(np.argmax(checked.torque))
+            name = self.limits.model.joint_names[worst]
+            lines.append(
+                f"torques: at most {100 * checked.torque[worst]:.0f} % of their limits ({name}), without friction"
+            )
+        if scene is None:
+            lines.append("collisions: UNCHECKED")
+        elif checked is None or checked.clearance is None:
+            lines.append(f"collisions: none in any pose, {len(scene.pairs)} pairs of shapes")
+        else:
+            found = checked.clearance
+            lines.append(
+                f"collisions: none at any instant; of {len(scene.pairs)} pairs of shapes {found.pair[0]} and "
+                f"{found.pair[1]} come closest, {1000 * found.distance:.0f} mm at {found.time:.2f} s"
+            )
+        return lines
+
+    def summary(self) -> dict[str, Any]:
+        """Return plain data."""
+        design, scene, checked = self.design, self.limits.scene, self.design.checked
+        collisions: dict[str, Any] = {"checked": scene is not None}
+        if scene is not None:
+            collisions |= {
+                "shapes": scene.origin,
+                "assumed": scene.assumed,
+                "pairs": len(scene.pairs),
+                "margin_mm": 1000.0 * self.limits.margin,
+            }
+        if checked is not None and checked.clearance is not None:
+            collisions["closest"] = {
+                "pair": list(checked.clearance.pair),
+                "distance_mm": 1000.0 * checked.clearance.distance,
+                "time_s": checked.clearance.time,
+            }
+            collisions["instants"] = checked.clearance.instants
+        content: dict[str, Any] = {
+            "robot": self.limits.model.name,
+            "terms": design.terms,
+            "rows": len(design.q),
+            "n_base": design.n_base,
+            "condition": design.condition,
+            "collisions": collisions,
+            "torques_checked": self.limits.has_torques,
+            "notes": list(self.notes),
+        }
+        if checked is not None and checked.torque is not None:
+            content["torque_share"] = checked.torque.tolist()
+        if self.comparison is not None:
+            content["expected"] = _expected_data(self.comparison)
+        return content
+
+
+def design_excitation(
+    model: RobotModel,
+    room: Room,
+    around: MotionSurroundings,
+    rng: np.random.Generator,
+    *,
+    gravity: Floats,
+    static: int | None = None,
+    noise: float | None = None,
+    **shape: Any,
+) -> DesignedMotion:
+    """Design poses or a motion within limits, apart from whatever it could hit.
+
+    Args:
+        model: The robot.
+        room: Limits of position, speed, acceleration and torque.
+        around: What it must not hit.
+        rng: Source of everything random.
+        gravity: (3,) [m/s2] in base axes.
+        static: How many poses to hold; a motion when None.
+        noise: Standard deviation of the torques [Nm or N]; a hundredth of their limits when None.
+        shape: Of a motion, as `fourier_motion` takes it: period, harmonics, rate, trials.
+
+    Raises:
+        LimitError: No motion was found that keeps all limits.
+        InputError: Numbers that make no motion, or no pose in which nothing touches.
+    """
+    limits, notes = _limits(model, room, around, gravity, rng)
+    if static is not None:
+        notes.append("the ways from pose to pose are not checked for collisions")
+        return DesignedMotion(static_poses(limits, static, rng), limits, None, tuple(notes))
+    design = fourier_motion(limits, rng, **shape)
+    if noise is not None and not 0.0 < noise < np.inf:
+        raise InputError(f"torque noise: expected above zero, got {noise}")
+    return DesignedMotion(
+        design, limits, compare(limits, design, torque_noise(limits, noise), rng), tuple(notes)
+    )
+
+
+def _limits(
+    model: RobotModel, room: Room, around: MotionSurroundings, gravity: Floats, rng: np.random.Generator
+) -> tuple[MotionLimits, list[str]]:
+    """Return what the motion must keep, and notes on what is not looked at or only assumed."""
+    notes: list[str] = []
+    scene = None
+    if around.geometry is None:
+        notes.append(f"warning: COLLISIONS ARE UNCHECKED: {around.unchecked}")
+    else:
+        within = replace(model, lower=room.lower, upper=room.upper)
+        scene = scene_of(within, around.geometry, around.obstacles, ignored=around.ignored)
+        poses = rng.uniform(*room.inner(), (POSES, model.n))
+        scene, always = without_constant_contacts(scene, poses, around.margin)
+        notes += around.geometry.notes
+        if around.geometry.assumed:
+            notes.append(f"shapes are assumed, not measured: {around.geometry.origin}")
+        if always:
+            told = ", ".join(f"{a} and {b}" for a, b in always)
+            notes.append(
+                f"within {1000 * around.margin:g} mm of each other in every pose, so that they are not compared: {told}"
+            )
+        if not around.obstacles:
+            notes.append("no floor, box or mesh is given: the robot is kept from hitting itself alone")
+    limits = MotionLimits(model, room, gravity, scene, around.margin)
+    if not limits.has_torques:
+        why = "limits" if np.isinf(room.effort).all() else "masses"
+        notes.append(
+            f"torques are unchecked: {model.name} has no {why} of them".replace("masses of them", "masses")
+        )
+    return limits, notes
+
+
+def _expected_data(comparison: Comparison) -> dict[str, Any]:
+    base = comparison.base
+    content: dict[str, Any] = {
+        "parameters": [base.describe(k) for k in range(base.count)],
+        "units": list(base.units),
+        "torque_noise": comparison.noise.tolist(),
+    }
+    for one in (comparison.designed, comparison.random, comparison.single):
+        if one is not None:
+            content[one.motion] = {
+                "condition": one.condition,
+                "not_shown": one.hidden,
+                "standard_errors": one.errors.tolist(),
+            }
+    return content
+
+
+def comparison_table(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows: condition and expected errors of the designed motion beside others."""
+    heads = ["motion", "condition", "not shown", "errors, mean", "errors, worst"]
+    return heads, [
+        _row(one, comparison.designed)
+        for one in (comparison.designed, comparison.random, comparison.single)
+        if one is not None
+    ]
+
+
+def _row(one: Expected, designed: Expected) -> list[str]:
+    mean, worst = one.times(designed)
+    told = [f"{v:.3g} x" if np.isfinite(v) else "-" for v in (mean, worst)]
+    return [
+        one.motion,
+        f"{one.condition:.4g}" if np.isfinite(one.condition) else "-",
+        str(one.hidden),
+        *told,
+    ]
+
+
+def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
+    """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv if its name says so.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    ending = path.suffix.lower()
+    if ending == ".csv":
+        named = list(zip(model.joint_names, model.joint_units, strict=True))
+        kinds = (("q", ""), ("dq", "/s"), ("ddq", "/s2"))
+        header = ["t [s]", *(f"{kind}:{name} [{unit}{per}]" for kind, per in kinds for name, unit in named)]
+        rows = np.column_stack([design.time, design.q, design.qd, design.qdd])
+        lines = [",".join(header), *(",".join(repr(float(v)) for v in row) for row in rows)]
+        write_atomically(path, ("\n".join(lines) + "\n").encode())
+    else:
+        buffer = io.BytesIO()
+        motion = {"t": design.time, "q": design.q, "dq": design.qd, "ddq": design.qdd}
+        np.savez(buffer, allow_pickle=False, joint_names=model.joint_names, units=model.joint_units, **motion)
+        write_atomically(path, buffer.getvalue())
+
+
+def write_trajectory(design: Excitation, joint_names: Sequence[str], path: Path, *, ros: int = 2) -> None:
+    """Write a motion as ROS's trajectory_msgs/JointTrajectory: JSON, which is YAML too, a point on each line.
+
+    Args:
+        design: A motion.
+        joint_names: Of its columns.
+        path: The file.
+        ros: Whose names of seconds it has: 1 or 2.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+        InputError: Poses to hold are no motion.
+    """
+    if design.terms == "static":
+        raise InputError("a trajectory is a motion: expected none of poses to hold")
+    seconds, nanoseconds = ("secs", "nsecs") if ros == 1 else ("sec", "nanosec")
+    points = []
+    for time, *row in zip(design.time, design.q, design.qd, design.qdd, strict=True):
+        whole, rest = divmod(round(float(time) * 1e9), 10**9)
+        values = {
+            key: [float(v) for v in numbers]
+            for key, numbers in zip(("positions", "velocities", "accelerations"), row, strict=True)
+        }
+        points.append(json.dumps({**values, "time_from_start": {seconds: whole, nanoseconds: rest}}))
+    names = json.dumps(list(joint_names))
+    lines = ",\n".join(points)
+    write_atomically(path, f'{{"joint_names": {names}, "points": [\n{lines}\n]}}\n'.encode())

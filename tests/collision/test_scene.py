@@ -1,0 +1,94 @@
+"""Distances and pairs of a robot's shapes, held against Pinocchio's reader and its own collision check."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.collision.obstacles import floor_at
+from catenary.collision.scene import scene_of
+from catenary.errors import InputError
+from catenary.robots.catalog import load_robot
+from catenary.robots.shapes import load_geometry
+from colliding_arm import PANDA, capsule_arm, write_arm
+from tests.descriptions.collisions import colliding, of_capsules, read_geometry, with_pairs
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    path = write_arm(tmp_path_factory.mktemp("arm"))
+    model = load_robot(path)
+    return path, model, scene_of(model, load_geometry(path, model), [floor_at(-0.35)])
+
+
+def test_boxes_cylinders_balls_and_meshes_of_a_urdf_are_as_far_apart_as_pinocchio_has_them(arm):
+    path, model, scene = arm
+    theirs, geometry = read_geometry(path)
+    geometry = with_pairs(theirs, geometry, -0.35)
+    assert len(geometry.collisionPairs) == len(scene.pairs)
+    data, shapes = theirs.createData(), geometry.createData()
+    objects = geometry.geometryObjects
+    order = {
+        frozenset(objects[i].name for i in (p.first, p.second)): k
+        for k, p in enumerate(geometry.collisionPairs)
+    }
+    q = np.random.default_rng(0).uniform(-3.0, 3.0, (60, model.n))
+    placed = scene.place(q)
+    bounds = scene.lower_bounds(placed)
+    for row in range(len(q)):
+        pin.updateGeometryPlacements(theirs, data, geometry, shapes, q[row])
+        pin.computeDistances(geometry, shapes)
+        for pair in range(len(scene.pairs)):
+            a, b = (name if name == "floor" else f"{name}_0" for name in scene.names(pair))
+            expected = shapes.distanceResults[order[frozenset((a, b))]].min_distance
+            found = scene.distance(placed, row, pair, np.inf)
+            assert bounds[row, pair] <= found + 1e-9
+            if expected > 1e-3:  # what overlaps has many depths
+                assert_allclose(found, expected, atol=1e-6)
+            else:
+                assert found < 2e-3
+
+
+def test_hulls_are_taken_where_they_are_enough_and_are_no_farther_than_the_shapes(arm):
+    _, model, scene = arm
+    q = np.random.default_rng(1).uniform(-3.0, 3.0, (20, model.n))
+    placed = scene.place(q)
+    for row in range(len(q)):
+        for pair in range(len(scene.pairs)):
+            assert scene.distance(placed, row, pair, -1.0) <= scene.distance(placed, row, pair, np.inf) + 1e-6
+
+
+@pytest.mark.parametrize("name", ["raven2", "raven2_right", "raven2_full"])
+def test_capsules_of_the_ravens_are_as_far_apart_as_pinocchio_has_them(name, tmp_path):
+    robot = load_robot(name)
+    shapes = load_geometry(name, robot)
+    scene = scene_of(robot, shapes, [floor_at(-0.15)])
+    model, geometry = of_capsules(robot, shapes, tmp_path)
+    q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (40, robot.n))
+    geometry = with_pairs(model, geometry, -0.15)
+    bounds = scene.lower_bounds(scene.place(q))
+    for row in (0, 20):
+        _, least, _ = colliding(model, geometry, q[row : row + 1])
+        assert least == pytest.approx(bounds[row].min(), abs=1e-6)
+
+
+def test_neighbours_are_not_compared_nor_the_base_with_the_floor():
+    scene = scene_of(PANDA, capsule_arm(), [floor_at(0.0)])
+    names = {frozenset(scene.names(k)) for k in range(len(scene.pairs))}
+    assert frozenset(("q1", "q2")) not in names
+    assert frozenset(("base", "floor")) not in names
+    assert frozenset(("q1", "q3")) in names
+    assert frozenset(("q1", "floor")) in names
+
+
+def test_pairs_that_may_touch_are_left_out_and_unknown_names_refused():
+    scene = scene_of(PANDA, capsule_arm(), [floor_at(0.0)], ignored=[("floor", "q1")])
+    assert all(set(scene.names(k)) != {"q1", "floor"} for k in range(len(scene.pairs)))
+    with pytest.raises(InputError, match='"ceiling": no link with a shape and no obstacle; there are base'):
+        scene_of(PANDA, capsule_arm(), ignored=[("ceiling", "q1")])
+
+
+def test_a_robot_with_nothing_to_hit_is_refused():
+    model = load_robot("two_link")
+    with pytest.raises(InputError, match="no two bodies that could collide"):
+        scene_of(model, capsule_arm(model), ignored=[("base", "link1")])
