@@ -1,16 +1,14 @@
 """Simulated PSMs for tests: homed ones, one whose cables are springs and nothing else, and steps of their physics."""
 
 import copy
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.kernels.compiled import compiled
-from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.psm.parameters import PsmArm, PsmDrive
+from catenary.robots.model import Tree
+from catenary.simulation.psm.parameters import PsmDrive
 from catenary.simulation.psm.physics import PsmState, PsmWork, psm_dynamics, psm_step, unstretched_motors
 from catenary.simulation.psm.plant import PsmPlant
 
@@ -40,11 +38,6 @@ NOTHING = (
 def with_plain_springs(drive: PsmDrive) -> PsmDrive:
     """Cables that are springs: no friction, damping, hysteresis, creep, backlash, run-out, set or wear."""
     return drive.replace(**dict.fromkeys(NOTHING, 0.0), elastic_share=1.0)
-
-
-def psm_model(arm: PsmArm) -> RobotModel:
-    """Robot dvrk_psm with the masses of the simulated arm."""
-    return replace(load_robot("dvrk_psm"), tree=arm.links, missing_inertia=())
 
 
 @cache

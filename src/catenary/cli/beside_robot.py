@@ -94,24 +94,21 @@ def record_others(
     """Record a robot that somebody else moves."""
     from catenary.crtk.node_name import node_name
     from catenary.recording.journal import About
-    from catenary.recording.synchronise import ROBOT
-    from catenary.recording.topics import raven_topics
-    from catenary.workflows.project.robot import arm_of
-    from catenary.workflows.project.ros_robot import required
+    from catenary.workflows.project.kinds import kind_of
     from catenary.workflows.robot.topic_recorder import TopicCount, record_topics
 
-    arm = arm_of(project)
-    topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
+    kind = kind_of(project.settings)
+    topics = kind.topics
     folder, counts = project.folder / "recordings" / name, list[TopicCount]()
     if any(folder.glob("*")):
         raise InputError(f"{folder}: holds a recording already; give this one another --name")
-    about = About(robot=ROBOT[arm], simulated=simulated, configuration={"motion": "not ours"})
+    about = About(robot=kind.recorded_as, simulated=simulated, configuration={"motion": "not ours"})
 
     def work() -> None:
         with ros_transport(ros, node_name("record")) as transport:
             counts[:] = record_topics(
                 transport, folder, topics, seconds, about=about, progress=progress,
-                required=[topic.name for topic in required(topics)],
+                required=[topic.name for topic in kind.required],
             )  # fmt: skip
 
     motion = {"motion": "not ours", "seconds": seconds, "begun_ns": time.time_ns()}
@@ -126,6 +123,8 @@ def deploy_beside(
     *,
     name: str | None = None,
     arm: str,
+    dialect: str | None,
+    namespace: str | None,
     seconds: float,
     rate_hz: float,
     gravity_torque: bool,
@@ -135,8 +134,7 @@ def deploy_beside(
     """Correct a robot's messages as they come, and publish them corrected."""
     from catenary.calibration.files import load_model
     from catenary.crtk.node_name import node_name
-    from catenary.crtk.reader import CrtkReader
-    from catenary.nodes.deploy import CalibratedTopics
+    from catenary.nodes.deploy import CalibratedTopics, reader_of
 
     if arm not in ("gold", "green"):
         raise InputError(f'--arm "{arm}": expected gold or green')
@@ -147,7 +145,9 @@ def deploy_beside(
         print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
     with (
         ros_transport(ros, node_name("deploy", name)) as transport,
-        CrtkReader(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
+        reader_of(
+            loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, imu=imu
+        ) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
         failure: BaseException | None = None

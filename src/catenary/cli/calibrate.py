@@ -187,6 +187,10 @@ def deploy(
         int | None, Option(metavar="1|2", help="Beside a robot on ROS: publish its messages corrected.")
     ] = None,
     arm: Annotated[str, Option(help="With --ros: gold (left) or green.")] = "gold",
+    dialect: Annotated[
+        str | None, Option(help="With --ros: raven or crtk. [default: raven; of a dVRK PSM crtk]")
+    ] = None,
+    namespace: ArmNamespace = None,
     rate: Annotated[float, Option(metavar="HZ", help="With --ros: rate of the robot's messages.")] = 1000.0,
     name: NodeName = None,
     gravity_torque: Annotated[
@@ -204,7 +208,8 @@ def deploy(
         if project is not None:
             raise InputError("--ros: works beside whatever moves the robot; give no project")
         deploy_beside(
-            model, ros, name=name, arm=arm, seconds=float("inf") if seconds is None else seconds, rate_hz=rate,
+            model, ros, name=name, arm=arm, dialect=dialect, namespace=namespace,
+            seconds=float("inf") if seconds is None else seconds, rate_hz=rate,
             gravity_torque=gravity_torque, imu=source, as_json=as_json,
         )  # fmt: skip
         return

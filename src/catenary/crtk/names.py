@@ -43,7 +43,7 @@ class CrtkTopic:
     type: str  # as it is declared: the RAVEN-II still uses a name that crtk_msgs has dropped
     direction: Direction
     verb: str  # last word of the name
-    arm: Arm | None = None  # whose; None: the robot's
+    arm: str | None = None  # whose, gold or green or a name of its own; None: the robot's
 
 
 _Verbs = dict[str, tuple[str, Direction]]  # verb: type, direction
@@ -95,11 +95,13 @@ _CRTK: _Verbs = {
     **dict.fromkeys(("hold", "free"), ("std_msgs/Empty", "in")),
     "use_gravity_compensation": ("std_msgs/Bool", "in"),
 }
+# verbs below `local/` of an arm that the dVRK carries on setup joints: poses in its own base, not in the cart's
+_LOCAL = ("measured_cp", "setpoint_cp")
 # verbs of a gripper, below `jaw/`
 _JAW = ("measured_js", "setpoint_js", "servo_jp", "servo_jr", "servo_jf", "move_jp", "move_jr")
 
 
-def _below(place: str, verbs: _Verbs, arm: Arm | None = None, prefix: str = "") -> Iterator[CrtkTopic]:
+def _below(place: str, verbs: _Verbs, arm: str | None = None, prefix: str = "") -> Iterator[CrtkTopic]:
     for verb, (kind, direction) in verbs.items():
         yield CrtkTopic(f"{place}/{verb}", kind, direction, prefix + verb, arm)
 
@@ -123,7 +125,7 @@ def calibrated_namespace(arm: Arm) -> str:
     return f"{NAMESPACES[arm]}/calibrated"
 
 
-def crtk_topics(namespace: str, arm: Arm | None = None) -> tuple[CrtkTopic, ...]:
+def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]:
     """Return the topics of one arm in the present convention; jaw verbs are called `jaw/measured_js` and so on.
 
     Args:
@@ -131,7 +133,8 @@ def crtk_topics(namespace: str, arm: Arm | None = None) -> tuple[CrtkTopic, ...]
         arm: Whose they are, where the robot has two.
     """
     words = namespace.strip("/")
-    verbs = {**_CRTK, **{f"jaw/{verb}": _CRTK[verb] for verb in _JAW}}
+    below = {"jaw": _JAW, "local": _LOCAL}
+    verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs}
     return tuple(_below(f"/{words}" if words else "", verbs, arm))
 
 

@@ -16,7 +16,7 @@ from catenary.recording.topics import RAVENSTATE, Arm
 
 _COLUMNS = {column.name: column for column in RAVENSTATE.columns}
 # channels of measured_js's joints: shoulder, elbow, insertion, roll, wrist, two jaws
-CHANNELS: Mapping[Arm, tuple[int, ...]] = {
+CHANNELS: Mapping[str, tuple[int, ...]] = {
     "gold": (0, 1, 2, 4, 5, 6, 7),
     "green": (8, 9, 10, 12, 13, 14, 15),
 }

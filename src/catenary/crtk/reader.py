@@ -21,7 +21,7 @@ from catenary.crtk.conversions import operating_state as operating_state_of
 from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
 from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity
 from catenary.crtk.message import Message
-from catenary.crtk.names import DIAGNOSTICS, DIAGNOSTICS_TYPE, Dialect, find_topic
+from catenary.crtk.names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, Dialect, find_topic
 from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError, TransportError, UnsupportedCommandError
@@ -31,6 +31,7 @@ from catenary.spatial import LEVEL
 
 STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
 CONNECT_TIMEOUT = 5.0  # [s] that CRTK's own client allows
+TRACKER = "tracker/measured_js"  # below a namespace: where a tracker sees the joints, ours
 _READS = ("measured_js", "setpoint_js", "operating_state")
 
 
@@ -89,6 +90,7 @@ class CrtkReader:
         # what is in front of the arm's commands, /arm1 or /PSM1: by it /diagnostics names the arm
         self.command_place = find_topic(dialect, "setpoint_js", arm, namespace).name.rpartition("/")[0]
         self._gravity: MeasuredGravity | None = None
+        self._tracker: Latest | None = None
         # of telemetry: raven_state's fields, and encoders that were published when this began
         self.columns: tuple[Column, ...] = ()
         try:
@@ -98,6 +100,8 @@ class CrtkReader:
             if dialect == "raven":
                 self._state = RavenTelemetry(transport, arm, stale_after)
                 self.columns = self._state.columns
+            elif namespace is not None:
+                self._tracker = Latest(transport, f"/{namespace.strip('/')}/{TRACKER}", JOINT_STATE)
             self._diagnostics = Latest(transport, DIAGNOSTICS, DIAGNOSTICS_TYPE)
             self._gravity = None if imu is None else MeasuredGravity(transport, imu)
             self._begin()
@@ -200,8 +204,15 @@ class CrtkReader:
         return {} if self._state is None else self._state.sample()
 
     def external_encoders(self) -> Floats:
-        """Return the external encoders' reading of the joints (3,) [rad, rad, m]; NaN where there is none."""
-        return np.full(3, np.nan) if self._state is None else self._state.encoder("ext_jpos")
+        """Return the external encoders' reading of a RAVEN-II's joints (3,) [rad, rad, m]; NaN where there is none.
+
+        Of a robot with a namespace, what a tracker says of all joints (n,) below it, `tracker/measured_js`.
+        """
+        if self._state is not None:
+            return self._state.encoder("ext_jpos")
+        if self._tracker is None or self._tracker.age() > self.stale_after:
+            return np.full(3 if self._tracker is None else len(self.joint_names), np.nan)
+        return np.array(joint_values(self._tracker.message(), self.joint_names))
 
     @property
     def age(self) -> float:
@@ -241,7 +252,7 @@ class CrtkReader:
 
     def close(self) -> None:
         """End its topics; the transport stays open."""
-        for part in (*self._latest.values(), self._state, self._diagnostics, self._gravity):
+        for part in (*self._latest.values(), self._state, self._diagnostics, self._gravity, self._tracker):
             if part is not None:
                 part.close()
 
@@ -272,8 +283,9 @@ class CrtkReader:
             if not missing:
                 return
             if (self.transport.steady() - begin) / SECOND >= timeout:
+                where = self.namespace or f"{self.arm} arm"
                 raise TransportError(
-                    f"the robot ({self.dialect}, {self.arm} arm) is not there after {timeout:g} s: "
+                    f"the robot ({self.dialect}, {where}) is not there after {timeout:g} s: "
                     + "; ".join(missing)
                 )
             self.transport.sleep(0.01)

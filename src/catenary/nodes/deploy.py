@@ -1,6 +1,6 @@
 """A calibration model beside a robot: joint states in, calibrated ones out, at the robot's own rate.
 
-Published below the arm's namespace (/arm1 gold, /arm2 green; never swapped), `calibrated/`:
+Published below the arm's namespace (/arm1 gold, /arm2 green, never swapped; a PSM's own), `calibrated/`:
 
 - `measured_js`: all joints, those of the model corrected, the others as they came, with the robot's stamp;
 - `measured_cp`: where the tool's tip then is, in the dialect's type;
@@ -27,14 +27,18 @@ from catenary.calibration.upkeep.watch import DriftFlag, DriftWatch, WatchResult
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received
-from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
+from catenary.crtk.joints import model_joints
+from catenary.crtk.latest import ImuTopic
+from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, Dialect, calibrated_namespace
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.registration import registration_heard
+from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages
 from catenary.plant import JointState
-from catenary.recording.topics import JOINTS
+from catenary.recording.topics import JOINTS, PSM_JOINTS, psm_topic
 from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
 
 DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
 WAIT = 0.05  # [s] for the next message
@@ -99,7 +103,7 @@ class CalibratedTopics:
         """Begin to receive and to publish.
 
         Args:
-            client: Of a RAVEN-II's arm.
+            client: Of a RAVEN-II's arm, or of a dVRK PSM.
             model: Fitted to recordings of this robot.
             rate_hz: At which the robot publishes; matters to models with previous positions.
             gravity_torque: Publish that too.
@@ -113,23 +117,21 @@ class CalibratedTopics:
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
         self._places = [client.joint_names.index(name) for name in model.joint_names]
-        if client.joint_names != JOINTS:
-            raise InputError(
-                f"deploy: the kinematics are a RAVEN-II's, with joints {', '.join(JOINTS)}; "
-                f"the robot's joints are {', '.join(client.joint_names)}"
-            )
-        right = "" if client.arm == "gold" else "_right"
+        kinematics, weight = _robots(client, gravity_torque=gravity_torque)
+        place = (
+            calibrated_namespace(client.arm) if client.namespace is None else f"{client.namespace}/calibrated"
+        )
         self._publisher = CalibratedMessages(
             client.transport,
-            calibrated_namespace(client.arm),
-            JOINTS,
-            load_robot(f"raven2_full{right}"),
+            place,
+            client.joint_names,
+            kinematics,
             pose_type=TRANSFORM if client.dialect == "raven" else POSE,
-            positioning=load_robot(f"raven2{right}") if gravity_torque else None,
+            positioning=weight,
             with_intervals=() if model.intervals is None else model.joint_names,
         )
         self._watch, self._is_registered = DriftWatch(model, client.joint_names, client.joint_units), False
-        n = len(JOINTS)
+        n = len(client.joint_names)
         self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         rest = np.zeros(n)
         self._corrector.correct_state(
@@ -266,3 +268,59 @@ class CalibratedTopics:
             InputError,
         ):  # the messages that wait are the last ones, or a state that is none
             return False
+
+
+def _robots(client: CrtkReader, *, gravity_torque: bool) -> tuple[RobotModel, RobotModel | None]:
+    """Return an arm's kinematics, and the arm whose gravity torques are asked for, if they are.
+
+    Raises:
+        InputError: The joints are of another robot, or nothing is known of its masses.
+    """
+    if client.joint_names == PSM_JOINTS:
+        if gravity_torque:
+            raise InputError("deploy: --gravity-torque: no masses are published of a PSM")
+        return load_robot("dvrk_psm_joint"), None
+    if client.joint_names != JOINTS:
+        raise InputError(
+            f"deploy: the kinematics are a RAVEN-II's, with joints {', '.join(JOINTS)}, or a dVRK PSM's, with "
+            f"{', '.join(PSM_JOINTS)}; the robot's joints are {', '.join(client.joint_names)}"
+        )
+    right = "" if client.arm == "gold" else "_right"
+    return load_robot(f"raven2_full{right}"), load_robot(f"raven2{right}") if gravity_torque else None
+
+
+def reader_of(
+    joints: tuple[str, ...],
+    transport: Transport,
+    arm: str,
+    *,
+    dialect: str | None = None,
+    namespace: str | None = None,
+    imu: ImuTopic | None = None,
+) -> CrtkReader:
+    """Return the robot that a model of some joints is deployed beside.
+
+    Args:
+        joints: Of the model: a PSM's, or else a RAVEN-II's.
+        transport: Brings the messages; stays open.
+        arm: gold or green.
+        dialect: raven or crtk; the robot's own when None.
+        namespace: Of a PSM, /PSM1 when None.
+        imu: What gravity is read from.
+
+    Raises:
+        InputError: What the robot does not have: a dialect, a namespace.
+        TransportError: It is not there.
+    """
+    if dialect not in (None, "raven", "crtk"):
+        raise InputError(f'--dialect "{dialect}": expected raven or crtk')
+    if set(joints) <= set(PSM_JOINTS):
+        if dialect == "raven":
+            raise InputError("--dialect raven: the model is a PSM's, which speaks crtk")
+        place = psm_topic(namespace or "/PSM1", "measured_js").name.rpartition("/")[0]
+        psm = model_joints(load_robot("dvrk_psm_joint"))
+        return CrtkReader(transport, dialect="crtk", namespace=place, joints=psm, imu=imu)
+    if namespace is not None:
+        raise InputError("--namespace: the model is none of a PSM; a RAVEN-II's arms are chosen by --arm")
+    spoken: Dialect = "crtk" if dialect == "crtk" else "raven"
+    return CrtkReader(transport, dialect=spoken, arm="green" if arm == "green" else "gold", imu=imu)

@@ -1,4 +1,4 @@
-"""Serve a simulated RAVEN-II to other programs, in real time, until somebody ends it."""
+"""Serve a simulated robot to other programs, in real time, until somebody ends it."""
 
 import gc
 import time
@@ -11,7 +11,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.realtime import RealTime
-from catenary.crtk.names import Dialect
+from catenary.crtk.names import Dialect, crtk_topics
 from catenary.crtk.serving.crtk_dialect import CrtkDialect
 from catenary.crtk.serving.parked_arm import ParkedArm
 from catenary.crtk.serving.raven_dialect import RavenDialect
@@ -25,20 +25,23 @@ from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_kernel
 from catenary.plant import Plant
-from catenary.recording.topics import Arm
+from catenary.recording.topics import psm_topic, psm_topics
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+from catenary.simulation.psm.parameters import load_psm
+from catenary.simulation.psm.plant import PsmPlant
 
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
-MODELS: dict[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
+RAVEN, PSM = "raven2", "dvrk_psm"
+MODELS: dict[str, str] = {"gold": "raven2", "green": "raven2_right"}
 
 
 @dataclass(frozen=True)
 class Serving:
     """Settings of a served robot."""
 
-    robot: str = "raven2"
+    robot: str = "raven2"  # or dvrk_psm, which speaks crtk
     dialect: Dialect = "raven"
     seed: int | None = None
     base_tilt_deg: tuple[float, float] = (0.0, 0.0)  # roll, pitch
@@ -48,13 +51,24 @@ class Serving:
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
     # [cm/s2] of the robot's own gravity compensation; None: without
     grav_dir: tuple[int, int, int] | None = None
-    torque_arm: Arm | None = None  # dialect raven: whose servo_jp carries torques of its motors [mNm]
+    torque_arm: str | None = None  # dialect raven: whose servo_jp carries torques of its motors [mNm]
+    namespace: str = "/PSM1"  # of a PSM
 
     def __post_init__(self) -> None:
-        if self.robot != "raven2":
-            raise InputError(f'robot "{self.robot}": expected raven2, the one robot that can be served')
+        if self.robot not in (RAVEN, PSM):
+            raise InputError(
+                f'robot "{self.robot}": expected {RAVEN} or {PSM}, the robots that can be served'
+            )
         if self.torque_arm is not None and self.dialect != "raven":
             raise InputError("torques in place of positions go with dialect raven; crtk has servo_jf")
+        if self.robot == PSM:
+            if self.dialect != "crtk":
+                raise InputError(f"robot {PSM}: speaks the dialect crtk, got {self.dialect}")
+            if self.payload or self.with_green or self.grav_dir is not None:
+                raise InputError(
+                    f"robot {PSM}: has no payload, no green arm and no grav_dir; they are a RAVEN-II's"
+                )
+            psm_topics(self.namespace)  # refuses a namespace that no PSM has
 
 
 class ServerStatus(NamedTuple):
@@ -87,7 +101,7 @@ class _Counts(NamedTuple):
 
 
 def make_server(
-    serving: Serving, transport: Transport, *, rate_hz: float = 1000.0, plants: dict[Arm, Plant] | None = None
+    serving: Serving, transport: Transport, *, rate_hz: float = 1000.0, plants: dict[str, Plant] | None = None
 ) -> Server:
     """Put a robot behind a transport; nothing moves before its ticks.
 
@@ -104,8 +118,11 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
+    listed = crtk_topics(serving.namespace, *arms) if serving.robot == PSM else None
     speaker: Speaker = (
-        RavenDialect(arms, torque_arm=serving.torque_arm) if serving.dialect == "raven" else CrtkDialect(arms)
+        RavenDialect(arms, torque_arm=serving.torque_arm)
+        if serving.dialect == "raven"
+        else CrtkDialect(arms, listed)
     )
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
@@ -117,11 +134,22 @@ def make_server(
     encoders = None
     if is_raven and serving.with_encoders and has_encoders(arms["gold"].plant):
         encoders = ServedEncoders(transport, arms["gold"].plant)
+    if serving.robot == PSM and serving.with_encoders:
+        (psm,) = arms.values()
+        encoders = ServedEncoders(
+            transport, psm.plant, (psm_topic(serving.namespace, "tracker/measured_js"),)
+        )
     return Server(transport, arms, speaker, reports, button=is_raven, publish_every=every, encoders=encoders)
 
 
-def _plants(serving: Serving) -> dict[Arm, Plant]:
+def _plants(serving: Serving) -> dict[str, Plant]:
     roll, pitch = np.deg2rad(serving.base_tilt_deg)
+    if serving.robot == PSM:
+        psm = PsmPlant(seed=serving.seed, base=FixedBase(float(roll), float(pitch)))
+        if serving.homed:
+            psm.home()
+            psm.state_command("disable")
+        return {serving.namespace.strip("/"): psm}
 
     def made(side: str) -> CablePlant:
         plant = CablePlant(
@@ -142,7 +170,11 @@ def _plants(serving: Serving) -> dict[Arm, Plant]:
     return {"gold": gold, "green": ParkedArm(JOINTS, UNITS, gold.firmware.home_value, period=gold.period)}
 
 
-def _served(name: Arm, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
+def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
+    if serving.robot == PSM:
+        tool = ToolPose(load_robot("dvrk_psm_joint"), plant.joint_names)
+        weight = gravity_kernel(load_psm().loaded_model())
+        return ServedArm(plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=weight)
     model = MODELS[name]
     tool = ToolPose(load_robot(model.replace("raven2", "raven2_full", 1)), plant.joint_names)
     gravity = _gravity_torque(model, len(plant.joint_names))

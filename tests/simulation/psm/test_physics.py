@@ -14,7 +14,7 @@ from oracles.tree_poses import potential_energy
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 ARM = load_psm()
-MODEL = psm_arms.psm_model(ARM)
+MODEL = ARM.loaded_model()
 DRIVE = ARM.drive
 STILL = np.zeros((3, 3))
 

@@ -31,8 +31,15 @@ def serve(
         str, Option(metavar="NAME", help="Robot to simulate.", autocompletion=robots_beginning)
     ] = "raven2",
     dialect: Annotated[
-        str, Option(metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
-    ] = "raven",
+        str | None,
+        Option(
+            metavar="raven|crtk",
+            help="Topics of the RAVEN-II, or the present CRTK. [default: the robot's own]",
+        ),
+    ] = None,
+    namespace: Annotated[
+        str | None, Option(metavar="/NAME", help="Of a dVRK PSM: in front of its topics. [default: /PSM1]")
+    ] = None,
     ros: Carrier = "1",
     name: Annotated[
         str, Option("--name", metavar="NAME", help="Of the robot's node; two cannot have one.")
@@ -49,7 +56,8 @@ def serve(
         bool,
         Option(
             "--encoders/--no-encoders",
-            help="Dialect raven: publish external encoders at the gold arm's joints, /ext_jpos and /joint_enc.",
+            help="Dialect raven: publish external encoders at the gold arm's joints, /ext_jpos and /joint_enc; of a "
+            "PSM what a tracker sees, tracker/measured_js.",
         ),
     ] = True,
     start: Annotated[
@@ -79,7 +87,7 @@ def serve(
     Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state
     command, or `grav-dir 0,0,980` and `grav-dir off` for the robot's own gravity compensation.
 
-    Example: catenary serve --ros none --homed --duration 2
+    Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
     """
     from catenary.crtk.network import make_transport
     from catenary.crtk.node_name import node_name
@@ -87,6 +95,8 @@ def serve(
     from catenary.nodes.serve import Serving, make_server
     from catenary.nodes.serve import serve as run
 
+    is_raven = robot == "raven2"
+    dialect = dialect or ("raven" if is_raven else "crtk")
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
     if torque_arm not in (None, "gold", "green"):
@@ -95,7 +105,12 @@ def serve(
     by = None if grav_dir is None else whole_numbers(grav_dir)
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
-    serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders, by, torque_arm)  # type: ignore[arg-type]
+    if is_raven and namespace is not None:
+        raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
+    serving = Serving(
+        robot, dialect, seed, tilt, payload, green, homed, encoders, by,  # type: ignore[arg-type]
+        torque_arm=torque_arm, namespace=namespace or "/PSM1",
+    )  # fmt: skip
     with make_transport(ros, node_name("robot", name)) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         commands = deque(["start"] if start else [])

@@ -3,7 +3,7 @@
 from catenary.arrays import Floats
 from catenary.crtk.conversions import operating_state_message, pose_message
 from catenary.crtk.message import Message, header, message_class
-from catenary.crtk.serving.served_arm import JAWS, ServedArm
+from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.tool_forces import FrameOfForces, exerted, jacobian
 from catenary.plant import JointState
 
@@ -30,12 +30,12 @@ def setpoint_js(arm: ServedArm, stamp: int) -> Message:
 
 def jaw_measured_js(arm: ServedArm, stamp: int, name: str = "jaw") -> Message:
     """Return the opening of the jaws as measured, jaw1 + jaw2, with the mean of both efforts."""
-    return _jaw(arm.measured, stamp, name)
+    return _jaw(arm, arm.measured, stamp, name)
 
 
 def jaw_setpoint_js(arm: ServedArm, stamp: int, name: str = "jaw") -> Message:
     """Return the setpoint of the opening of the jaws, jaw1 + jaw2, with the mean of both efforts."""
-    return _jaw(arm.setpoint, stamp, name)
+    return _jaw(arm, arm.setpoint, stamp, name)
 
 
 def measured_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message:
@@ -82,8 +82,8 @@ def jacobian_matrix(
 def grasp_measured_js(arm: ServedArm, stamp: int) -> Message:
     """Return what a RAVEN-II says of a grasp: opening and both jaws, one velocity, one effort, its own names."""
     names = tuple(f"{arm.arm}_{name}" for name in ("grasp", "jaw1", "jaw2"))
-    opening = _jaw(arm.measured, stamp, "grasp")
-    positions = [opening.position[0], *arm.measured.q[-JAWS:]]
+    opening = _jaw(arm, arm.measured, stamp, "grasp")
+    positions = [opening.position[0], *arm.measured.q[-arm.tool.jaws :]]
     return _JointState(header(stamp), names, positions, opening.velocity, opening.effort)
 
 
@@ -98,9 +98,11 @@ def _twist(twist: Floats, stamp: int) -> Message:
 
 
 def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:
-    return _JointState(header(stamp), arm.names, state.q, state.qd, state.tau)
+    n = len(arm.reported)
+    return _JointState(header(stamp), arm.reported, state.q[:n], state.qd[:n], state.tau[:n])
 
 
-def _jaw(state: JointState, stamp: int, name: str) -> Message:
-    position, velocity, effort = (row[-2] + row[-1] for row in (state.q, state.qd, state.tau))
-    return _JointState(header(stamp), (name,), [position], [velocity], [effort / JAWS])
+def _jaw(arm: ServedArm, state: JointState, stamp: int, name: str) -> Message:
+    jaws = arm.tool.jaws
+    position, velocity, effort = (row[-jaws:].sum() for row in (state.q, state.qd, state.tau))
+    return _JointState(header(stamp), (name,), [position], [velocity], [effort / jaws])

@@ -3,6 +3,7 @@
 [collaborative-robotics.github.io; what its Python client relies on]
 """
 
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 import numpy as np
@@ -10,16 +11,15 @@ import numpy as np
 from catenary.arrays import Floats, as_array
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.message import Message
-from catenary.crtk.names import CrtkTopic, find_topic, topics
+from catenary.crtk.names import CrtkTopic, topics
 from catenary.crtk.serving import arm_messages, cartesian_commands
 from catenary.crtk.serving.kinematics_services import kinematics_services
 from catenary.crtk.serving.moves import joint_move, straight_move
-from catenary.crtk.serving.served_arm import JAWS, ServedArm
+from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.crtk.serving.tool_forces import FrameOfForces, torques_for
 from catenary.errors import InputError
 from catenary.plant import OperatingState
-from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_vector
 
 BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
@@ -33,6 +33,8 @@ _PUBLISHED: dict[str, MakeMessage] = {
     "jaw/setpoint_js": arm_messages.jaw_setpoint_js,
     "measured_cp": arm_messages.measured_cp,
     "setpoint_cp": arm_messages.setpoint_cp,
+    "local/measured_cp": arm_messages.measured_cp,  # it stands on its own base
+    "local/setpoint_cp": arm_messages.setpoint_cp,
     "measured_cv": arm_messages.measured_cv,
     "setpoint_cv": arm_messages.setpoint_cv,
     **{
@@ -53,18 +55,27 @@ class CrtkDialect(Speaker):
     sent before the command arrived, would end its waiting.
     """
 
-    def __init__(self, arms: dict[Arm, ServedArm]) -> None:
-        """Speak for arms."""
-        spoken = (one for one in topics("crtk") if one.arm in arms and _has(arms[one.arm], one.verb))
+    def __init__(self, arms: Mapping[str, ServedArm], listed: Iterable[CrtkTopic] | None = None) -> None:
+        """Speak for arms.
+
+        Args:
+            arms: By name.
+            listed: Topics of which those are spoken that the arms have; a RAVEN-II's when None.
+        """
+        all_topics = topics("crtk") if listed is None else listed
+        spoken = (
+            one
+            for one in all_topics
+            if one.arm is not None and one.arm in arms and _has(arms[one.arm], one.verb)
+        )
         super().__init__(arms, tuple(spoken), _PUBLISHED, _OBEYED)
         self.services = tuple(
             service
-            for name, arm in arms.items()
-            for service in kinematics_services(
-                find_topic("crtk", "measured_js", name).name.rpartition("/")[0], arm
-            )
+            for topic in self.topics
+            if topic.verb == "measured_js" and topic.arm is not None
+            for service in kinematics_services(topic.name.rpartition("/")[0], arms[topic.arm])
         )
-        self._told: dict[Arm, tuple[OperatingState, int]] = {}
+        self._told: dict[str, tuple[OperatingState, int]] = {}
 
     def begin(self, outlets: Outlets) -> None:
         """Prepare to publish by outlets; called once, before `publish`."""
@@ -92,6 +103,8 @@ class CrtkDialect(Speaker):
 
 def _has(arm: ServedArm, verb: str) -> bool:
     """Return whether an arm has what a verb needs."""
+    if verb.startswith("local/"):
+        return arm.tool.jaw_is_apart
     if verb == "jaw/servo_jf":
         return arm.tool.has_jaws and "servo_jf_of" in arm.plant.supports
     return arm.tool.has_jaws or not verb.startswith("jaw/")
@@ -108,18 +121,29 @@ def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
 def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
     """Push the jaws' opening with a torque, the same on each; the arm holds."""
     tau = np.full(len(arm.names), np.nan)
-    tau[-JAWS:] = as_array("JointState.effort", message.effort, (1,))
+    tau[-arm.tool.jaws :] = as_array("JointState.effort", message.effort, (1,))
     arm.push_with(tau)
 
 
 def _numbers(
     arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None
 ) -> Floats:
-    """Return a command's numbers (n,); names may leave out joints for which `rest` (n,) has numbers."""
-    given = len(getattr(message, field))
-    if not message.name and given != len(arm.names):
-        raise InputError(f"{given} numbers in `{field}`, expected {len(arm.names)}: {', '.join(arm.names)}")
-    return joint_values(message, arm.names, field, rest=rest)
+    """Return a command's numbers (n,); names may leave out joints for which `rest` (n,) has numbers.
+
+    A jaw that joint states leave out gets what `rest` has for it, or zero.
+    """
+    given, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
+    if not message.name and given != n:
+        raise InputError(f"{given} numbers in `{field}`, expected {n}: {', '.join(names)}")
+    asked = joint_values(message, names, field, rest=None if rest is None else rest[:n])
+    if n == len(arm.names):
+        return asked
+    return np.concatenate([asked, np.zeros(len(arm.names) - n) if rest is None else rest[n:]])
+
+
+def _goal(arm: ServedArm, message: Message) -> Floats:
+    """Return the joint positions (n,) that a command asks for; a jaw that joint states leave out stays."""
+    return arm.whole(_numbers(arm, message)[: len(arm.reported)])
 
 
 def _increments(arm: ServedArm, message: Message, field: str = "position") -> Floats:
@@ -133,7 +157,7 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
     Raises:
         InputError: A joint is farther from the setpoint than `SERVO_REACH`; nothing moves.
     """
-    q = _numbers(arm, message)
+    q = _goal(arm, message)
     for name, unit, way in zip(arm.names, arm.plant.joint_units, q - arm.setpoint.q, strict=True):
         if abs(way) > SERVO_REACH[unit]:
             raise InputError(
@@ -167,7 +191,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_cr": _servo_cr,
     "servo_cv": lambda arm, message: cartesian_commands.servo_twist(arm, _twist(message)),
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
-    "move_jp": lambda arm, message: arm.move(joint_move(arm, _numbers(arm, message))),
+    "move_jp": lambda arm, message: arm.move(joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _increments(arm, message))),
     "move_cp": lambda arm, message: arm.move_when_planned(straight_move(arm, pose_of(message))),
     "move_cr": lambda arm, message: arm.move_when_planned(straight_move(arm, _moved(arm, message))),

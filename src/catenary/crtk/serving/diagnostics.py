@@ -12,7 +12,6 @@ from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.transport import Transport
 from catenary.plant import OperatingState, fault_of
-from catenary.recording.topics import Arm
 
 _Array, _Status, _KeyValue = (
     message_class(f"diagnostic_msgs/{name}") for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
@@ -23,7 +22,7 @@ OK, WARN, ERROR = 0, 1, 2  # levels
 class Diagnostics:
     """Publishes a status for each arm that moves."""
 
-    def __init__(self, transport: Transport, arms: Mapping[Arm, ServedArm], reports: Reports) -> None:
+    def __init__(self, transport: Transport, arms: Mapping[str, ServedArm], reports: Reports) -> None:
         """Begin to publish.
 
         Raises:
@@ -32,7 +31,7 @@ class Diagnostics:
         self._publisher = transport.publisher(DIAGNOSTICS, DIAGNOSTICS_TYPE, latch=True)
         self._arms = {name: arm for name, arm in arms.items() if arm.machine.can_change}
         self._reports = reports
-        self._told: dict[Arm, OperatingState] = {}
+        self._told: dict[str, OperatingState] = {}
         self._at: int | None = None  # [ns]
 
     def publish(self, now: int) -> None:
@@ -51,7 +50,7 @@ class Diagnostics:
             _Array(header(now), tuple(self._status(name, arm) for name, arm in self._arms.items()))
         )
 
-    def _status(self, name: Arm, arm: ServedArm) -> Message:
+    def _status(self, name: str, arm: ServedArm) -> Message:
         state = arm.state
         refused = sum(one.count for kind, one in self._reports.kinds.items() if kind.endswith(": refused"))
         level, text = (

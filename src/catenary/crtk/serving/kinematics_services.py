@@ -49,13 +49,14 @@ def _answer(
 
 
 def _pose_at(arm: ServedArm, request: Message) -> dict[str, Message]:
-    pose = arm.tool.pose(as_array("jp", request.jp, (len(arm.names),)))
+    pose = arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
     return {"cp": pose_message(pose, 0, BASE).pose}
 
 
 def _joints_at(arm: ServedArm, request: Message) -> dict[str, Floats]:
     """Return joints at a pose, the nearest to those of the request; to the setpoint where it has none."""
-    near = arm.setpoint.q if not len(request.jp) else as_array("jp", request.jp, (len(arm.names),))
+    n = len(arm.reported)
+    near = arm.setpoint.q if not len(request.jp) else arm.whole(as_array("jp", request.jp, (n,)))
     goal = Pose(rotation_of(request.cp.orientation), as_array("position", tuple(request.cp.position), (3,)))
     q = arm.tool.joints(goal, near)
     beyond = np.flatnonzero((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9))
@@ -65,4 +66,4 @@ def _joints_at(arm: ServedArm, request: Message) -> dict[str, Floats]:
             f'joint "{arm.names[j]}": {q[j]:.6g} {arm.plant.joint_units[j]} outside '
             f"[{arm.lower[j]:.6g}, {arm.upper[j]:.6g}]"
         )
-    return {"jp": q}
+    return {"jp": q[:n]}

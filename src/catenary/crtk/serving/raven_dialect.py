@@ -24,7 +24,6 @@ from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, s
 from catenary.crtk.serving.state_machine import robot_state
 from catenary.errors import InputError
 from catenary.plant import OperatingState
-from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_vector
 
 _JointState = message_class("sensor_msgs/JointState")
@@ -53,7 +52,7 @@ class RavenDialect(Speaker):
 
     is_one_robot = True
 
-    def __init__(self, arms: Mapping[Arm, ServedArm], *, torque_arm: Arm | None = None) -> None:
+    def __init__(self, arms: Mapping[str, ServedArm], *, torque_arm: str | None = None) -> None:
         """Speak for arms of seven joints, both of them.
 
         Args:

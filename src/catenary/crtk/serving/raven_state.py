@@ -11,11 +11,10 @@ from catenary.crtk.raven_conversions import CHANNELS
 from catenary.crtk.serving.served_arm import JAWS, ServedArm
 from catenary.crtk.serving.state_machine import robot_state
 from catenary.recording.messages import NUMBERS, fields
-from catenary.recording.topics import Arm
 
 _DEGREES = 180.0 / np.pi  # every position and velocity is multiplied by it, metres too
 _UM = 1e6  # truncated to whole ones, as the robot does
-_PLACE: dict[Arm, int] = {"gold": 0, "green": 1}
+_PLACE: dict[str, int] = {"gold": 0, "green": 1}
 _RavenState = message_class("raven_2/raven_state")
 _ARRAYS = {
     field.name: (field.length, np.dtype(NUMBERS[field.type]))
@@ -31,7 +30,7 @@ _COUNTS = ("encVals", "dac_val")
 class RavenState:
     """Makes the message of arms of seven joints; what an arm does not know is zero, as the robot sends it."""
 
-    def __init__(self, arms: Mapping[Arm, ServedArm], period: float) -> None:
+    def __init__(self, arms: Mapping[str, ServedArm], period: float) -> None:
         """Prepare; `period` [s] of a tick."""
         self._arms = arms
         self._channels = {name: np.array(CHANNELS[name]) for name in arms}
@@ -46,7 +45,7 @@ class RavenState:
         self._arrays |= dict(zip(factors, self._floats, strict=True)) | dict(
             zip(_COUNTS, self._counts, strict=True)
         )
-        self._written: dict[Arm, int] = {}  # change of an arm that the arrays show
+        self._written: dict[str, int] = {}  # change of an arm that the arrays show
 
     def message(self, stamp: int) -> Message:
         """Return the message at `stamp` [ns]; the next one reuses its arrays."""
@@ -62,7 +61,7 @@ class RavenState:
             header(stamp), runlevel=level, sublevel=sublevel, dt=self._nanoseconds, **self._arrays
         )
 
-    def _write(self, name: Arm, arm: ServedArm) -> None:
+    def _write(self, name: str, arm: ServedArm) -> None:
         arrays, place, channels = self._arrays, _PLACE[name], self._channels[name]
         measured, setpoint = arm.measured, arm.setpoint
         telemetry, unknown = arm.plant.telemetry(), np.zeros(len(channels))

@@ -5,7 +5,6 @@ from collections import deque
 from dataclasses import dataclass
 
 from catenary.crtk.clock import SECOND
-from catenary.recording.topics import Arm
 
 _logger = logging.getLogger(__name__)
 LONGEST = 500  # characters of a text: a message may have quoted much of what was sent
@@ -27,10 +26,10 @@ class Reports:
     def __init__(self) -> None:
         self.kinds: dict[str, Report] = {}
         self._fresh: list[str] = []
-        self._told: deque[tuple[Arm, str]] = deque(maxlen=20)
+        self._told: deque[tuple[str, str]] = deque(maxlen=20)
 
     def say(
-        self, kind: str, text: str, now: int, *, to: tuple[Arm, ...] = (), each: bool = False, times: int = 1
+        self, kind: str, text: str, now: int, *, to: tuple[str, ...] = (), each: bool = False, times: int = 1
     ) -> None:
         """Count a trouble, and log it unless one of its kind was logged within 5 s.
 
@@ -61,7 +60,7 @@ class Reports:
         """How often a kind of trouble occurred."""
         return self.kinds[kind].count if kind in self.kinds else 0
 
-    def take_told(self) -> list[tuple[Arm, str]]:
+    def take_told(self) -> list[tuple[str, str]]:
         """Return what the clients of arms are to be told since the last time, the latest 20."""
         if not self._told:
             return []

@@ -15,7 +15,6 @@ from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.errors import CatenaryError, InputError
 from catenary.plant import JointState, OperatingState, Plant
-from catenary.recording.topics import Arm
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
 
@@ -54,7 +53,7 @@ class ServedArm:
         dialect: Dialect,
         reports: Reports,
         *,
-        arm: Arm,
+        arm: str,
         tool: ToolPose,
         gravity_torque: GravityTorque,
     ) -> None:
@@ -71,6 +70,7 @@ class ServedArm:
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
         self.reports = reports
         self.names = plant.joint_names
+        self.reported = self.names[:-1] if tool.jaw_is_apart else self.names  # joints of its joint states
         self.machine = StateMachine(plant, dialect)
         self.lower, self.upper = plant.lower, plant.upper
         self.place = ""  # namespace of its commands
@@ -213,15 +213,19 @@ class ServedArm:
         with np.errstate(divide="ignore"):
             self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
 
+    def whole(self, q: Floats) -> Floats:
+        """Return positions (n,) at those that joint states have: a jaw that they leave out stays where it is set."""
+        return np.append(q, self.setpoint.q[len(q) :])
+
     def jaw_increments(self, angle: float) -> Floats:
-        """Return increments (n,) that open the jaws by an angle [rad], half with each."""
-        dq = np.zeros(len(self.names))
-        dq[-JAWS:] = 0.5 * angle
+        """Return increments (n,) that open the jaws by an angle [rad], half with each of two."""
+        dq, jaws = np.zeros(len(self.names)), self.tool.jaws
+        dq[-jaws:] = angle / jaws
         return dq
 
     def joints_at_opening(self, opening: float) -> Floats:
         """Return the setpoint (n,) with the jaws opened to an angle [rad]."""
-        return self.setpoint.q + self.jaw_increments(opening - self.setpoint.q[-JAWS:].sum())
+        return self.setpoint.q + self.jaw_increments(opening - self.setpoint.q[-self.tool.jaws :].sum())
 
     # what it does
 

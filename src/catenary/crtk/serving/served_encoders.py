@@ -3,6 +3,8 @@
 They are no part of the RAVEN-II: a program of their own publishes them, 100 times a second.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from catenary.crtk.clock import SECOND
@@ -11,19 +13,24 @@ from catenary.crtk.names import JOINT_STATE, CrtkTopic
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.transport import Transport
 from catenary.plant import Plant
-from catenary.recording.topics import EXT_JPOS, JOINT_ENC
+from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Topic
+
+OF_RAVEN = (JOINT_ENC, EXT_JPOS)
 
 
-def has_encoders(plant: Plant) -> bool:
-    """Return whether a plant's telemetry holds what external encoders read."""
-    return {topic.columns[0].name for topic in (EXT_JPOS, JOINT_ENC)} <= {c.name for c in plant.columns}
+def has_encoders(plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> bool:
+    """Return whether a plant's telemetry holds what external encoders read, as topics carry it."""
+    return {topic.columns[0].name for topic in topics} <= {c.name for c in plant.columns}
 
 
 class ServedEncoders:
-    """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known: no zero stands for what is not."""
+    """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known: no zero stands for what is not.
 
-    def __init__(self, transport: Transport, plant: Plant) -> None:
-        """Begin to publish what a plant's telemetry holds as `joint_enc` and `ext_jpos`.
+    Or, in place of a RAVEN-II's encoders, what a tracker sees of another arm's joints.
+    """
+
+    def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> None:
+        """Begin to publish what a plant's telemetry holds, over topics.
 
         Raises:
             TransportError: A topic is taken otherwise.
@@ -31,9 +38,10 @@ class ServedEncoders:
         self._plant = plant
         self.outlets = tuple(
             Outlet(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.columns[0].name))
-            for topic in (JOINT_ENC, EXT_JPOS)
+            for topic in topics
         )
-        self._every = min(round(SECOND / topic.rate) for topic in (EXT_JPOS, JOINT_ENC))  # [ns]
+        self._joints = topics[0].joint_names
+        self._every = min(round(SECOND / topic.rate) for topic in topics)  # [ns]
         self._due: int | None = None
         self._stamps = Stamps()
 
@@ -50,4 +58,4 @@ class ServedEncoders:
         for outlet in self.outlets:
             values = telemetry[outlet.topic.verb]
             if outlet.heard and np.isfinite(values).all():
-                outlet.publish(joint_state_message(EXT_JPOS.joint_names, stamp, values))
+                outlet.publish(joint_state_message(self._joints, stamp, values))

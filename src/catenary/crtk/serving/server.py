@@ -20,7 +20,6 @@ from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, InputError
-from catenary.recording.topics import Arm
 
 _STARTS = ": starts"
 STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
@@ -50,7 +49,7 @@ class Server:
     def __init__(
         self,
         transport: Transport,
-        arms: Mapping[Arm, ServedArm],
+        arms: Mapping[str, ServedArm],
         dialect: Speaker,
         reports: Reports,
         *,

@@ -10,9 +10,8 @@ from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.errors import InputError
-from catenary.recording.topics import Arm
 
-Outlets = Mapping[tuple[str, Arm | None], Outlet]  # by verb and arm
+Outlets = Mapping[tuple[str, str | None], Outlet]  # by verb and arm
 MakeMessage = Callable[[ServedArm, int], Message]  # arm, stamp [ns]
 Obey = Callable[[ServedArm, Message], None]
 
@@ -25,7 +24,7 @@ class Speaker:
 
     def __init__(
         self,
-        arms: Mapping[Arm, ServedArm],
+        arms: Mapping[str, ServedArm],
         topics: tuple[CrtkTopic, ...],
         published: Mapping[str, MakeMessage],
         obeyed: Mapping[str, Obey],

@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.serving.served_arm import JAWS, ServedArm
+from catenary.crtk.serving.served_arm import ServedArm
 from catenary.spatial import Pose
 
 NOT_FELT = 1e-4  # share of the Jacobian's largest gain below which joints do not feel a force: it reads zero
@@ -59,7 +59,7 @@ def torques_for(arm: ServedArm, wrench: Floats, frame: FrameOfForces) -> Floats:
     in_base = _twist_map(arm.measured_pose, frame).T @ wrench
     tau = arm.tool.jacobian(arm.measured.q).T @ in_base
     if arm.tool.has_jaws:
-        tau[-JAWS:] = np.nan
+        tau[-arm.tool.jaws :] = np.nan
     return tau
 
 

@@ -19,7 +19,8 @@ class ToolPose:
     """Kinematics between a robot's joints and its model's tip.
 
     A model has the robot's own joints, or, where the robot's last two are jaws, one joint in their place that turns the
-    tool: J6 = (jaw2 - jaw1) / 2. The opening of the jaws, jaw1 + jaw2, then is no matter of the pose.
+    tool: J6 = (jaw2 - jaw1) / 2. The opening of the jaws, jaw1 + jaw2, then is no matter of the pose; nor is the
+    last joint of a robot where that is the opening itself, as a da Vinci PSM's `jaw`.
     """
 
     def __init__(self, model: RobotModel, joint_names: tuple[str, ...]) -> None:
@@ -30,13 +31,16 @@ class ToolPose:
         """
         n = len(joint_names)
         self.model = model
-        self.has_jaws = n == model.n + 1 and joint_names[-2:] == ("jaw1", "jaw2")
+        # a da Vinci PSM's last joint is the opening itself, and its joint states leave it out
+        self.jaw_is_apart = n == model.n + 1 and joint_names[-1] == "jaw"
+        self.has_jaws = self.jaw_is_apart or (n == model.n + 1 and joint_names[-2:] == ("jaw1", "jaw2"))
+        self.jaws = 0 if not self.has_jaws else 1 if self.jaw_is_apart else 2  # joints, the last ones
         if not self.has_jaws and n != model.n:
             raise InputError(
                 f'robot "{model.name}": has {model.n} joints, expected {n} as the robot, or one for both its jaws'
             )
         self._to_model = np.eye(model.n, n)
-        if self.has_jaws:
+        if self.jaws == 2:
             self._to_model[-1] = 0.0
             self._to_model[-1, -2:] = -0.5, 0.5
         self.reach = _reach(model)  # [m] from the base, which the tool never passes
@@ -68,6 +72,8 @@ class ToolPose:
         """Return torques of the model's joints (m,) that do the work of the robot's (n,), the jaws' opening aside."""
         if not self.has_jaws:
             return tau
+        if self.jaw_is_apart:
+            return tau[:-1]
         return np.append(tau[:-2], tau[-1] - tau[-2])
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
@@ -126,6 +132,8 @@ class ToolPose:
         """Return the robot's joints (..., n) at the model's, with the opening of the jaws as in `near`."""
         if not self.has_jaws:
             return found
+        if self.jaw_is_apart:
+            return np.concatenate([found, np.full((*found.shape[:-1], 1), near[-1])], axis=-1)
         half, tool = 0.5 * (near[-2] + near[-1]), found[..., -1:]
         return np.concatenate([found[..., :-1], half - tool, half + tool], axis=-1)
 

@@ -1,5 +1,6 @@
 """The numbers of a simulated PSM: what the arm is, what its controller believes, what a tracker sees."""
 
+from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -10,7 +11,7 @@ from catenary.arrays import Floats
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError
 from catenary.robots.catalog import load_robot
-from catenary.robots.model import Tree
+from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.cable_parameters import CableDrive, Entry, Origin, parameters_of
 from catenary.simulation.records import AXES, POSITIONING, SIZES, PerAxis, PerTool, Record
 
@@ -100,6 +101,10 @@ class PsmArm(NamedTuple):
     links: Tree  # of robot dvrk_psm, in its own coordinates, with masses
     coupling: Floats  # (LINKS, 3) the links' coordinates per yaw, pitch, insertion
     file: PsmFile
+
+    def loaded_model(self) -> RobotModel:
+        """Return robot dvrk_psm with these masses; its first three coordinates are the arm's first joints."""
+        return replace(load_robot("dvrk_psm"), tree=self.links, missing_inertia=())
 
 
 def load_psm(path: Path | None = None) -> PsmArm:

@@ -15,13 +15,11 @@ from catenary.crtk.transport import Transport
 from catenary.errors import NotReadyError
 from catenary.plant import JointState, OperatingState
 from catenary.recording.journal import About
-from catenary.recording.synchronise import CALIBRATED, ROBOT
-from catenary.recording.topics import EXT_JPOS, Topic, raven_topics
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.kinds import kind_of
-from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, set_aside
+from catenary.workflows.project.kinds import RobotKind, kind_of
+from catenary.workflows.project.robot import ProjectRobot, Take, set_aside
 from catenary.workflows.robot.guide import LOOK, PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
 from catenary.workflows.robot.motion import check_motion, move_to, run_trajectory
@@ -65,7 +63,7 @@ class RosRobot(ProjectRobot):
         def work() -> None:
             path.parent.mkdir(exist_ok=True)
             with self._connected(project) as client, paused_if_interrupted(client):
-                self._make_homed(client)
+                self._make_homed(client, project)
                 pause(client)  # nobody moves it now; one that homes by its own button is paused already
                 believed, encoders = client.measured_js().q, client.external_encoders()
                 found = {
@@ -82,7 +80,7 @@ class RosRobot(ProjectRobot):
         with self._connected(project) as client, paused_if_interrupted(client):
             joints = kind_of(project.settings).joints
             check_motion(client, take.trajectory, joints=joints)
-            self._make_homed(client)
+            self._make_homed(client, project)
             client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
@@ -95,7 +93,7 @@ class RosRobot(ProjectRobot):
     ) -> Mapping[str, Any]:
         """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
         with self._connected(project) as client, paused_if_interrupted(client):
-            self._make_homed(client)
+            self._make_homed(client, project)
             client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
@@ -105,24 +103,28 @@ class RosRobot(ProjectRobot):
     def _connected(self, project: Project) -> CrtkClient:
         return kind_of(project.settings).client(self._transport, simulated=self._simulated)
 
-    def _make_homed(self, client: CrtkClient) -> None:
+    def _make_homed(self, client: CrtkClient, project: Project) -> None:
         """Home it if it is not, with encoders whose readings come."""
         if not self._is_clear:
             clear_workspace(self._guide)
             self._is_clear = True
         if isinstance(self._guide, AnswerYes) and client.operating_state().state == "FAULT":
             raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
-        encoders = "mount the external encoders and start their program"
+        kind = kind_of(project.settings)
         if not client.operating_state().is_homed:
-            self._have(encoders, self._no_encoders)  # their readings count from the homing on
+            self._have(
+                kind.encoders, lambda: self._no_encoders(kind)
+            )  # their readings count from the homing on
             home_client(client, self._guide, patience=self._homing_patience)
-        if not self._comes(lambda: _not_registered(client)):
-            self._have(encoders, lambda: _not_registered(client))
+        if not self._comes(lambda: _not_registered(client, kind)):
+            self._have(kind.encoders, lambda: _not_registered(client, kind))
 
     def _enable(self, client: CrtkClient) -> None:
         if client.operating_state().state == "ENABLED":
             return
-        if isinstance(self._guide, AnswerYes):
+        if (
+            isinstance(self._guide, AnswerYes) or client.dialect == "crtk"
+        ):  # a dVRK has no pedal that enables it
             client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
         pedal = "press the pedal, so that the robot is ENABLED"
         self._have(pedal, lambda: _not_enabled(client.operating_state()))
@@ -138,16 +140,17 @@ class RosRobot(ProjectRobot):
             self._transport.sleep(LOOK)
         return missing() is None
 
-    def _no_encoders(self) -> str | None:
-        return None if EXT_JPOS.name in self._transport.topics() else f"nobody publishes {EXT_JPOS.name}"
+    def _no_encoders(self, kind: RobotKind) -> str | None:
+        topic = kind.required[-1].name
+        return None if topic in self._transport.topics() else f"nobody publishes {topic}"
 
     def _record(self, client: CrtkClient, project: Project, take: Take) -> None:
-        arm = arm_of(project)
-        about = About(robot=ROBOT[arm], simulated=self._simulated, configuration={"motion": take.motion})
-        topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
+        kind = kind_of(project.settings)
+        made = {"motion": take.motion}
+        about = About(robot=kind.recorded_as, simulated=self._simulated, configuration=made)
         tick = 0
 
-        with TopicRecorder(self._transport, take.folder, topics, about=about) as recorder:
+        with TopicRecorder(self._transport, take.folder, kind.topics, about=about) as recorder:
 
             def observe(_: JointState, __: Reference) -> None:
                 nonlocal tick
@@ -156,30 +159,26 @@ class RosRobot(ProjectRobot):
                     recorder.collect()
 
             run_trajectory(
-                client, take.trajectory, joints=CALIBRATED, observe=observe, progress=take.progress
+                client, take.trajectory, joints=kind.joints, observe=observe, progress=take.progress
             )
             recorder.collect()
-            refuse_missing(recorder.counts, [topic.name for topic in required(topics)])
+            refuse_missing(recorder.counts, [topic.name for topic in kind.required])
         for problem in recorder.problems():
             self._guide.say(problem)
-
-
-def required(topics: tuple[Topic, ...]) -> tuple[Topic, ...]:
-    """Return the topics without which a recording is no calibration: the robot's state and the external encoders."""
-    return tuple(topic for topic in topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS)
 
 
 def _not_enabled(now: OperatingState) -> str | None:
     return None if now.state == "ENABLED" else f"the robot is {now.state}"
 
 
-def _not_registered(client: CrtkClient) -> str | None:
+def _not_registered(client: CrtkClient, kind: RobotKind) -> str | None:
     """Return what is wrong with the encoders of a homed robot, or None."""
     if np.isfinite(client.external_encoders()).all():
         return None
-    return f"no reading comes on {EXT_JPOS.name}"
+    return f"no reading comes on {kind.required[-1].name}"
 
 
 def _robot_settings(project: Project) -> Any:
     settings = project.settings
-    return [settings.robot, settings.side, settings.connection]
+    place = [settings.namespace] if settings.robot == "dvrk_psm" else []
+    return [settings.robot, settings.side, settings.connection, *place]

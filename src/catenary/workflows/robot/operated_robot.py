@@ -25,8 +25,10 @@ from catenary.robots.model import Frame, RobotModel
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.psm.plant import PsmPlant
 
 TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
+PSM, PSM_PLACE = "dvrk_psm", "/PSM1"  # a da Vinci PSM moves and speaks in joints that are not its motors'
 DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
 
 
@@ -153,11 +155,11 @@ def simulated_robot(
     homed: bool = True,
     real_time: bool = True,
 ) -> OperatedRobot:
-    """Set up a simulated robot, enabled and homed: RAVEN-II with its cables, any other by MuJoCo.
+    """Set up a simulated robot, enabled and homed: RAVEN-II and PSM with their cables, any other by MuJoCo.
 
     Args:
         robot: Name in the catalogue, or a robot file with inertia.
-        seed: Draws another RAVEN-II of the kind; the nominal one when None.
+        seed: Draws another RAVEN-II or PSM of the kind; the nominal one when None.
         base_tilt_deg: Roll about x, then pitch about y, of the base.
         homed: False leaves it as it is when switched on.
         real_time: False lets its ticks be as short as the machine makes them.
@@ -168,9 +170,11 @@ def simulated_robot(
         MissingInertiaError: Links without inertia.
     """
     base = FixedBase(*(float(angle) for angle in np.deg2rad(base_tilt_deg)))
-    model = load_robot(robot)
-    plant: CablePlant | MujocoPlant
-    if robot in RAVEN_SIDES:
+    model = load_robot("dvrk_psm_joint" if robot == PSM else robot)
+    plant: CablePlant | PsmPlant | MujocoPlant
+    if robot == PSM:
+        plant = PsmPlant(seed=seed, base=base)
+    elif robot in RAVEN_SIDES:
         plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, base=base)
     elif seed is not None:
         raise InputError(f'robot "{robot}": there is one simulated robot of it, --seed draws no other')
@@ -178,10 +182,11 @@ def simulated_robot(
         plant = MujocoPlant(model, base=base)
     if homed:
         plant.home()
+    name = robot if robot == PSM else model.name
     if not real_time:
-        return OperatedRobot(model.name, plant, model, lambda: 0)
+        return OperatedRobot(name, plant, model, lambda: 0)
     paced = PacedPlant(plant)
-    return OperatedRobot(model.name, cast(Plant, paced), model, lambda: paced.late)
+    return OperatedRobot(name, cast(Plant, paced), model, lambda: paced.late)
 
 
 def robot_over(
@@ -199,8 +204,8 @@ def robot_over(
     Args:
         transport: Brings and takes messages; stays open.
         robot: raven2 (gold) or raven2_right (green); any robot where the dialect is `crtk`.
-        dialect: raven or crtk.
-        namespace: In front of the verbs of a robot that speaks `crtk`.
+        dialect: raven or crtk; a PSM speaks crtk.
+        namespace: In front of the verbs of a robot that speaks `crtk`; a PSM's is /PSM1 when None.
         simulated: What is behind the topics, which do not say it.
         imu: What gravity is read from; nominal gravity when None.
         only_read: Nothing is advertised, and nobody has to take commands.
@@ -209,16 +214,19 @@ def robot_over(
         TransportError: The robot is not there; the message names the topics.
         InputError: Another dialect, or a robot that does not speak it.
     """
+    if robot == PSM:
+        dialect, namespace = "crtk", namespace or PSM_PLACE
     if dialect not in DIALECTS:
         raise InputError(f'--dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
     if robot not in RAVEN_SIDES and dialect == "raven":
         raise InputError(
             f'robot "{robot}": expected one of {", ".join(RAVEN_SIDES)} with the dialect raven; others speak crtk'
         )
-    model = load_robot(robot)
+    model = load_robot("dvrk_psm_joint" if robot == PSM else robot)
     arm: Arm = "green" if robot == "raven2_right" else "gold"
     joints = None if robot in RAVEN_SIDES else model_joints(model)
     client = (CrtkReader if only_read else CrtkClient)(
         transport, dialect=dialect, arm=arm, namespace=namespace, joints=joints, simulated=simulated, imu=imu
     )
-    return OperatedRobot(model.name, client, model, lambda: client.late), client
+    name = robot if robot == PSM else model.name
+    return OperatedRobot(name, client, model, lambda: client.late), client
