@@ -46,6 +46,15 @@ class LookedAtPage:
             self.page.wait_for_timeout(500)
         raise AssertionError(f"{name} is at {self.joint(name)}, expected {value}")
 
+    def wait_for_color(self, share: float, *, more: int, than: tuple[int, int]) -> None:
+        """Wait until a share of the picture's pixels has more of one colour; shapes come one by one."""
+        for _ in range(60):
+            found = share_of_pixels(self.picture(), more=more, than=than)
+            if found > share:
+                return
+            self.page.wait_for_timeout(500)
+        raise AssertionError(f"{found:.4f} of the picture, expected {share}")
+
     def set_slider(self, label: str, value: float) -> None:
         """Type a value into the box beside a slider."""
         row = self.page.locator("label", has_text=label).first.locator("xpath=ancestor::*[.//input][1]")

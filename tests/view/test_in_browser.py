@@ -15,7 +15,7 @@ from catenary.calibration import calibration
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.simulated_recording import record_simulated
 from oracles.cable_arms import homed_plant
-from view.browser import looked_at, share_of_pixels
+from view.browser import looked_at
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -56,9 +56,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_simulated_arm_is_seen_and_driven() -> None:
     with view("raven2") as url, looked_at(url) as looked:
-        assert (
-            share_of_pixels(looked.picture(), more=2, than=(0, 1)) > 0.02
-        )  # the blue shell of the reported arm
+        looked.wait_for_color(0.02, more=2, than=(0, 1))  # the blue shell of the reported arm
         looked.set_slider("shoulder [deg]", 45.0)
         looked.wait_for_joint("shoulder", 45.0, within=1.0)
         looked.set_slider("shoulder [deg]", 20.0)
@@ -78,7 +76,6 @@ def test_corrected_arm_parts_from_the_reported_one(model: Path) -> None:
         # by what the encoders' zero is apart from the robot's, 7.5 deg, and what the cables give
         assert abs(looked.joint("elbow", 0) - looked.joint("elbow", 1)) > 4.0
         assert abs(looked.joint("elbow", 1) - looked.joint("elbow", 2)) < 1.5
-        picture = looked.picture()
-        assert share_of_pixels(picture, more=2, than=(0, 1)) > 0.004  # blue where only the reported arm is
-        assert share_of_pixels(picture, more=1, than=(0, 2)) > 0.004  # green where only the calibrated one is
+        looked.wait_for_color(0.004, more=2, than=(0, 1))  # blue where only the reported arm is
+        looked.wait_for_color(0.004, more=1, than=(0, 2))  # green where only the calibrated one is
         assert looked.complaints == []
