@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.view.curves import SPAN, Curves
+from catenary.view.curves import SPAN, Curves, JointColumns, RecordedCurves
 from view.arms import RAVEN, Q, state
 
 
@@ -49,5 +49,17 @@ def test_curves_span_half_a_minute_and_begin_anew_when_time_goes_back() -> None:
         curves.add(state(0.04 * k))
     time = curves.plots(0)[0].time
     assert SPAN - 1.0 < time[-1] - time[0] < 1.3 * SPAN
+    assert time[-1] == 0.0  # seconds from now
     curves.add(state(0.0))
     assert len(curves.plots(0)[0].time) == 1
+
+
+def test_recording_is_drawn_about_the_present() -> None:
+    time = np.arange(0.0, 100.0, 0.1)
+    rows = np.tile(time[:, None], (1, 3))
+    curves = RecordedCurves(RAVEN.joint_names, RAVEN.joint_units, JointColumns(time, *[rows] * 8))
+    curves.add(state(40.0))
+    torque = curves.plots(0)[1]
+    assert_allclose(torque.time[[0, -1]], [-15.0, 15.0], atol=0.11)
+    total = torque.known()[0]
+    assert_allclose(total.values - 40.0, torque.time)  # each value where it belongs

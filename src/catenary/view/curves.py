@@ -26,7 +26,7 @@ class Plot(NamedTuple):
     """Curves over one time axis."""
 
     title: str
-    time: Floats  # (K,) [s]
+    time: Floats  # (K,) [s] from now: before it negative
     curves: tuple[Curve, ...]
 
     def known(self) -> tuple[Curve, ...]:
@@ -72,6 +72,8 @@ class JointColumns(NamedTuple):
 class Curves:
     """States of the last half minute, and what is drawn of them."""
 
+    span = (-SPAN, 0.0)  # [s] from now that is drawn
+
     def __init__(self, joint_names: tuple[str, ...], joint_units: tuple[str, ...]) -> None:
         """Begin without any state."""
         self.joint_names, self._units = joint_names, joint_units
@@ -91,6 +93,8 @@ class Curves:
             return np.array([getattr(state, name) for state in self._states], dtype=float)
 
         columns = JointColumns(*(of(name) for name in JointColumns._fields))
+        if self._states:
+            columns = columns._replace(time=columns.time - self._states[-1].time)
         loop = (
             Curve("rate %", 100.0 * of("rate"), REPORTED),
             Curve("late ticks/s", of("late"), PD),
@@ -102,6 +106,8 @@ class Curves:
 
 class RecordedCurves:
     """A whole recording, of which the part about the present state is drawn, with that in the middle."""
+
+    span = (-0.5 * SPAN, 0.5 * SPAN)  # [s] from now that is drawn
 
     def __init__(
         self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], columns: JointColumns
@@ -118,6 +124,7 @@ class RecordedCurves:
         """Return the plots of a joint: errors [deg|mm] and torque [Nm|N]."""
         near = np.abs(self._columns.time - self._now) <= 0.5 * SPAN
         part = JointColumns(*(column[near] for column in self._columns))
+        part = part._replace(time=part.time - self._now)
         return joint_plots(part, joint, self.joint_names[joint], self._units[joint])
 
 

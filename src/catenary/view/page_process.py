@@ -20,7 +20,7 @@ from catenary.view.state import ViewState
 
 DRAW_HZ = 20.0
 WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of curves and paths
-START_WITHIN = 60.0  # [s]
+START_WITHIN = 120.0  # [s]
 PORT = 8080
 _END = "end"
 
@@ -72,6 +72,11 @@ class PageProcess:
     def is_running(self) -> bool:
         """Whether the page is still there."""
         return self._process.is_alive()
+
+    @property
+    def pid(self) -> int:
+        """Number of its process."""
+        return self._process.pid or 0
 
     def put(self, state: ViewState) -> None:
         """Show a state, in place of the last one; nothing before `open`."""

@@ -28,6 +28,7 @@ OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
 # shells about the true arm, so that those in the same place do not flicker; times the arm's length
 SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
 ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
+FROM_NOW = "s from now"
 LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
 PLOT_ASPECT = 1.9
 
@@ -90,6 +91,8 @@ class ViserPage:
         self._curves.add(state)
         with self._server.atomic():
             self._place(self._base, "base", scene.base_wxyz, None)
+            for name, arrow in self._arrows.items():
+                self._place(arrow, f"arrow {name}", scene.base_wxyz, None)
             for name in ARMS:
                 self._draw_arm(name, scene)
             self._draw_gravity(scene)
@@ -140,7 +143,8 @@ class ViserPage:
             scene.add_mesh_simple("/base/foot", base.vertices, base.faces, color=(70, 74, 82))
         self._roots: dict[str, Any] = {}
         self._arms = {name: self._add_arm(name) for name in ARMS}
-        corner = extent.centre + extent.radius * np.array([0.15, -0.75, 0.75])
+        # beside the arm as the camera sees it, turned with the base but not carried away by it
+        corner = extent.centre + extent.radius * np.array([-0.75, -1.05, 0.75])
         self._arrows = {name: self._add_arrow(name, corner) for name in ("measured", "assumed")}
         empty = np.zeros((1, 2, 3), np.float32)
         self._path_nodes = {
@@ -171,11 +175,11 @@ class ViserPage:
         points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, -ARROW * length]]], np.float32)
         size = 1.0 if name == "measured" else 0.8
         arrow = self._server.scene.add_arrows(
-            f"/base/gravity_{name}", points, _rgb(GRAVITY_COLOURS[name]), shaft_radius=0.009 * size * length,
+            f"/gravity_{name}", points, _rgb(GRAVITY_COLOURS[name]), shaft_radius=0.009 * size * length,
             head_radius=0.022 * size * length, head_length=0.06 * length, position=place, visible=False,
         )  # fmt: skip
         if name == "measured":
-            self._server.scene.add_label("/base/gravity_measured/label", "gravity", anchor="bottom-center")
+            self._server.scene.add_label("/gravity_measured/label", "gravity", anchor="bottom-center")
         return arrow
 
     def _draw_arm(self, name: str, scene: Scene) -> None:
@@ -272,7 +276,7 @@ class ViserPage:
         gui, names = self._server.gui, self._shown.model.joint_names
         joint = gui.add_dropdown("joint", names, initial_value=names[0])
         joint.on_update(lambda event: setattr(self, "_joint", names.index(event.target.value)))
-        self._plots = [_add_plot(gui, plot) for plot in self._curves.plots(0)]
+        self._plots = [_add_plot(gui, plot, self._curves.span) for plot in self._curves.plots(0)]
 
 
 def import_viser() -> Any:
@@ -290,12 +294,13 @@ def import_viser() -> Any:
     return viser
 
 
-def _add_plot(gui: Any, plot: Plot) -> Any:
+def _add_plot(gui: Any, plot: Plot, span: tuple[float, float]) -> Any:
     from viser import uplot
 
     nothing = (np.zeros(1), np.zeros(1))
-    series = (uplot.Series(label="s"), uplot.Series(label=""))
-    scales = {"x": uplot.Scale(time=False)}
+    series = (uplot.Series(label=FROM_NOW), uplot.Series(label=""))
+    # seconds from now, so that the axis stays: the page keeps how far it is zoomed, and loses it on an axis that moves
+    scales = {"x": uplot.Scale(time=False, range=span)}
     return gui.add_uplot(nothing, series, title=plot.title, aspect=PLOT_ASPECT, scales=scales)
 
 
@@ -306,7 +311,7 @@ def _draw_plot(handle: Any, plot: Plot) -> None:
     known = plot.known()
     if not known:
         return
-    series = [uplot.Series(label="s")]
+    series = [uplot.Series(label=FROM_NOW)]
     for curve in known:
         line = uplot.Series(label=curve.label, stroke=curve.colour, width=2.0, points={"show": False})
         series.append(uplot.Series(**line, dash=(4.0, 4.0)) if curve.dashed else line)

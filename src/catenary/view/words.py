@@ -9,7 +9,7 @@ from catenary.view.shown import Shown
 from catenary.view.state import ViewState
 
 COLOURS = {"reported": "#3b6fb5", "calibrated": "#1f9d55", "true": "#a8a39a"}
-GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#b9bec6"}
+GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
 
 
 def status_html(state: ViewState) -> str:
@@ -24,12 +24,12 @@ def status_html(state: ViewState) -> str:
 
 
 def joints_html(shown: Shown, state: ViewState) -> str:
-    """Return a table of the joints [deg|mm]: reported, calibrated with its interval, true."""
+    """Return a table of the joints [deg|mm]: reported, calibrated with its interval (? outside), true."""
     columns = [name for name in ("reported", "calibrated", "true") if name in shown.legend]
     rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
     head = "".join(
-        f'<th style="text-align:right;padding-left:6px"><span style="color:{COLOURS[name]}">&#9632;</span> '
-        f"{escape(shown.legend[name])}</th>"
+        f'<th style="text-align:right;padding-left:6px;vertical-align:bottom">'
+        f'<span style="color:{COLOURS[name]}">&#9632;</span> {escape(shown.legend[name])}</th>'
         for name in columns
     )
     body = []
@@ -42,8 +42,8 @@ def joints_html(shown: Shown, state: ViewState) -> str:
                 if np.isfinite(state.interval[j]):
                     text += f" &plusmn; {_number(scale * state.interval[j])}"
                 if state.inside[j] == 0.0:
-                    text += " outside"
-            cells.append(f'<td style="text-align:right;padding-left:6px">{text}</td>')
+                    text += "?"
+            cells.append(f'<td style="text-align:right;padding-left:6px;white-space:nowrap">{text}</td>')
         body.append(f"<tr><td>{escape(name)} [{shown_unit}]</td>{''.join(cells)}</tr>")
     return _block(f'<table style="width:100%"><tr><th></th>{head}</tr>{"".join(body)}</table>')
 
@@ -73,4 +73,4 @@ def _number(value: float) -> str:
 
 
 def _block(text: str) -> str:
-    return f'<div style="font-size:0.8em;padding:0 0.9em 0.4em;line-height:1.5">{text}</div>'
+    return f'<div style="font-size:0.75em;padding:0 0.9em 0.4em;line-height:1.5">{text}</div>'

@@ -94,7 +94,7 @@ def view(
                 if namespace is not None or name is not None or dialect != "raven":
                     raise InputError("--dialect, --namespace and --name go with --ros")
                 shown = _simulated(what or "raven2", model, robot_seed)
-            _open(page, shown.title, shown.runs.shown(f"catenary: {shown.title}"), as_json=as_json)
+            _open(page, shown.title, shown.runs.shown(f"catenary: {Path(shown.title).name}"), as_json=as_json)
             shown.runs.run(page, lambda: time.monotonic() > end)
         except KeyboardInterrupt:
             pass  # the usual end
@@ -156,7 +156,10 @@ def _recording(what: str | None, log: Path | None, model: Path | None, foreign: 
         recording = read_recording(path, Reading(mapping=mapping))
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)
-    return _Titled(str(path), Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0]))
+    return _Titled(
+        str(what if what is not None and log is None else path),
+        Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0]),
+    )
 
 
 def _open(page: "PageProcess", what: str, shown: "Shown", *, as_json: bool) -> None:
