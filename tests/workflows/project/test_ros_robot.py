@@ -75,7 +75,7 @@ def test_encoders_are_asked_for_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     """They register while the robot homes, and their first reading comes a moment after it is homed."""
     setup = on_loopback(EncodedPlant(ready=False))
     silent = ["no reading"] * 10
-    monkeypatch.setattr(ros_robot, "_not_registered", lambda client: silent.pop() if silent else None)
+    monkeypatch.setattr(ros_robot, "_not_registered", lambda client, kind: silent.pop() if silent else None)
 
     def press() -> None:
         setup.robot.plant.state_command("enable")
