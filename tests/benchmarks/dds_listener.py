@@ -6,12 +6,11 @@ import time
 
 import numpy as np
 
+from benchmarks.shoulder_commands import ShoulderCommands
 from catenary.crtk.dds.transport import DdsTransport
-from catenary.crtk.message import message_class, stamp_of
+from catenary.crtk.message import stamp_of
 
-SETTLE, RESUME, MOVE = 1.0, 1.3, 1.5  # [s] before counting; after that, until commands
-COMMANDS = 100.0  # [Hz]
-STEP = 1e-5  # [rad] a command
+SETTLE = 1.0  # [s] before counting
 OFTEN = 0.5  # of the server's ticks: topics that come less often are not counted
 
 
@@ -53,22 +52,12 @@ def main() -> None:
     for one in stamps.values():
         one.clear()
     delays.clear()
-    step, sent, joint_state = np.zeros(7), 0, message_class("sensor_msgs/JointState")
-    begin, cpu, is_told, first = time.monotonic(), time.process_time(), False, np.nan
-    due = begin + MOVE
-    while (now := time.monotonic()) < begin + seconds:
-        if not is_told and now >= begin + RESUME:
-            is_told = True
-            command.publish(message_class("crtk_msgs/StringStamped")(string=sys.argv[3]))
-        if now >= due:
-            first = last.position[0] if sent == 0 else first
-            due = max(due + 1.0 / COMMANDS, now - 0.1)
-            step[0] = STEP if sent // 1000 % 2 == 0 else -STEP
-            moving.publish(joint_state(position=step.copy()))
-            sent += 1
+    cpu, commands = time.process_time(), ShoulderCommands(moving, command, sys.argv[3])
+    while (now := time.monotonic()) < commands.begin + seconds:
+        commands.send(now, last.position[0])
         take()
-        time.sleep(min(max(0.0, due - time.monotonic()), 1.0 / COMMANDS))
-    wall, cpu = time.monotonic() - begin, time.process_time() - cpu
+        time.sleep(commands.pause(time.monotonic()))
+    wall, cpu = time.monotonic() - commands.begin, time.process_time() - cpu
     often = {topic: one for topic, one in stamps.items() if len(one) > OFTEN * len(stamps[timed])}
     ticks, lost = lost_of(often)
     quantiles = {f"p{100 * q:g}_ms": 1e-6 * float(np.quantile(delays, q)) for q in (0.5, 0.9, 0.99, 0.999)}
@@ -78,16 +67,14 @@ def main() -> None:
         "messages": sum(map(len, often.values())),
         "ticks": ticks,
         "lost": lost,
-        "commands": sent,
+        "commands": commands.sent,
         "listener_cores": cpu / wall,
         "overflowed": sum(one.overflowed for one in heard.values()),
         **quantiles,
     }
     time.sleep(0.3)
     take()
-    rest = sent % 2000
-    error = abs(last.position[0] - first - STEP * min(rest, 2000 - rest))
-    print(json.dumps({**found, "command_error": error}))
+    print(json.dumps({**found, "command_error": commands.error(last.position[0])}))
 
 
 if __name__ == "__main__":

@@ -18,23 +18,23 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.message import message_class
+from benchmarks.shoulder_commands import ShoulderCommands
 from catenary.crtk.ros1.transport import Ros1Transport
-from catenary.recording.messages import md5_sum
+from catenary.recording.messages import fields, md5_sum
 
 CALLER = "/socket_listener"
 HEAD = struct.Struct("<IIII")  # length, seq, stamp
+HEADER = "std_msgs/Header"
 TIMED = "/arm1/setpoint_js"
-SETTLE, RESUME, MOVE = 0.5, 1.3, 1.5  # [s] before counting; after that, until commands
-COMMANDS = 100.0  # [Hz]
-STEP = 1e-5  # [rad] a command
+SETTLE = 0.5  # [s] before counting
 
 
 class Heard:
     """What has come of a topic."""
 
-    def __init__(self, topic: str) -> None:
+    def __init__(self, topic: str, type_name: str) -> None:
         self.is_timed = topic == TIMED
+        self.has_header = fields(type_name)[0].type == HEADER  # without, losses of it cannot be told
         self.seq: int | None = None
         self.last: Any = None  # message of the timed topic
         self.overflowed = 0  # messages that gave way before they were taken
@@ -48,6 +48,8 @@ class Heard:
     def add(self, seq: int, stamp: int, arrived: int) -> None:
         """Count a message, with its stamp and arrival [ns]."""
         self.count += 1
+        if not self.has_header:
+            return
         if self.seq is not None:
             self.lost += seq - self.seq - 1
         self.seq = seq
@@ -60,7 +62,7 @@ class SocketTopic(Heard):
 
     def __init__(self, master: xmlrpc.client.ServerProxy, topic: str, type_name: str, node: str) -> None:
         """Connect to a topic's publisher, without a word to the master."""
-        super().__init__(topic)
+        super().__init__(topic, type_name)
         uri: Any = master.lookupNode(CALLER, node)
         with xmlrpc.client.ServerProxy(uri[2]) as publisher:
             answer: Any = publisher.requestTopic(CALLER, topic, [["TCPROS"]])
@@ -100,14 +102,14 @@ class RospyTopic(Heard):
     """A topic of one of catenary's own clients."""
 
     def __init__(self, transport: Ros1Transport, topic: str, type_name: str) -> None:
-        super().__init__(topic)
+        super().__init__(topic, type_name)
         self.subscription = transport.subscribe(topic, type_name, depth=100_000)
 
     def take(self) -> None:
         """Take what has come."""
         for one in self.subscription.take():
-            header = one.message[0]
-            self.add(header.seq, header.stamp, one.time)
+            header = one.message[0] if self.has_header else None
+            self.add(*((0, 0) if header is None else (header.seq, header.stamp)), one.time)
             self.last = one.message
         self.overflowed = self.subscription.overflowed
 
@@ -163,28 +165,18 @@ def main() -> None:
         wait(0.01)
     for one in heard:
         one.forget()
-    step, sent, joint_state = np.zeros(7), 0, message_class("sensor_msgs/JointState")
-    begin, cpu, is_told, first = time.monotonic(), time.process_time(), False, np.nan
-    due = begin + MOVE
-    while (now := time.monotonic()) < begin + seconds:
-        if not is_told and now >= begin + RESUME:
-            is_told = True
-            command.publish(message_class("crtk_msgs/StringStamped")(string=resume))
-        if now >= due:
-            first = timed.shoulder() if sent == 0 else first
-            due = max(due + 1.0 / COMMANDS, now - 0.1)
-            step[0] = STEP if sent // 1000 % 2 == 0 else -STEP
-            moving.publish(joint_state(position=step.copy()))
-            sent += 1
-        wait(min(max(0.0, due - now), 1.0 / COMMANDS))
-    wall, cpu = time.monotonic() - begin, time.process_time() - cpu
+    cpu, commands = time.process_time(), ShoulderCommands(moving, command, resume)
+    while (now := time.monotonic()) < commands.begin + seconds:
+        commands.send(now, timed.shoulder())
+        wait(commands.pause(now))
+    wall, cpu = time.monotonic() - commands.begin, time.process_time() - cpu
     delays = 1e-6 * np.array(timed.latency)
     quantiles = {f"p{100 * q:g}_ms": float(np.quantile(delays, q)) for q in (0.5, 0.9, 0.99, 0.999)}
     found = {
         "hertz": timed.count / wall,
         "messages": sum(one.count for one in heard),
         "lost": sum(one.lost for one in heard),
-        "commands": sent,
+        "commands": commands.sent,
         "listener_cores": cpu / wall,
         "overflowed": sum(one.overflowed for one in heard),
         **quantiles,
@@ -192,6 +184,4 @@ def main() -> None:
     end = time.monotonic() + 0.3
     while time.monotonic() < end:
         wait(0.01)
-    rest = sent % 2000
-    error = abs(timed.shoulder() - first - STEP * min(rest, 2000 - rest))
-    print(json.dumps({**found, "command_error": error}))
+    print(json.dumps({**found, "command_error": commands.error(timed.shoulder())}))

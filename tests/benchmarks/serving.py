@@ -5,50 +5,17 @@ master of its own. Percentiles, since a maximum measures the machine. Two listen
 its sockets and nothing else, and one of catenary's own clients, by rospy.
 """
 
-import json
-import time
-
-from catenary.crtk.names import topics
-from ros import COMMAND, Program
 from tests.benchmarks.measure import Tables
-from tests.benchmarks.programs import master_and_folder, memory, report_of_programs
+from tests.benchmarks.programs import master_and_folder, report_of_programs
+from tests.benchmarks.served import served_to
 
 LISTENER = "from benchmarks.listener import main; main()"
 
 
 def measure(dialect: str, listener: str, seconds: float) -> dict[str, float]:
     """Serve a homed robot to one client that hears everything and commands at 100 Hz."""
-    wanted = [(topic.name, topic.type) for topic in topics(dialect) if topic.direction == "out"]  # type: ignore[arg-type]
-    serve = ("serve", "--homed", "--json", "--dialect", dialect)
-    with master_and_folder() as (master, _), Program(master, COMMAND, *serve) as server:
-        server.line()
-        served = {json.loads(server.line())["lost_ticks"]}
-        resume = "resume" if dialect == "raven" else "enable"
-        with Program(master, LISTENER, listener, json.dumps(wanted), str(seconds), resume) as client:
-            rows = [(memory(server.process.pid), json.loads(server.line()))]
-            end = time.monotonic() + seconds
-            while time.monotonic() < end:
-                row = json.loads(server.line())
-                rows.append((memory(server.process.pid), row))
-            found = json.loads(client.line())
-            client.finish()
-        server.interrupt()
-        server.finish()
-    settled = rows[min(10, len(rows) // 4) :]
-    cores = sorted(row["cpu"] for _, row in settled)
-    return {
-        "seconds": seconds,
-        **found,
-        # medians and quiet seconds: other programs, and the listener itself, slow a server down
-        "server_cores": cores[len(cores) // 2],
-        "server_cores_p10": cores[len(cores) // 10],
-        "server_cores_p90": cores[len(cores) * 9 // 10],
-        "server_hertz": sum(row["rate_hz"] for _, row in settled) / len(settled),
-        "ticks_lost": rows[-1][1]["lost_ticks"] - min(served),
-        "overflowed_at_server": rows[-1][1]["overflowed"],
-        "memory_mb": settled[-1][0],
-        "memory_growth_mb": settled[-1][0] - settled[0][0],
-    }
+    with master_and_folder() as (master, _):
+        return served_to(master, (), dialect, LISTENER, (listener,), seconds)
 
 
 def tables(seconds: float, dialect: tuple[str, ...], listener: tuple[str, ...]) -> Tables:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.plant import Column
+from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
@@ -24,16 +25,6 @@ from catenary.simulation.psm.physics import PsmState, PsmWork, unstretched_motor
 from catenary.simulation.records import AXES, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 
-# as the dVRK calls them
-PSM_JOINTS = (
-    "outer_yaw",
-    "outer_pitch",
-    "outer_insertion",
-    "outer_roll",
-    "outer_wrist_pitch",
-    "outer_wrist_yaw",
-    "jaw",
-)
 PSM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 POWER_WAIT = 0.5  # [s] until the amplifiers hold the arm
 NOISE_ROWS = 8191  # of the tracker, after which they come again
@@ -58,7 +49,7 @@ _FROM_CONTROL = {
 class PsmPlant(FirmwarePlant[PsmLog]):
     """One PSM with its instrument. Shafts are held while it is not enabled; the real one is balanced instead."""
 
-    joint_names = PSM_JOINTS
+    joint_names = (*PSM_JOINTS, "jaw")
     joint_units = PSM_UNITS
     columns = (
         *(Column(name, unit, AXES) for name, (_, unit) in _FROM_CONTROL.items()),
