@@ -1,6 +1,7 @@
 """The picture of teleop in a terminal: lines of a fixed size, 80 by 24 and up."""
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +61,7 @@ def teleop_lines(view: View, columns: int = 80, lines: int = 24) -> list[str]:
     if view.tip is not None:
         x, y, z = 1e3 * view.tip
         shown += ["", f"tip  x {x:8.1f}  y {y:8.1f}  z {z:8.1f} mm, in the base frame"]
-    shown += ["", view.message]
+    shown += ["", *wrap(visible(view.message), max(8, columns))]
     if view.recording is not None:
         shown.append(view.recording)
     footer = [*(_MORE if view.with_help else ()), *_HELP]
