@@ -140,9 +140,9 @@ def state_in_words(plant: Plant, state: OperatingState) -> str:
 
 # what a person does about a robot that does not move
 _WAYS_TO_ENABLED = {
-    "PAUSED": ". Its pedal resumes it, or the state command resume: R in catenary teleop",
-    "DISABLED": ". Its start button enables it, or catenary home",
-    "FAULT": ". See to its reason, then start it anew: catenary home",
+    "PAUSED": ". Its pedal resumes it, or the state command resume (R in catenary teleop)",
+    "DISABLED": ". Its start button enables it, or the state command enable (E in catenary teleop)",
+    "FAULT": ". See to the reason, then enable it anew",
 }
 
 

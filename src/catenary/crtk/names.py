@@ -185,7 +185,10 @@ def _listed(dialect: Dialect, arm: Arm | None, namespace: str | None) -> tuple[C
     if namespace is None:
         return topics(dialect)
     if dialect == "raven":
-        raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
+        raise InputError(
+            f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
+            "the dialect crtk has one"
+        )
     return crtk_topics(namespace, arm)
 
 

@@ -16,6 +16,7 @@ TWICE = 2.0  # [s] within which the key that homes comes a second time
 COMMANDS: dict[str, StateCommand] = {
     "E": "enable", "D": "disable", "P": "pause", "R": "resume", "H": "home",
 }  # fmt: skip
+_KEYS = {"DISABLED": "; E enables it", "PAUSED": "; R resumes it"}
 
 
 class Terminal(Protocol):
@@ -64,7 +65,10 @@ class TeleopSession:
         self._asked_home = -TWICE
         self._drawn = -DRAW
         self._quit = False
-        self._last_told = self._in_words(plant.operating_state())
+        state = plant.operating_state()
+        self._last_told = self._in_words(state)
+        if not _may_move(state):
+            self.message = self._last_told
 
     def run(self, clock: Callable[[], float]) -> str:
         """Run until somebody quits or the terminal ends, hold and pause the robot, and return why it ended."""
@@ -169,7 +173,8 @@ class TeleopSession:
 
     def _in_words(self, state: OperatingState) -> str:
         homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
-        return f"the robot is {state_in_words(self.plant, state)}, {homed}"
+        key = "" if state.is_busy else _KEYS.get(state.state, "")
+        return f"the robot is {state_in_words(self.plant, state)}, {homed}{key}"
 
     def _draw(self, blocked: tuple[str, ...], line: str | None) -> None:
         plant = self.plant
