@@ -5,7 +5,7 @@ from typing import Protocol
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError
-from catenary.plant import OperatingState, Plant, StateCommand
+from catenary.plant import OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
 from catenary.teleop.keys import KeyReader
 from catenary.teleop.motion import TeleopMotion
@@ -16,6 +16,7 @@ TWICE = 2.0  # [s] within which the key that homes comes a second time
 COMMANDS: dict[str, StateCommand] = {
     "E": "enable", "D": "disable", "P": "pause", "R": "resume", "H": "home",
 }  # fmt: skip
+_KEYS = {"DISABLED": "; E enables it", "PAUSED": "; R resumes it"}
 
 
 class Terminal(Protocol):
@@ -64,7 +65,10 @@ class TeleopSession:
         self._asked_home = -TWICE
         self._drawn = -DRAW
         self._quit = False
-        self._last_state = plant.operating_state()
+        state = plant.operating_state()
+        self._last_told = self._in_words(state)
+        if not _may_move(state):
+            self.message = self._last_told
 
     def run(self, clock: Callable[[], float]) -> str:
         """Run until somebody quits or the terminal ends, hold and pause the robot, and return why it ended."""
@@ -108,8 +112,9 @@ class TeleopSession:
         for key in self._keys.feed(self._terminal.read(), now):
             self._take(key, now)
         state = self.plant.operating_state()
-        if state != self._last_state:
-            self.message, self._last_state = _in_words(state), state
+        told = self._in_words(state)  # why a robot is in FAULT may come after its state
+        if told != self._last_told:
+            self.message = self._last_told = told
         blocked: tuple[str, ...] = ()
         if _may_move(state):
             setpoint = self.plant.setpoint_js().q
@@ -140,7 +145,7 @@ class TeleopSession:
             if key in "+=-_":
                 self.message = f"speed x{self.motion.speed:g}"
             elif not _may_move(self.plant.operating_state()):
-                self.message = f"does not move: {_in_words(self.plant.operating_state())}"
+                self.message = f"does not move: {self._in_words(self.plant.operating_state())}"
         else:
             self.message = f"{key}: does nothing; ? shows the keys"
 
@@ -155,7 +160,7 @@ class TeleopSession:
         self._draw((), None)
         try:
             self.plant.state_command(command)
-            self.message = _in_words(self.plant.operating_state())
+            self.message = self._in_words(self.plant.operating_state())
         except CatenaryError as error:
             self.message = str(error)
 
@@ -165,6 +170,11 @@ class TeleopSession:
             self._drawn = now
             self._terminal.draw([f"catenary teleop  {self._name}", "", self.message, "", "Q quit"])
         self.plant.wait()
+
+    def _in_words(self, state: OperatingState) -> str:
+        homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
+        key = "" if state.is_busy else _KEYS.get(state.state, "")
+        return f"the robot is {state_in_words(self.plant, state)}, {homed}{key}"
 
     def _draw(self, blocked: tuple[str, ...], line: str | None) -> None:
         plant = self.plant
@@ -181,8 +191,3 @@ class TeleopSession:
 
 def _may_move(state: OperatingState) -> bool:
     return state.state == "ENABLED" and state.is_homed and not state.is_busy
-
-
-def _in_words(state: OperatingState) -> str:
-    homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
-    return f"the robot is {state.state}, {homed}"
