@@ -54,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _line_pattern(line: str) -> str:
-    """Return what a quoted line stands for: numbers may differ, three dots are anything."""
+    """Return what a quoted line stands for: numbers and their signs may differ, three dots are anything."""
     numbers = re.sub(r"(\\-)?\d+(\\\.\d+)?", r"-?[\\d.]+", re.escape(line))
     return numbers.replace(r"\.\.\.", ".*")
 
