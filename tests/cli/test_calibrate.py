@@ -106,6 +106,7 @@ def test_a_loop_of_no_length_or_of_another_model_is_refused(
 def test_calibrate_does_what_is_missing_and_no_more(project_folder: Path, quick: None) -> None:
     first = catenary("calibrate", project_folder)
     assert "1 kHz loop" in first.out
+    assert "None" not in first.out  # where nobody counted overruns
     assert "nothing to do" not in first.out
     assert "deploy" in first.err  # its steps
     assert "deploy\n" not in first.out

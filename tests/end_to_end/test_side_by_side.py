@@ -17,7 +17,7 @@ from ros import PATIENT_COMMAND, Master, Network, Program
 
 pytestmark = pytest.mark.slow
 
-# what rosbag play does, by the library of Debian's python3-rosbag: its own binary is in another package
+# what rosbag play --loop does, by the library of Debian's python3-rosbag: its own binary is in another package
 PLAY = """
 import sys, time
 from catenary.crtk.ros1.find_rospy import make_rospy_importable
@@ -29,12 +29,12 @@ rows = sorted(((t.to_sec(), topic, m) for bag in bags for topic, m, t in bag.rea
 publishers = {topic: rospy.Publisher("/" + topic.lstrip("/"), type(m), queue_size=100) for _, topic, m in rows}
 print("up")
 sys.stdin.readline()
-first, begin = rows[0][0], time.monotonic()
-for at, topic, m in rows:
-    time.sleep(max(0.0, begin + at - first - time.monotonic()))
-    publishers[topic].publish(m)
-print("played")
-time.sleep(1.0)
+while True:
+    first, begin = rows[0][0], time.monotonic()
+    for at, topic, m in rows:
+        time.sleep(max(0.0, begin + at - first - time.monotonic()))
+        publishers[topic].publish(m)
+    print("played")
 """
 
 
@@ -133,7 +133,9 @@ def test_a_played_bag_feeds_deploy_and_monitor_without_anybody_who_listens(
             ) as deploy,
         ):
             assert np.isfinite(json.loads(monitor.line())["q"]).all()
-            assert player.line() == "played"
+            until(lambda: json.loads(monitor.line())["q_calibrated"] is not None)  # deploy has begun
+            for _ in range(2):  # a whole time since
+                assert player.line() == "played"
             deploy.interrupt()
             report, errors = deploy.finish()
             assert deploy.process.returncode == 0, errors

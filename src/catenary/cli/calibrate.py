@@ -354,9 +354,10 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
     deployed = result.deployment
     if deployed is not None and deployed["compute_us"]:
         compute = deployed["compute_us"]
+        overruns = "" if deployed["overruns"] is None else f", {deployed['overruns']} overruns"
         print(
             f"1 kHz loop: {deployed['ticks']} ticks, compute median {compute['median']:.1f} us, "
-            f"p99.9 {compute['p999']:.0f} us, {deployed['overruns']} overruns"
+            f"p99.9 {compute['p999']:.0f} us{overruns}"
         )
     if not result.repeated:
         print("nothing to do: every step had been done")

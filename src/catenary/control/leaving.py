@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import CatenaryError, InputError, NotFiniteError, RobotHeldError
+from catenary.errors import CatenaryError, InputError, NotFiniteError, RobotHeldError, TransportError
 from catenary.plant import Plant
 
 GIVE_UP_AFTER = 20  # ticks in a row
@@ -104,8 +104,11 @@ def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
         try:
             action()
         except BaseException as another:
-            why = str(another) if isinstance(another, CatenaryError) else repr(another)
-            error.add_note(f"{name} the robot failed: {why}")
+            if isinstance(error, TransportError) and isinstance(another, TransportError):
+                error.add_note(f"{name} the robot failed likewise")  # a robot that is silent is so to each
+            else:
+                why = str(another) if isinstance(another, CatenaryError) else repr(another)
+                error.add_note(f"{name} the robot failed: {why}")
 
 
 def _not_finite(tau: Floats, n: int) -> np.ndarray:

@@ -126,12 +126,13 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
         outside = "-" if share is None else f"{100.0 * share:.1f} %"
         joints.append([joint["name"], joint["unit"], *errors, outside])
     unit = in_units(joint["unit"] for joint in deployment["joints"])
-    overruns = _number(deployment["overruns"], 0)
+    # nobody counts them where time is not kept by this loop
+    overruns = "" if deployment["overruns"] is None else f", {deployment['overruns']} overruns"
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
         Text(
-            f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time priority, "
-            f"{overruns} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
+            f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time "
+            f"priority{overruns}. A whole tick reads the arm, corrects, evaluates the trajectory and "
             f"commands the arm; {aside} is not in it. The correction was timed within the same ticks. Period off its "
             "length: by how much the time from tick to tick differs from the one asked for."
         ),
