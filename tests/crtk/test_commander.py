@@ -3,6 +3,7 @@
 import pytest
 from numpy.testing import assert_array_equal
 
+from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback
 from served_robot import JointState, ServedRobot, shoulder
 
@@ -81,3 +82,18 @@ def test_a_connection_that_is_made_again_in_time_changes_nothing() -> None:
     robot.tick(4000)
     assert robot.state() == "ENABLED"
     assert program.is_up()
+
+
+@pytest.mark.parametrize(
+    ("rested_ms", "state"), [(50, "PAUSED"), (10_200, "PAUSED"), (5_000, "ENABLED"), (13_000, "ENABLED")]
+)
+def test_a_killed_program_that_is_missed_after_its_lease_leaves_its_arm_paused(
+    monkeypatch: pytest.MonkeyPatch, rested_ms: int, state: str
+) -> None:
+    """Over DDS nobody hears of a kill before the lease of ten seconds has run out; an end is told at once."""
+    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
+    robot, program = moved()
+    robot.tick(rested_ms)
+    program.close()
+    robot.tick(3300)
+    assert robot.state() == state

@@ -79,6 +79,10 @@ class Publisher(ABC):
 class Transport(ABC):
     """Carries messages and calls under one name."""
 
+    lapses: tuple[int, ...] = (
+        0,
+    )  # [ns] from the end of a program until it is no longer connected: these, about
+
     def __init__(self, name: str, clock: Clock | None = None) -> None:
         """Check the name.
 

@@ -27,8 +27,8 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     built = ROOT / ".cache" / "cyclone_c" / f"peer-{digest}"
     if not built.exists():
         folder = tmp_path_factory.mktemp("cyclone_c")
-        subprocess.run(["idlc", "-l", "c", SOURCES / "joint_state.idl"], cwd=folder, check=True)
-        command = ["gcc", "-I.", SOURCES / "peer.c", "joint_state.c", "-o", "peer", "-lddsc"]
+        subprocess.run(["idlc", "-l", "c", str(SOURCES / "joint_state.idl")], cwd=folder, check=True)
+        command = ["gcc", "-I.", str(SOURCES / "peer.c"), "joint_state.c", "-o", "peer", "-lddsc"]
         subprocess.run(command, cwd=folder, check=True)
         built.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(folder / "peer", built.with_suffix(".new"))

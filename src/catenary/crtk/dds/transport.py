@@ -13,6 +13,7 @@ from typing import Any
 from cyclonedds.core import DDSException
 
 from catenary.crtk.bounds import Bounds
+from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.cdr import cdr_decoder, cdr_encoder
 from catenary.crtk.dds.directory import HANDLES, Endpoint
@@ -83,6 +84,9 @@ class DdsPublisher(Publisher):
 
 class DdsTransport(Transport):
     """A node of ROS 2, in a program of DDS; a thread of its own receives."""
+
+    # one that ends says so; one that is killed is missed when its lease has run out, Cyclone's or Fast DDS's
+    lapses = (0, 10 * SECOND, 20 * SECOND)
 
     def __init__(
         self,

@@ -5,6 +5,7 @@ from catenary.crtk.holder import UNDER_WAY, held_by
 from catenary.crtk.transport import Transport
 from catenary.errors import RobotHeldError
 
+LATE = 2 * SECOND  # [ns] that a lease which has run out is noticed late, at most
 GONE = 3 * SECOND  # [ns] without its connection: one that breaks is made again within a second or two
 
 
@@ -50,6 +51,14 @@ class Commander:
         """Know of nobody, as when the arm is not enabled."""
         self._topic = None
 
+    def _was_under_way(self, now: int) -> bool:
+        """Return whether a program that is seen to be gone moved the arm at its end, whenever that was."""
+        since = now - self._commanded
+        return any(
+            0 <= since < UNDER_WAY if lapse == 0 else lapse - UNDER_WAY <= since < lapse + LATE
+            for lapse in self._transport.lapses
+        )
+
     def left(self, now: int, *, is_moving: bool) -> str | None:
         """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second.
 
@@ -64,7 +73,7 @@ class Commander:
             self._gone = None
             return None
         if self._gone is None:
-            if not (is_moving or 0 <= now - self._commanded < UNDER_WAY):
+            if not (is_moving or self._was_under_way(now)):
                 self._topic = None
                 return None
             self._gone = now

@@ -276,7 +276,8 @@ class Server:
         if gone is not None:
             arm.hold()
             arm.machine.command("pause")
-            self.reports.say(f"{arm.arm}: paused", f"{gone} moved it and is gone", now)
+            text = f"{gone} moved it and is gone"
+            self.reports.say(f"{arm.arm}: paused", text, now, to=(arm.arm,), each=True)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
         if topic.arm is None or self._dialect.is_one_robot:
