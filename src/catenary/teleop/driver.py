@@ -1,9 +1,10 @@
 """A robot moved by held keys and keys that change its run level, wherever the keys come from: a terminal or a page."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from catenary.errors import CatenaryError
-from catenary.plant import OperatingState, Plant, StateCommand
+from catenary.plant import OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
 from catenary.teleop.motion import FASTER, SLOWER, TeleopMotion
 
@@ -18,20 +19,29 @@ class TeleopDriver:
     """Takes keys and moves the robot tick by tick; `message` says what came of them."""
 
     def __init__(
-        self, plant: Plant, model: RobotModel | None, *, before_command: Callable[[], None] = lambda: None
+        self,
+        plant: Plant,
+        model: RobotModel | None,
+        *,
+        keys: Mapping[str, str] = MappingProxyType({}),
+        before_command: Callable[[], None] = lambda: None,
     ) -> None:
         """Take a robot.
 
         Args:
             plant: In any state.
             model: Of its first joints, which place the tip.
+            keys: What to press, by the state that a robot which does not move is in, and for "home".
             before_command: Called before a run level is asked for, which may take its time; to show `message`.
         """
-        self.plant, self._before_command = plant, before_command
+        self.plant, self._before_command, self._keys = plant, before_command, keys
         self.motion = TeleopMotion(plant, model)
         self.message = "hold a key to move"
         self._asked_home = -TWICE
-        self._last_state = plant.operating_state()
+        state = plant.operating_state()
+        self._last_told = self.in_words(state)
+        if not may_move(state):
+            self.message = self._last_told
 
     def press(self, key: str, now: float) -> bool:
         """Take a key at a time [s], and return whether it does anything.
@@ -48,7 +58,7 @@ class TeleopDriver:
             if key in FASTER + SLOWER:
                 self.message = f"speed x{self.motion.speed:g}"
             elif not may_move(self.plant.operating_state()):
-                self.message = f"does not move: {in_words(self.plant.operating_state())}"
+                self.message = f"does not move: {self.in_words(self.plant.operating_state())}"
         else:
             return False
         return True
@@ -62,8 +72,9 @@ class TeleopDriver:
             CatenaryError: The robot fell silent, or another program moves it.
         """
         state = self.plant.operating_state()
-        if state != self._last_state:
-            self.message, self._last_state = in_words(state), state
+        told = self.in_words(state)  # why a robot is in FAULT may come after its state
+        if told != self._last_told:
+            self.message = self._last_told = told
         if not may_move(state):
             self.motion.stop()
             return ()
@@ -106,17 +117,18 @@ class TeleopDriver:
         self._before_command()
         try:
             self.plant.state_command(command)
-            self.message = in_words(self.plant.operating_state())
+            self.message = self.in_words(self.plant.operating_state())
         except CatenaryError as error:
             self.message = str(error)
+
+    def in_words(self, state: OperatingState) -> str:
+        """Return the robot's state as a sentence, with what a person does about it."""
+        home = self._keys.get("home", "home it first")
+        homed = "homed" if state.is_homed else "homing" if state.is_busy else f"not homed: {home}"
+        key = "" if state.is_busy else self._keys.get(state.state, "")
+        return f"the robot is {state_in_words(self.plant, state)}, {homed}{key and f'; {key}'}"
 
 
 def may_move(state: OperatingState) -> bool:
     """Return whether a robot obeys motion."""
     return state.state == "ENABLED" and state.is_homed and not state.is_busy
-
-
-def in_words(state: OperatingState) -> str:
-    """Return a robot's state as a sentence."""
-    homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: home it first"
-    return f"the robot is {state.state}, {homed}"

@@ -12,6 +12,7 @@ from catenary.teleop.keys import KeyReader
 from catenary.teleop.screen import View, teleop_lines
 
 DRAW = 0.05  # [s] between two pictures
+KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes it"}
 
 
 class Terminal(Protocol):
@@ -53,7 +54,7 @@ class TeleopSession:
         """
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
         self._observe = observe
-        self._driver = TeleopDriver(plant, model, before_command=lambda: self._draw((), None))
+        self._driver = TeleopDriver(plant, model, keys=KEYS, before_command=lambda: self._draw((), None))
         self._keys = KeyReader()
         self._with_help = False
         self._drawn = -DRAW

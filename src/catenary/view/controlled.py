@@ -8,7 +8,7 @@ from pathlib import Path
 from catenary.errors import CatenaryError
 from catenary.monitor.snapshot import Snapshot
 from catenary.plant import Bounded
-from catenary.teleop.driver import COMMANDS, HOLD, TeleopDriver, in_words
+from catenary.teleop.driver import COMMANDS, HOLD, TeleopDriver
 from catenary.teleop.motion import AXES, BACKWARD, FORWARD
 from catenary.view.controls import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl
 from catenary.view.page_like import StatePage
@@ -65,7 +65,7 @@ class ControlledArm(WatchedArm):
     def _mode(self, snapshot: Snapshot) -> str:
         state, message = snapshot.operating, self._driver.message
         said = super()._mode(snapshot)
-        return said if state is not None and message == in_words(state) else f"{said}: {message}"
+        return said if state is not None and message == self._driver.in_words(state) else f"{said}: {message}"
 
     def _take(self, change: Change) -> bool:
         """Take a change, and return whether it asked for a run level, which takes its time."""
