@@ -4,12 +4,20 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.crtk.clock import SECOND
+from catenary.crtk.conversions import joint_state_message
+from catenary.crtk.loopback import Loopback
+from catenary.crtk.names import JOINT_STATE, find_topic
 from catenary.errors import RobotHeldError
 from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.view.controlled import ControlledArm
 from catenary.view.controls import NOBODY, Change, ControlTab, HeldControl
 from catenary.view.shapes import arm_shapes
 from catenary.view.state import ViewState
+from catenary.view.watched import WatchedArm
+from catenary.workflows.robot.operated_robot import robot_over
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot
 
 START = [0.8, 1.5, 0.4]
@@ -157,3 +165,45 @@ def test_page_has_buttons_for_joints_and_tip() -> None:
 
     assert labels(joints) == ["shoulder +", "shoulder -", "elbow +", "elbow -", "insertion +", "insertion -"]
     assert labels(tip) == ["x +", "x -", "y +", "y -", "z +", "z -"]
+
+
+@pytest.mark.parametrize("kind", [WatchedArm, ControlledArm])
+def test_commands_leave_only_from_a_page_that_controls_and_only_while_a_button_is_held(
+    kind: type[WatchedArm],
+) -> None:
+    plant = EncodedPlant()
+    setup = RobotOnLoopback(plant)
+    robot, client = robot_over(setup.transport, simulated=True, only_read=kind is WatchedArm)
+    begin, start = plant.ticks, plant.setpoint_js().q
+    page = PressedPage(plant, begin + 1500, {}, held=(begin + 300, begin + 800))
+    counted: list[tuple[int, int]] = []
+
+    def clock() -> float:
+        counted.append((plant.ticks - begin, setup.robot.commands))
+        return setup.transport.steady() / SECOND
+
+    with client:
+        kind(robot, arm_shapes(robot.model), clock=clock).run(page)
+    sent = dict(counted)
+    assert sent[299] == 0
+    if kind is WatchedArm:
+        assert setup.robot.commands == 0
+        assert_allclose(plant.setpoint_js().q, start)
+        return
+    assert sent[700] > 100
+    assert plant.setpoint_js().q[0] > start[0] + 0.005
+    # repeats end at 0.75 s at the latest; then a dead man's time, and the goal is sent until it is reached
+    later = [count for tick, count in counted if tick > 1200]
+    assert later[0] == later[-1]
+    assert plant.operating_state().state == "PAUSED"
+
+
+def test_robot_that_another_program_on_the_network_moves_is_refused_by_name() -> None:
+    setup = RobotOnLoopback(EncodedPlant())
+    planner = Loopback("planner", setup.network)
+    goals = planner.publisher(find_topic("raven", "servo_jp", "gold").name, JOINT_STATE)
+    _, client = robot_over(setup.transport, simulated=True)
+    with client:
+        goals.publish(joint_state_message(client.joint_names, 1, client.measured_js().q))
+        with pytest.raises(RobotHeldError, match="planner holds the arm"):
+            client.require_free()

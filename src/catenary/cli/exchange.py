@@ -6,7 +6,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from catenary.cli.options import AsJson, MappingOptions, robots_beginning
-from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, out_path, refuse_outputs
+from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, URDF, out_path, refuse_outputs
 from catenary.cli.robots import DescriptionOptions
 from catenary.cli.terminal import numbers, print_fact, print_json, print_notes
 from catenary.errors import InputError
@@ -18,7 +18,8 @@ def export(
         str | None,
         Argument(
             metavar="[WHAT]",
-            help="With --c a robot, as fk takes it; none with --model. With --onnx a calibration model.",
+            help="With --c a robot, as fk takes it; none with --model. With --onnx a calibration model. With --mcap "
+            "a recording.",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -29,7 +30,21 @@ def export(
     onnx: Annotated[
         Path | None, Option(metavar="OUT", parser=out_path, help="ONNX graph to write, e.g. arm.onnx.")
     ] = None,
-    model: Annotated[Path | None, Option(metavar="CALIBRATION", help="Calibration for the C header.")] = None,
+    mcap: Annotated[
+        Path | None,
+        Option(
+            metavar="OUT",
+            parser=out_path,
+            help="MCAP file to write, e.g. lab.mcap, and the robot's URDF beside it, lab.urdf.",
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None, Option(metavar="ROBOT", help="With --mcap: what was recorded. [default: as it says]")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        Option(metavar="CALIBRATION", help="Calibration for the C header, or beside the recording."),
+    ] = None,
     rate_hz: Annotated[
         float | None,
         Option(
@@ -45,7 +60,7 @@ def export(
     ] = None,
     as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Write a robot as C, or a model as an ONNX graph.
+    """Write a robot as C, a model as an ONNX graph, or a recording as MCAP.
 
     The header holds the law of motion (feedforward, inverse dynamics on a base that moves, mass matrix, gravity and
     its regressors) and joint correction, for loops in C and C++: no library, no memory; without a robot, or with one
@@ -53,23 +68,41 @@ def export(
     too. The graph computes in float64; what the model remembers goes in
     and out as tensors.
 
-    Example: catenary export --model arm.npz --c arm.h
+    The MCAP file shows joints, poses of the links and gravity in Foxglove, PlotJuggler and Rerun.
+
+    Examples: catenary export --model arm.npz --c arm.h; catenary export demo/test.parquet --mcap test.mcap
     """
     from catenary.errors import InputError
 
-    if (c is None) == (onnx is None):
-        raise InputError("export: expected one of --c OUT for a robot, --onnx OUT for a calibration model")
+    if sum(out is not None for out in (c, onnx, mcap)) != 1:
+        raise InputError(
+            "export: expected one of --c OUT for a robot, --onnx OUT for a calibration model, --mcap OUT for a log"
+        )
     if what is None and (c is None or model is None):
-        needed = "a robot, or --model for its correction alone" if c is not None else "the calibration model"
+        other = "the calibration model" if onnx is not None else "the recording"
+        needed = "a robot, or --model for its correction alone" if c is not None else other
         raise InputError(f"export: expected {needed}")
     read = [Path(each) for each in (what, model) if each is not None]
-    refuse_outputs({"--c": (c, HEADER), "--onnx": (onnx, GRAPH)}, read)
+    urdf = None if mcap is None else mcap.with_suffix(".urdf")
+    outputs = {
+        "--c": (c, HEADER),
+        "--onnx": (onnx, GRAPH),
+        "--mcap": (mcap, MCAP),
+        "URDF of --mcap": (urdf, URDF),
+    }
+    refuse_outputs(outputs, read)
+    if robot is not None and mcap is None:
+        raise InputError("export: --robot goes with --mcap")
+    if rate_hz is not None and mcap is not None:
+        raise InputError("export: --rate-hz is for --c and --onnx; --mcap writes every row")
     given = {"friction": friction, "viscous": viscous}
     forces = {name: numbers(f"--{name}", text) for name, text in given.items() if text is not None}
     if forces and (what is None or c is None):
         raise InputError("export: --friction and --viscous are for --c of a robot")
     if c is not None:
         _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, forces, as_json)
+    elif mcap is not None and what is not None:
+        _mcap(Path(what), mcap, robot, model, as_json)
     elif onnx is not None and what is not None:
         if model is not None:
             raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
@@ -118,6 +151,33 @@ def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
         if isinstance(value, dict):
             value = [f"{tensor} ({', '.join(map(str, shape))})" for tensor, shape in value.items()]
         print_fact(name, value if isinstance(value, str) else ", ".join(value), width=7)
+
+
+def _mcap(log: Path, out: Path, robot: str | None, model: Path | None, as_json: bool) -> None:
+    from catenary.calibration.files import load_model
+    from catenary.recording.foreign.read import read_recording
+    from catenary.robots.catalog import load_robot
+    from catenary.robots.shapes import load_geometry
+    from catenary.view.mcap_file import write_mcap
+    from catenary.view.recorded import recorded_arm
+    from catenary.workflows.model_recordings import read_recording_of
+
+    calibration = None if model is None else load_model(model)[0]
+    recording = read_recording(log) if calibration is None else read_recording_of(calibration, log)
+    named = robot or recording.robot or "raven2"
+    arm = load_robot(named)
+    geometry = load_geometry(named, arm)
+    shapes = () if geometry is None else geometry.shapes
+    made = write_mcap(recorded_arm(recording, arm, calibration), recording, out, shapes)
+    print_notes(list(made.notes))
+    if as_json:
+        urdf = None if made.urdf is None else str(made.urdf)
+        print_json({"file": str(out), "urdf": urdf, "robot": arm.name, "messages": dict(made.messages)})
+        return
+    print_fact("written", str(out), width=9)
+    if made.urdf is not None:
+        print_fact("robot", f"{arm.name}, {made.urdf}", width=9)
+    print_fact("topics", ", ".join(f"{topic} ({n})" for topic, n in made.messages.items()), width=9)
 
 
 def import_recording(

@@ -168,6 +168,7 @@ TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"
 MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"[mounting]"))
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
 GRAPH = FileKind("an ONNX graph", (".onnx",), _holds(b"catenary"))
+MCAP = FileKind("an MCAP file", (".mcap",), _holds(b"\x89MCAP"))
 URDF = FileKind("a URDF", (".urdf", ".xml"), _holds(b"<robot"))
 PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), _is_picture)
 PAGE = FileKind("a page", (".html", ".htm"), _holds(b"<!doctype html>"))

@@ -1,5 +1,6 @@
 """Robots written as URDF, for other programs to read."""
 
+from collections.abc import Sequence
 from math import atan2, hypot
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.errors import UnsupportedModelError
 from catenary.files import write_atomically
+from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Shape
 from catenary.robots.joint_drives import JointDrives, joint_drives
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose
@@ -29,36 +31,57 @@ def write_urdf(model: RobotModel, path: Path) -> None:
     write_atomically(path, urdf_text(model).encode())
 
 
-def urdf_text(model: RobotModel) -> str:
+def urdf_text(model: RobotModel, shapes: Sequence[Shape] = ()) -> str:
     """Return a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
 
     A link whose inertia about its centre of mass is not known has none here either. Coordinates that move no link
     (motors that carry friction only) have no place in URDF and are left out. Of an actuation whose numbers are known
     the Coulomb and viscous friction of joints by themselves is written (<dynamics>); URDF has nothing for the rest.
 
+    Args:
+        model: The robot.
+        shapes: What its links look like (<visual>): boxes, balls, cylinders, and capsules as a cylinder between balls.
+            Others are left out.
+
     Raises:
         UnsupportedModelError: A joint that follows several coordinates at once, or a coordinate that no joint follows
             one to one.
     """
     root = Element("robot", name=model.name)
-    SubElement(root, "link", name=BASE)
+    _add_shapes(SubElement(root, "link", name=BASE), shapes, -1)
     drives = _drives(model)
     friction = None if model.actuation is None else joint_drives(model.actuation, model.n)
     for i in range(len(model.link_names)):
-        _add_link(root, model, i)
+        _add_shapes(_add_link(root, model, i), shapes, i)
         _add_joint(root, model, i, drives, friction)
+    for frame in fixed_frames(model):
+        SubElement(root, "link", name=frame.name)
+        joint = SubElement(root, "joint", name=f"{frame.name}_fixed", type="fixed")
+        SubElement(joint, "parent", link=frame.on)
+        SubElement(joint, "child", link=frame.name)
+        _add_origin(joint, frame.pose)
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+class FixedFrame(NamedTuple):
+    """A named frame on a link, as its URDF has it: a link without mass, fixed to another."""
+
+    name: str
+    on: str  # the link
+    pose: Pose  # in the link's frame
+
+
+def fixed_frames(model: RobotModel) -> tuple[FixedFrame, ...]:
+    """Return a robot's named frames but those that are its links' own."""
+    found = []
     for name, (link, pose) in model.frames.items():
         moved = not (np.array_equal(pose.rotation, np.eye(3)) and not pose.position.any())
         if name == BASE or (name in model.link_names and not moved):
             continue
         label = f"{name}_frame" if name in model.link_names else name
-        SubElement(root, "link", name=label)
-        joint = SubElement(root, "joint", name=f"{label}_fixed", type="fixed")
-        SubElement(joint, "parent", link=BASE if link < 0 else model.link_names[link])
-        SubElement(joint, "child", link=label)
-        _add_origin(joint, pose)
-    ElementTree.indent(root)
-    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+        found.append(FixedFrame(label, BASE if link < 0 else model.link_names[link], pose))
+    return tuple(found)
 
 
 class _Drive(NamedTuple):
@@ -92,19 +115,45 @@ def _drives(model: RobotModel) -> list[_Drive]:
     return drives
 
 
-def _add_link(root: Element, model: RobotModel, i: int) -> None:
+def _add_link(root: Element, model: RobotModel, i: int) -> Element:
     link = SubElement(root, "link", name=model.link_names[i])
     if model.tree.mass[i] <= 0.0:
-        return
+        return link
     inertial = SubElement(link, "inertial")
     SubElement(inertial, "origin", xyz=_text(model.tree.com[i]), rpy="0 0 0")
     SubElement(inertial, "mass", value=repr(float(model.tree.mass[i])))
     if model.link_names[i] in model.missing_tensor:
-        return
+        return link
     tensor = model.tree.inertia[i]
     keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     entries = zip(keys, tensor[np.triu_indices(3)], strict=True)
     SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in entries})
+    return link
+
+
+def _add_shapes(link: Element, shapes: Sequence[Shape], number: int) -> None:
+    """Add what a link looks like; -1 is the base."""
+    for shape in shapes:
+        if shape.link != number:
+            continue
+        form = shape.form
+        if isinstance(form, Box):
+            _add_visual(link, shape.pose, "box", size=_text(np.array(form)))
+        elif isinstance(form, Ball):
+            _add_visual(link, shape.pose, "sphere", radius=repr(float(form.radius)))
+        elif isinstance(form, Capsule | Cylinder):
+            radius = repr(float(form.radius))
+            if form.length > 0.0:
+                _add_visual(link, shape.pose, "cylinder", radius=radius, length=repr(float(form.length)))
+            for end in (-0.5, 0.5) if isinstance(form, Capsule) else ():
+                place = shape.pose @ Pose(np.eye(3), np.array([0.0, 0.0, end * form.length]))
+                _add_visual(link, place, "sphere", radius=radius)
+
+
+def _add_visual(link: Element, pose: Pose, kind: str, **sizes: str) -> None:
+    visual = SubElement(link, "visual")
+    _add_origin(visual, pose)
+    SubElement(SubElement(visual, "geometry"), kind, sizes)
 
 
 def _add_joint(
@@ -149,14 +198,14 @@ def _add_joint(
         SubElement(joint, "dynamics", damping=repr(float(damping)), friction=repr(float(coulomb)))
 
 
-def _add_origin(joint: Element, pose: Pose) -> None:
+def _add_origin(element: Element, pose: Pose) -> None:
     R = pose.rotation
     along = hypot(R[0, 0], R[1, 0])
     pitch = atan2(-R[2, 0], along)
     # at a pitch of a quarter turn roll and yaw turn about one axis: all of it is given to roll
     roll = atan2(R[2, 1], R[2, 2]) if along > 1e-9 else atan2(-R[1, 2], R[1, 1])
     yaw = atan2(R[1, 0], R[0, 0]) if along > 1e-9 else 0.0
-    SubElement(joint, "origin", xyz=_text(pose.position), rpy=_text(np.array([roll, pitch, yaw])))
+    SubElement(element, "origin", xyz=_text(pose.position), rpy=_text(np.array([roll, pitch, yaw])))
 
 
 def _text(vector: Floats) -> str:
