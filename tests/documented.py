@@ -72,6 +72,7 @@ def said_in_text() -> list[tuple[str, str]]:
         (page.relative_to(ROOT).as_posix(), " ".join(line.split()))
         for page in PAGES
         for line in re.findall(r"(?<!`)`catenary ([^`]+)`(?!`)", page.read_text())
+        if " needs " not in line  # a message
     ]
 
 

@@ -97,16 +97,15 @@ def test_every_command_on_the_pages_is_one_that_the_parser_takes() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        "gravity",
         "fit LOG --no-such-option",
-        "identify LOG.npz",
+        "identify LOG.npz --robot",
         "gravity raven2 --q",
         "nothing ROBOT",
         "random --seconds ten",
     ],
 )
 def test_a_command_that_the_parser_refuses_is_found(wrong: str) -> None:
-    assert complaint(shlex.split(wrong)) is not None or len(shlex.split(wrong)) == 1
+    assert complaint(shlex.split(wrong)) is not None
 
 
 def test_every_command_in_a_block_stands_behind_a_dollar_sign() -> None:
@@ -115,7 +114,8 @@ def test_every_command_in_a_block_stands_behind_a_dollar_sign() -> None:
         for block in BLOCKS
         if block.language in ("", "bash", "console")
         for line in block.text.splitlines()
-        if re.match(r"\s*(catenary|python3?|make|pip|ssh|export|apt) (?=\S)", line)
+        if "  " not in line.strip().partition(" #")[0]  # a screen
+        and re.match(r"\s*(catenary|python3?|make|pip|ssh|export|apt) (?=\S)", line)
     ]
     assert bare == []
 
@@ -125,11 +125,10 @@ def test_a_block_is_read_with_its_marks_its_place_and_what_it_prints() -> None:
         "A\n\n<!-- given: a.npz, b.npz -->\n<!-- not run: a robot -->\n\n   ```\n   $ catenary home \\\n     --ros 1\n   done\n   ```\n"
         "\n```python\nprint(1)\n```\n\n```text\n1\n```\n"
     )
-    first, second, third = blocks_of(text, "page.md")
+    first, second = blocks_of(text, "page.md")
     assert first.commands == [("catenary home --ros 1", ["done"])]
     assert (first.line, first.not_run, first.given) == (6, "a robot", ("a.npz", "b.npz"))
     assert (second.text, second.printed, second.not_run) == ("print(1)\n", "1\n", None)
-    assert third.language == "text"
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,8 @@
-import os
 import re
-import subprocess
-import sys
 import tomllib
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
-from shutil import copytree
 from urllib.parse import unquote, urlsplit
 
 import pytest
@@ -39,23 +35,6 @@ class Page(HTMLParser):
         if tag == "a" and values.get("href"):
             self.links.append(str(values["href"]))
         self.loads += re.findall(r"url\(([^)]*)\)", values.get("style") or "")
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the site as `make docs` does, elsewhere, with every way to another machine closed."""
-    folder = tmp_path_factory.mktemp("site")
-    copytree(ROOT / "docs", folder / "docs")
-    for name in ("website", "src"):
-        (folder / name).symlink_to(ROOT / name)
-    (folder / CONFIG.name).write_text(CONFIG.read_text())
-    closed = {f"{name}_proxy": "http://127.0.0.1:9" for name in ("http", "https", "all")}
-    ended = subprocess.run(
-        [sys.executable, "-m", "zensical", "build", "--strict"],
-        cwd=folder, env={**os.environ, **closed}, capture_output=True, text=True,
-    )  # fmt: skip
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    return folder / "build" / "site"
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,30 @@
+"""How a page begins and ends, and that a page holds the words by which people search."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[1] / "docs"
+GENERATED = {"public-robots"}  # by python -m tests.descriptions
+PAGES = [
+    page for page in sorted(DOCS.rglob("*.md")) if page.stem not in GENERATED and page.parent.name != "api"
+]
+SEARCHED = [
+    "sign of gravity", "degrees", "not homed", "outside the valid range", "mount the sensor", "export to C",
+    "my bag", "which model", "how to cite",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_begins_with_what_it_is_for_and_ends_with_what_to_read_next(page: Path) -> None:
+    title, first, *_, last = page.read_text().strip().split("\n\n")
+    assert re.match(r"# \S", title)
+    assert re.match(r"[A-Z`*]", first), "a sentence, not a table or a block"
+    assert re.match(r"(\*\*Read next:\*\*|Next:) .*\]\(", last)
+
+
+@pytest.mark.parametrize("words", SEARCHED)
+def test_words_that_people_search_stand_on_a_page(words: str) -> None:
+    texts = [page.read_text() for page in [DOCS.parent / "README.md", *DOCS.rglob("*.md")]]
+    assert any(words.lower() in " ".join(text.lower().split()) for text in texts)

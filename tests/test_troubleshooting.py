@@ -1,0 +1,98 @@
+"""The page of messages: every error class is on it, and what it quotes is what is printed."""
+
+import inspect
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catenary import errors
+from command_line import catenary
+
+PAGE = (Path(__file__).parents[1] / "docs" / "troubleshooting.md").read_text()
+# command and what is quoted of its output
+QUOTED = re.findall(r"^```text\n\$ catenary (.*)\n((?:(?!```).*\n)+)```", PAGE, re.MULTILINE)
+# they simulate or fit first, which takes seconds
+SLOW = ("goto", "evaluate arm.npz far", "evaluate arm.npz good")
+MODEL_NEEDED = ("evaluate arm.npz", "payload")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files that the quoted commands name."""
+    path = tmp_path_factory.mktemp("messages")
+    t = np.linspace(0.0, 60.0, 1800)
+    q = np.column_stack([np.sin(t), 0.5 * np.cos(1.7 * t), 0.1 + 0.05 * np.sin(0.5 * t)])
+    seen = q + np.column_stack([0.02 * q[:, 1], 0.05 * q[:, 0], 0.001 * q[:, 0]])
+
+    def write(name: str, q_des: np.ndarray, q_act: np.ndarray) -> None:
+        rows = len(q_des)
+        np.savez(path / name, q_des=q_des, q_act=q_act, ok=np.ones(rows, dtype=bool), t=t[:rows])
+
+    hole = seen.copy()
+    hole[3, 0] = np.nan
+    write("good.npz", q, seen)
+    write("far.npz", 1.8 * q, 1.8 * seen)
+    write("swapped.npz", q, seen[:, [1, 0, 2]])
+    write("degrees.npz", np.rad2deg(q), np.rad2deg(seen))
+    write("four.npz", q[:, [0, 1, 2, 0]], seen[:, [0, 1, 2, 0]])
+    write("nan.npz", q, hole)
+    write("short.npz", q[:20], seen[:20])
+    (path / "notes.csv").write_text("hello\nworld\n")
+    (path / "arm.toml").write_text('name = "a"\nconvention = "modified"\nsource = ["x"]\n')
+    ends = '<parent link="base"/><child link="rod"/>'
+    links = '<link name="base"/><link name="rod"/>'
+    floating = f'<robot name="f">{links}<joint name="j" type="floating">{ends}</joint></robot>'
+    swing = f'<joint name="j" type="continuous">{ends}<axis xyz="0 1 0"/></joint>'
+    (path / "floating.urdf").write_text(floating)
+    (path / "no_mass.urdf").write_text(f'<robot name="no_mass">{links}{swing}</robot>')
+    return path
+
+
+def _line_pattern(line: str) -> str:
+    """Return what a quoted line stands for: numbers may differ, three dots are anything."""
+    numbers = re.sub(r"\d+(\\\.\d+)?", r"[\\d.]+", re.escape(line))
+    return numbers.replace(r"\.\.\.", ".*")
+
+
+@pytest.mark.parametrize(
+    ("command", "quoted"),
+    [
+        pytest.param(*one, id=one[0], marks=[pytest.mark.slow] if one[0].startswith(SLOW) else [])
+        for one in QUOTED
+    ],
+)
+def test_a_quoted_message_is_what_the_command_prints(
+    command: str, quoted: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:11999")  # where nobody listens
+    if command == "monitor --ros 1":
+        pytest.importorskip("rospy", reason="rospy says first that it is not installed")
+    if command.startswith(MODEL_NEEDED) and not Path("arm.npz").exists():
+        assert catenary("fit", "good.npz", "--model", "linear", "--out", "arm.npz").code == 0
+    printed = catenary(*command.split())
+    assert printed.code in (0, 2)
+    for line in quoted.splitlines():
+        assert re.search(f"^{_line_pattern(line)}", printed.err, re.MULTILINE), (line, printed.err)
+
+
+def test_every_error_class_is_on_the_page() -> None:
+    classes = {
+        name for name, one in inspect.getmembers(errors, inspect.isclass) if issubclass(one, Exception)
+    }
+    assert set(re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE)) == classes
+    assert len(classes) > 15
+    assert len(QUOTED) >= 20
+
+
+def test_messages_of_a_robot_that_is_not_ready_are_on_the_page() -> None:
+    source = inspect.getsource(__import__("catenary.plant").plant)
+    assert "the robot is not homed: its joint positions mean nothing yet; nothing has moved" in source
+    for said in (
+        "the robot is not homed: its joint positions mean nothing yet; nothing has moved",
+        "expected ENABLED; nothing has moved",
+    ):
+        assert said in PAGE
+        assert said in source
