@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from catenary import errors
+from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.plant import OperatingState, require_ready
+from catenary.workflows.project.lock import FolderLock
 from command_line import catenary
 
 PAGE = (Path(__file__).parents[1] / "docs" / "troubleshooting.md").read_text()
@@ -51,8 +54,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _line_pattern(line: str) -> str:
-    """Return what a quoted line stands for: numbers may differ, three dots are anything."""
-    numbers = re.sub(r"\d+(\\\.\d+)?", r"[\\d.]+", re.escape(line))
+    """Return what a quoted line stands for: numbers and their signs may differ, three dots are anything."""
+    numbers = re.sub(r"(\\-)?\d+(\\\.\d+)?", r"-?[\\d.]+", re.escape(line))
     return numbers.replace(r"\.\.\.", ".*")
 
 
@@ -69,7 +72,10 @@ def test_a_quoted_message_is_what_the_command_prints(
     monkeypatch.chdir(folder)
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:11999")  # where nobody listens
     if command == "monitor --ros 1":
-        pytest.importorskip("rospy", reason="rospy says first that it is not installed")
+        try:
+            make_rospy_importable()
+        except errors.MissingPackageError as error:
+            pytest.skip(str(error))
     if command.startswith(MODEL_NEEDED) and not Path("arm.npz").exists():
         assert catenary("fit", "good.npz", "--model", "linear", "--out", "arm.npz").code == 0
     printed = catenary(*command.split())
@@ -87,12 +93,26 @@ def test_every_error_class_is_on_the_page() -> None:
     assert len(QUOTED) >= 20
 
 
-def test_messages_of_a_robot_that_is_not_ready_are_on_the_page() -> None:
-    source = inspect.getsource(__import__("catenary.plant").plant)
-    assert "the robot is not homed: its joint positions mean nothing yet; nothing has moved" in source
-    for said in (
-        "the robot is not homed: its joint positions mean nothing yet; nothing has moved",
-        "expected ENABLED; nothing has moved",
-    ):
-        assert said in PAGE
-        assert said in source
+class Robot:
+    """A robot in one operating state."""
+
+    supports = frozenset({"servo_jp"})
+
+    def __init__(self, state: OperatingState) -> None:
+        self.operating_state = lambda: state
+
+
+@pytest.mark.parametrize(
+    "state", [OperatingState("ENABLED", False, False), OperatingState("PAUSED", True, False)], ids=str
+)
+def test_what_a_robot_that_is_not_ready_says_is_on_the_page(state: OperatingState) -> None:
+    with pytest.raises(errors.NotReadyError) as refused:
+        require_ready(Robot(state), "servo_jp")  # type: ignore[arg-type]
+    assert f"`{refused.value}`" in PAGE
+
+
+def test_what_a_second_command_in_a_project_says_is_on_the_page(tmp_path: Path) -> None:
+    FolderLock(tmp_path).take()
+    with pytest.raises(errors.InUseError, match=r"has been writing in it since .*; wait until it ends"):
+        FolderLock(tmp_path).take()
+    assert "has been writing in it since TIME; wait until it ends" in " ".join(PAGE.split())

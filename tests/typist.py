@@ -56,8 +56,8 @@ class Typist:
 
         until(is_so, every=0.04)
 
-    def wait_for(self, text: bytes, seconds: float = 2.0 * PATIENCE) -> None:
-        """Read until something was shown."""
+    def wait_for(self, text: bytes, seconds: float = 4.0 * PATIENCE) -> None:
+        """Read until something was shown; what is compiled before takes minutes on a machine that is busy."""
         end = time.monotonic() + seconds
         while text not in self.seen:
             assert time.monotonic() < end, self.seen[-2000:]

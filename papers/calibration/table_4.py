@@ -138,6 +138,9 @@ CLAIMS = (
         "hour 0, same recordings, mean over robots: below on all three axes for both; same direction: on more than "
         "half of the six",
         lambda outcomes: _below_process(outcomes, (NETWORK, "linear")),
+        why="the paper compares with a number from another recording; on the same one the process, which chooses a "
+        "length for every input, is held back less than the paper's network by its fixed penalty. Our network, whose "
+        "penalty is chosen on the data, is below it on all three axes",
     ),
 )
 

@@ -138,6 +138,14 @@ def state_in_words(plant: Plant, state: OperatingState) -> str:
     return f"FAULT ({why})" if why else state.state
 
 
+# what a person does about a robot that does not move
+_WAYS_TO_ENABLED = {
+    "PAUSED": ". Its pedal resumes it, or the state command resume (R in catenary teleop)",
+    "DISABLED": ". Its start button enables it, or the state command enable (E in catenary teleop)",
+    "FAULT": ". See to the reason, then enable it anew",
+}
+
+
 def require_ready(plant: Plant, verb: str) -> None:
     """Refuse a robot that must not be moved, or that lacks the verb by which it would be.
 
@@ -153,6 +161,7 @@ def require_ready(plant: Plant, verb: str) -> None:
     if state.state != "ENABLED":
         raise NotReadyError(
             f"the robot is {state_in_words(plant, state)}, expected ENABLED; nothing has moved"
+            f"{_WAYS_TO_ENABLED.get(state.state, '')}"
         )
     if not state.is_homed:
         raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing has moved")

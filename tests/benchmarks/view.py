@@ -32,17 +32,26 @@ CASES = {"no view": None, "no browser": 0, "one browser": 1, "ten browsers": 10,
 EVERY = 40  # ticks between two states
 
 
-def read_pages(url: str, count: int, slow: bool) -> None:
-    """Connect as browsers do, and read until this process is ended."""
+CAMERA = {  # a browser is one that looks once it has said where its camera stands
+    "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (1.0, 1.0, 1.0), "fov": 0.9, "near": 0.01,
+    "far": 100.0, "image_height": 600, "image_width": 800, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0),
+}  # fmt: skip
+
+
+def read_pages(url: str, count: int, slow: bool, received: Any) -> None:
+    """Connect as browsers do, and read until this process is ended; `received` counts bytes."""
+    import msgspec
     import viser
     from websockets.sync.client import connect
 
     address, protocol = url.replace("http", "ws"), f"viser-v{viser.__version__}"
     clients = [connect(address, subprotocols=[protocol], max_size=None) for _ in range(count)]  # type: ignore[list-item]
+    for client in clients:
+        client.send(msgspec.msgpack.encode(CAMERA))
     while True:
         for client in clients:
             try:
-                client.recv(timeout=0.01)
+                received.value += len(client.recv(timeout=0.01))
                 if slow:
                     time.sleep(2.0)
             except TimeoutError:
@@ -67,7 +76,7 @@ def processor_time(pid: int) -> float:
 
 
 @contextmanager
-def beside(browsers: int | None) -> Iterator[PageProcess | None]:
+def beside(browsers: int | None, received: Any) -> Iterator[PageProcess | None]:
     """A page with so many browsers; None for none at all, -1 for a slow one."""
     if browsers is None:
         yield None
@@ -77,9 +86,13 @@ def beside(browsers: int | None) -> Iterator[PageProcess | None]:
     with PageProcess(port=18200) as page:
         url = page.open(Shown("benchmark", model, arm_shapes(model), legend=legend))
         context = multiprocessing.get_context("spawn")
-        reader = context.Process(target=read_pages, args=(url, abs(browsers), browsers < 0), daemon=True)
+        reader = context.Process(
+            target=read_pages, args=(url, abs(browsers), browsers < 0, received), daemon=True
+        )
         if browsers:
             reader.start()
+            while not received.value and reader.is_alive():
+                time.sleep(0.1)
             time.sleep(4.0)
         try:
             yield page
@@ -94,7 +107,8 @@ def measure(browsers: int | None, seconds: float) -> dict[str, Any]:
     arm = simulated_arm("raven2")
     controller = make_controller("dg", arm)
     motion, _ = with_approach(arm, random_sinusoids(np.random.default_rng(0), 60.0), 0.0)
-    with beside(browsers) as page:
+    received = multiprocessing.get_context("spawn").Value("q", 0)
+    with beside(browsers, received) as page:
         puts: list[float] = []
 
         def observe(tick: Tick) -> None:
@@ -104,7 +118,7 @@ def measure(browsers: int | None, seconds: float) -> dict[str, Any]:
                 page.put(state)
                 puts.append(time.perf_counter() - begin)
 
-        before = 0.0 if page is None else processor_time(page.pid)
+        before, received.value = 0.0 if page is None else processor_time(page.pid), 0
         begin = time.perf_counter()
         report = run_loop(
             arm.plant,
@@ -115,7 +129,7 @@ def measure(browsers: int | None, seconds: float) -> dict[str, Any]:
             duration=seconds,
             real_time=True,
         )
-        took = time.perf_counter() - begin
+        took, read = time.perf_counter() - begin, received.value
         share = None if page is None else (processor_time(page.pid) - before) / took
     compute = report.compute
     return {
@@ -124,6 +138,7 @@ def measure(browsers: int | None, seconds: float) -> dict[str, Any]:
         "compute_us": None if compute is None else compute.in_us(),
         "put_us": float(np.median(puts)) * 1e6 if puts else None,
         "share_of_a_core": share,
+        "kilobytes_a_second": read / took / 1e3 / max(1, abs(browsers or 0)),
     }
 
 
@@ -138,7 +153,7 @@ def main() -> None:
         for name, browsers in CASES.items():
             found[name].append(measure(browsers, options.seconds))
     print(
-        f"{'beside the loop':18} {'overruns of ticks':>24} {'compute p99.9 us':>18} {'put us':>8} {'of a core':>10}"
+        f"{'beside the loop':18} {'overruns of ticks':>24} {'compute p99.9 us':>18} {'put us':>8} {'of a core':>10} {'kB/s each':>10}"
     )
     for name, runs in found.items():
         overruns, ticks = sum(run["overruns"] for run in runs), sum(run["ticks"] for run in runs)
@@ -147,7 +162,10 @@ def main() -> None:
         share = np.median(
             [np.nan if run["share_of_a_core"] is None else run["share_of_a_core"] for run in runs]
         )
-        print(f"{name:18} {overruns:>12} of {ticks:>8} {slowest:>18.0f} {put:>8.0f} {share:>10.2f}")
+        read = np.median([run["kilobytes_a_second"] for run in runs])
+        print(
+            f"{name:18} {overruns:>12} of {ticks:>8} {slowest:>18.0f} {put:>8.0f} {share:>10.2f} {read:>10.0f}"
+        )
     if options.json:
         options.json.parent.mkdir(parents=True, exist_ok=True)
         options.json.write_text(json_text(found))

@@ -4,6 +4,7 @@ import sys
 import pytest
 
 from catenary import __version__
+from catenary.cli.commands import Commands
 from command_line import catenary
 
 COMMANDS = [
@@ -43,6 +44,16 @@ def test_h_is_help(command: tuple[str, ...]) -> None:
     assert short.code == 0
     assert short.out == catenary(*command, "--help").out
     assert "-h, --help" in short.out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_default_is_read_as_what_is_typed(command: str) -> None:
+    asked = Commands()[command]
+    context = asked.make_context(command, [], resilient_parsing=True)
+    for option in asked.params:
+        default = option.get_default(context)
+        if default is not None:
+            option.process_value(context, default)
 
 
 def test_help_shows_defaults_that_are_settled_later() -> None:

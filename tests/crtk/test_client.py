@@ -98,6 +98,23 @@ def test_silent_robot_is_refused() -> None:
         client.servo_jp(START)
 
 
+def test_what_waits_when_a_silence_seems_to_begin_is_let_in_first() -> None:
+    """A program that stood still, and whose receiver did, is no robot that is silent."""
+    setup, client = connected(ideal(), stale_after=0.1)
+    setup.robot.silent = True
+    setup.clock.sleep(0.11)
+    setup.robot.silent = False
+    client.measured_js()
+    assert client.age < 0.1
+    setup.robot.silent = True
+    setup.clock.sleep(0.11)
+    begin = setup.transport.steady()
+    for _ in range(5):  # it waits once, not each time
+        with pytest.raises(TransportError, match="nothing has come"):
+            client.measured_js()
+    assert setup.transport.steady() - begin <= 0.026 * 1e9
+
+
 def test_stamps_increase_while_the_clock_stands_still() -> None:
     setup, client = connected(ideal())
     listener = Loopback("listener", setup.network)

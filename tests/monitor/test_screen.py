@@ -66,14 +66,24 @@ def test_a_joint_outside_the_valid_range_is_marked() -> None:
 
 def test_only_warnings_are_coloured() -> None:
     lines = monitor_lines("raven2", sample(late=4), colour=True)
-    assert [line for line in lines if "\x1b" in line] == ["\x1b[31m! 4 ticks late within 1 s\x1b[0m"]
+    assert [line for line in lines if "\x1b" in line] == [
+        "\x1b[31m! 4 ticks of this program late within 1 s\x1b[0m"
+    ]
+
+
+def test_why_a_robot_is_in_fault_is_not_cut_off() -> None:
+    why = "the software e-stop tripped: a motor's command was too large, and the next one larger still"
+    lines = monitor_lines("raven2", sample(operating=OperatingState("FAULT", True, False), fault=why))
+    assert " ".join(f"! the robot is in FAULT: {why}".split()) in " ".join(" ".join(lines).split())
+    assert max(map(len, lines)) <= 80
+    assert len(lines) == 24
 
 
 def test_a_pipe_gets_one_line() -> None:
     line = plain_line(sample(late=4))
     assert "\n" not in line
     assert "shoulder=30.00deg" in line
-    assert "4 ticks late" in line
+    assert "4 ticks of this program late" in line
 
 
 def test_a_line_tells_calibrated_and_measured_joints_where_there_are_any() -> None:

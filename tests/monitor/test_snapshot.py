@@ -19,10 +19,11 @@ FINE = Snapshot(
         ({"q": np.array([0.99, 0.1])}, "near a limit: a"),
         ({"q": np.array([0.5, 0.197])}, "near a limit: b"),
         ({"gravity_age": 0.5}, "gravity is 0.50 s old"),
-        ({"operating": OperatingState("FAULT", True, False)}, "FAULT"),
+        ({"operating": OperatingState("FAULT", True, False)}, "FAULT: it does not say why"),
+        ({"operating": OperatingState("FAULT", True, False), "fault": "a cable"}, "FAULT: a cable"),
         ({"operating": OperatingState("DISABLED", False, False)}, "not homed"),
         ({"inside": np.array([True, False])}, "valid range: b"),
-        ({"late": 3}, "3 ticks late"),
+        ({"late": 3}, "3 ticks of this program late"),
         ({"silent": "nothing has come for 0.4 s"}, "stale: nothing"),
     ],
 )

@@ -155,4 +155,4 @@ def ideal_robot(
     """A robot of the catalogue without physics, at q."""
     model = load_robot(name)
     joints = {key: getattr(model, key) for key in ("joint_names", "joint_units", "lower", "upper")}
-    return OperatedRobot(name, kind(q, **joints, **options), model, lambda: 0)  # type: ignore[arg-type]
+    return OperatedRobot(name, kind(q, **{**joints, **options}), model, lambda: 0)  # type: ignore[arg-type]

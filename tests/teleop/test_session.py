@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from catenary.errors import TransportError
+from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
 from catenary.teleop.session import TeleopSession
 from oracles.ideal_plant import IdealPlant
@@ -101,6 +102,27 @@ def test_a_silent_robot_is_told_of_and_teleop_goes_on() -> None:
     why, terminal = run(plant, {600: b"Q"})
     assert why == "quit"
     assert any("nothing has come" in line for lines in terminal.drawn for line in lines)
+
+
+def test_why_a_robot_is_in_fault_is_shown_whole_also_where_it_is_heard_later() -> None:
+    why = "the software e-stop tripped: a motor's command was too large, and the next one larger still"
+
+    class Faulty(IdealPlant):
+        fault_reason = ""
+
+        def wait(self):
+            super().wait()
+            if self.ticks == 100:
+                self.state = OperatingState("FAULT", True, False)
+            if self.ticks == 200:
+                self.fault_reason = why
+
+    model = load_robot("raven2")
+    _, terminal = run(
+        Faulty(START, joint_names=model.joint_names, joint_units=model.joint_units), {600: b"Q"}
+    )
+    shown = " ".join(" ".join(terminal.drawn[-1]).split())
+    assert f"the robot is FAULT ({why}), homed" in shown
 
 
 def test_ctrl_z_holds_the_robot_before_the_process_stops() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from catenary.nodes.deploy import CalibratedTopics, WireReport
     from catenary.workflows.project.folder import Project
     from catenary.workflows.project.robot import ProjectRobot
+    from catenary.workflows.robot.topic_recorder import RecordedTopics
 
 
 @dataclass(frozen=True)
@@ -90,31 +91,35 @@ def record_others(
     ros: int,
     simulated: bool,
     progress: Callable[[float], None],
-) -> list[dict[str, Any]]:
+) -> "RecordedTopics":
     """Record a robot that somebody else moves."""
     from catenary.crtk.node_name import node_name
     from catenary.recording.journal import About
     from catenary.workflows.project.kinds import kind_of
-    from catenary.workflows.robot.topic_recorder import TopicCount, record_topics
+    from catenary.workflows.robot.topic_recorder import record_topics
 
     kind = kind_of(project.settings)
     topics = kind.topics
-    folder, counts = project.folder / "recordings" / name, list[TopicCount]()
+    folder = project.folder / "recordings" / name
+    recorded: list[RecordedTopics] = []
     if any(folder.glob("*")):
         raise InputError(f"{folder}: holds a recording already; give this one another --name")
     about = About(robot=kind.recorded_as, simulated=simulated, configuration={"motion": "not ours"})
 
     def work() -> None:
         with ros_transport(ros, node_name("record")) as transport:
-            counts[:] = record_topics(
-                transport, folder, topics, seconds, about=about, progress=progress,
-                required=[topic.name for topic in kind.required],
+            recorded.append(
+                record_topics(
+                    transport, folder, topics, seconds, about=about, progress=progress,
+                    required=[topic.name for topic in kind.required],
+                )
             )  # fmt: skip
 
     motion = {"motion": "not ours", "seconds": seconds, "begun_ns": time.time_ns()}
     project.run(f"record {name}", motion, [folder], work)
-    print_notes([note for count in counts if (note := count.note()) is not None])
-    return [vars(count) for count in counts]
+    (ended,) = recorded
+    print_notes([note for count in ended.counts if (note := count.note()) is not None])
+    return ended
 
 
 def deploy_beside(

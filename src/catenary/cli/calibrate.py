@@ -6,6 +6,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
 from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
@@ -23,6 +24,7 @@ from catenary.cli.project_options import (
     open_project,
     require_project,
 )
+from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
 
@@ -55,7 +57,10 @@ def record(
     hours: Hours = None,
     name: Annotated[str, Option(help="Name of the recording.")] = "test",
     no_motion: Annotated[
-        bool, Option("--no-motion", help="With --ros: record the robot while somebody else moves it.")
+        bool,
+        Option(
+            "--no-motion", help="With --ros: record the robot while somebody else moves it; Ctrl-C ends it."
+        ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -91,12 +96,16 @@ def _record_others(project: Path, access: RobotAccess, hours: float | None, name
         if not 0.0 < seconds < float("inf"):
             raise InputError(f"--hours: expected more than 0, got {hours}")
         with _progress("record") as progress:
-            topics = record_others(
+            recorded = record_others(
                 opened, name, seconds, ros=int(connection.removeprefix("ros")), simulated=access.simulated,
                 progress=progress,
             )  # fmt: skip
-        what = f"recorded {seconds:.0f} s as {name}"
-        _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
+        ended_by = recorded.ended_by
+        what = f"recorded {recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
+        content = {"seconds": recorded.seconds, "ended_by": ended_by or None}
+        _say(opened, what, True, as_json, {**content, "topics": [vars(count) for count in recorded.counts]})
+    if ended_by and hours is not None:  # it was to last as long
+        raise typer.Exit(exit_code(ended_by))
 
 
 def extract(

@@ -45,17 +45,13 @@ class FileKind:
     is_one: Callable[[Path], bool]  # whether an existing file is one
 
 
-def out_path(text: str | Path) -> Path:
-    """Return the file that --out and its like name.
-
-    Args:
-        text: What was typed, or the option's own default, which newer versions of typer pass through here as well.
+def out_path(typed: str | Path) -> Path:
+    """Return the file that --out and its like name; a default, which typer hands over as it is, stays.
 
     Raises:
         BadParameter: No name, or one that looks like another option.
     """
-    if isinstance(text, Path):
-        return text
+    text = str(typed)
     if not text.strip():
         raise BadParameter("expected the name of a file, got an empty one")
     if text == "-":

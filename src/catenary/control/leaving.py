@@ -1,17 +1,15 @@
 """How a loop leaves a robot: holding by its firmware, or without torque and paused."""
 
 import contextlib
-import logging
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import InputError, NotFiniteError, RobotHeldError
+from catenary.errors import CatenaryError, InputError, NotFiniteError, RobotHeldError
 from catenary.plant import Plant
 
 GIVE_UP_AFTER = 20  # ticks in a row
-_log = logging.getLogger(__name__)
 
 
 class FiniteTicks:
@@ -106,8 +104,8 @@ def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
         try:
             action()
         except BaseException as another:
-            error.add_note(f"{name} the robot failed: {another!r}")
-            _log.error("%s the robot failed: %r", name, another)
+            why = str(another) if isinstance(another, CatenaryError) else repr(another)
+            error.add_note(f"{name} the robot failed: {why}")
 
 
 def _not_finite(tau: Floats, n: int) -> np.ndarray:

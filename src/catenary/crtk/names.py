@@ -120,9 +120,9 @@ def _raven() -> Iterator[CrtkTopic]:
 RAVEN = tuple(_raven())
 
 
-def calibrated_namespace(arm: Arm) -> str:
-    """Return what is in front of the topics of an arm's deployed calibration model."""
-    return f"{NAMESPACES[arm]}/calibrated"
+def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
+    """Return what is in front of the topics of an arm's deployed calibration model; its namespace's, if it has one."""
+    return f"{NAMESPACES[arm] if namespace is None else '/' + namespace.strip('/')}/calibrated"
 
 
 def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]:
@@ -185,7 +185,10 @@ def _listed(dialect: Dialect, arm: Arm | None, namespace: str | None) -> tuple[C
     if namespace is None:
         return topics(dialect)
     if dialect == "raven":
-        raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
+        raise InputError(
+            f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
+            "the dialect crtk has one"
+        )
     return crtk_topics(namespace, arm)
 
 

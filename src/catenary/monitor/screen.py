@@ -1,5 +1,7 @@
 """A robot's state as lines of a fixed size: every number keeps its place, so nothing jumps."""
 
+from textwrap import wrap
+
 import numpy as np
 
 from catenary.arrays import Floats
@@ -50,7 +52,8 @@ def monitor_lines(
         shown.append(_fit(tip_line(shot), columns))
     warnings = shot.warnings()
     shown += [_fit(shot.recording, columns), ""] if shot.recording is not None else [""]
-    shown += [_warned(_fit(f"! {text}", columns), colour) for text in warnings] or ["no warnings"]
+    told = [line for text in warnings for line in _folded(f"! {text}", columns)]
+    shown += [_warned(line, colour) for line in told] or ["no warnings"]
     last = _fit("Q quit", columns)
     shown = shown[: max(0, lines - 1)]
     shown += [""] * (lines - 1 - len(shown)) + [last]
@@ -143,6 +146,11 @@ def _gravity(shot: Snapshot) -> str:
 
 def _left_right(left: str, right: str, columns: int) -> str:
     return left + " " * max(2, columns - len(left) - len(right)) + right
+
+
+def _folded(text: str, columns: int) -> list[str]:
+    """Return a text as lines: why a robot is in FAULT is not cut off."""
+    return wrap(visible(text.replace("\n", " ")), max(8, columns), subsequent_indent="  ")
 
 
 def _fit(text: str, columns: int) -> str:

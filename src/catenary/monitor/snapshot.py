@@ -32,6 +32,7 @@ class Snapshot(NamedTuple):
     gravity: Floats | None = None  # (3,) [m/s2] in the base frame
     gravity_age: float = np.inf  # [s]; inf: nominal
     operating: OperatingState | None = None
+    fault: str = ""  # why the robot is in FAULT; empty where it does not say
     lower: Floats | None = None
     upper: Floats | None = None
     rate_hz: float | None = None  # at which states come
@@ -55,7 +56,7 @@ class Snapshot(NamedTuple):
             found.append(f"stale: {self.silent}")
         if self.operating is not None:
             if self.operating.state == "FAULT":
-                found.append("the robot is in FAULT")
+                found.append(f"the robot is in FAULT: {self.fault or 'it does not say why'}")
             if not self.operating.is_homed and not self.operating.is_busy:
                 found.append("not homed: joint positions mean nothing")
         if np.isfinite(self.gravity_age) and self.gravity_age > STALE_GRAVITY:
@@ -69,7 +70,7 @@ class Snapshot(NamedTuple):
         if near:
             found.append(f"near a limit: {', '.join(near)}")
         if self.late:
-            found.append(f"{self.late} ticks late within {WINDOW:g} s")
+            found.append(f"{self.late} ticks of this program late within {WINDOW:g} s")
         return found
 
     def _near_limits(self) -> list[str]:
@@ -96,6 +97,7 @@ class Snapshot(NamedTuple):
             "gravity": self.gravity,
             "gravity_age_s": self.gravity_age,
             "state": None if self.operating is None else self.operating._asdict(),
+            "fault": self.fault or None,
             "rate_hz": self.rate_hz,
             "late_ticks": self.late,
             "recording": self.recording,

@@ -118,9 +118,7 @@ class CalibratedTopics:
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
         self._places = [client.joint_names.index(name) for name in model.joint_names]
         kinematics, weight = _robots(client, gravity_torque=gravity_torque)
-        place = (
-            calibrated_namespace(client.arm) if client.namespace is None else f"{client.namespace}/calibrated"
-        )
+        place = calibrated_namespace(client.arm, client.namespace)
         self._publisher = CalibratedMessages(
             client.transport,
             place,

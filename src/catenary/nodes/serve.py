@@ -193,6 +193,14 @@ def _gravity_torque(name: str, n: int) -> GravityTorque:
     return compute
 
 
+def prepare(server: Server) -> None:
+    """Compile what is compiled on first use: half a minute, the first time on a machine."""
+    server.tick()
+    for arm in server.arms.values():
+        if arm.tool is not None:
+            arm.tool.prepare()
+
+
 def serve(
     server: Server,
     *,
@@ -216,10 +224,7 @@ def serve(
         Status over the whole run.
     """
     period = max(arm.plant.period for arm in server.arms.values())
-    server.tick()  # whatever is compiled on first use is compiled here
-    for arm in server.arms.values():
-        if arm.tool is not None:
-            arm.tool.prepare()
+    prepare(server)
     settled = RealTime(period)
     settled.begin()
     clock = time.perf_counter

@@ -1,6 +1,7 @@
 """The picture of teleop in a terminal: lines of a fixed size, 80 by 24 and up."""
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.teleop.motion import BACKWARD, FORWARD
 from catenary.visible import visible
 
-BAR = 24  # characters of a joint's range
+BAR = 20  # characters of a joint's range
 _HELP = (
     "E enable  D disable  P pause  R resume  H H home  Space hold  + - speed",
     "arrows: tip along x, y   page up/down: along z   ? keys   Q quit (pauses)",
@@ -48,19 +49,19 @@ def teleop_lines(view: View, columns: int = 80, lines: int = 24) -> list[str]:
     title = f"catenary teleop  {view.robot} ({what})  {state.state}{'' if state.is_homed else ', NOT HOMED'}"
     title += ", busy" if state.is_busy else ""
     shown = [title, f"speed x{view.speed:g}   {'moving' if view.is_moving else 'still'}", ""]
-    shown.append(f"{'keys':>4}  {'joint':<14}{'now':>11}{'set':>11}   range")
+    shown.append(f"{'keys':>4}  {'joint':<18}{'now':>11}{'set':>11}   range")
     joints, lower, upper = view.joints, view.joints.lower, view.joints.upper
     for j, (name, unit) in enumerate(zip(joints.joint_names, joints.joint_units, strict=True)):
         keys = f"{FORWARD[j]} {BACKWARD[j]}" if j < len(FORWARD) else ""
         mark = " LIMIT" if name in view.blocked else ""
         shown.append(
-            f"{keys:>4}  {name[:13]:<14}{_number(view.measured.q[j], unit):>11}{_number(view.setpoint[j], unit):>11}   "
+            f"{keys:>4}  {name[:17]:<18}{_number(view.measured.q[j], unit):>11}{_number(view.setpoint[j], unit):>11}   "
             f"{_bar(view.setpoint[j], lower[j], upper[j])}{mark}"
         )
     if view.tip is not None:
         x, y, z = 1e3 * view.tip
         shown += ["", f"tip  x {x:8.1f}  y {y:8.1f}  z {z:8.1f} mm, in the base frame"]
-    shown += ["", view.message]
+    shown += ["", *wrap(visible(view.message), max(8, columns))]
     if view.recording is not None:
         shown.append(view.recording)
     footer = [*(_MORE if view.with_help else ()), *_HELP]

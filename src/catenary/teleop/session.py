@@ -5,17 +5,14 @@ from typing import Protocol
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError
-from catenary.plant import OperatingState, Plant, StateCommand
+from catenary.plant import Plant
 from catenary.robots.model import RobotModel
+from catenary.teleop.driver import TeleopDriver
 from catenary.teleop.keys import KeyReader
-from catenary.teleop.motion import TeleopMotion
 from catenary.teleop.screen import View, teleop_lines
 
 DRAW = 0.05  # [s] between two pictures
-TWICE = 2.0  # [s] within which the key that homes comes a second time
-COMMANDS: dict[str, StateCommand] = {
-    "E": "enable", "D": "disable", "P": "pause", "R": "resume", "H": "home",
-}  # fmt: skip
+KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes it"}
 
 
 class Terminal(Protocol):
@@ -57,14 +54,16 @@ class TeleopSession:
         """
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
         self._observe = observe
-        self.motion = TeleopMotion(plant, model)
+        self._driver = TeleopDriver(plant, model, keys=KEYS, before_command=lambda: self._draw((), None))
         self._keys = KeyReader()
-        self.message = "hold a key to move"
         self._with_help = False
-        self._asked_home = -TWICE
         self._drawn = -DRAW
         self._quit = False
-        self._last_state = plant.operating_state()
+
+    @property
+    def message(self) -> str:
+        """What happened last, in words."""
+        return self._driver.message
 
     def run(self, clock: Callable[[], float]) -> str:
         """Run until somebody quits or the terminal ends, hold and pause the robot, and return why it ended."""
@@ -72,54 +71,25 @@ class TeleopSession:
         try:
             while not self._quit and self._terminal.ended is None:
                 if self._terminal.wants_suspension:
-                    self.hold()
+                    self._driver.hold()
                     self._terminal.suspend()
                 try:
                     self.tick(clock())
                 except CatenaryError as error:
-                    self.motion.stop()  # a robot that fell silent may come back; until then nothing is sent
-                    self.message = str(error)
+                    self._driver.fail(error)
                     self._show_message(clock())
             why = self._terminal.ended or why
         except KeyboardInterrupt:
             why = "Ctrl-C"
         finally:
-            self._leave()
+            self._driver.leave()
         return why
-
-    def _leave(self) -> None:
-        """Hold, then pause; `message` tells of a robot that cannot be reached any more."""
-        try:
-            self.hold()
-            if self.plant.operating_state().state == "ENABLED":
-                self.plant.state_command("pause")
-        except CatenaryError as error:
-            self.message = f"the robot was not paused: {error}"
-
-    def hold(self) -> None:
-        """Stop at the setpoint."""
-        self.motion.stop()
-        if _may_move(self.plant.operating_state()):
-            self.plant.servo_jp(self.plant.setpoint_js().q)
-            self.plant.wait()
 
     def tick(self, now: float) -> None:
         """Read keys, move the robot by a tick, show it."""
         for key in self._keys.feed(self._terminal.read(), now):
             self._take(key, now)
-        state = self.plant.operating_state()
-        if state != self._last_state:
-            self.message, self._last_state = _in_words(state), state
-        blocked: tuple[str, ...] = ()
-        if _may_move(state):
-            setpoint = self.plant.setpoint_js().q
-            goal, blocked = self.motion.step(setpoint, now, self.plant.period)
-            if goal is not None:
-                self.plant.servo_jp(goal)
-            if blocked:
-                self.message = f"at its limit: {', '.join(blocked)}"
-        else:
-            self.motion.stop()
+        blocked = self._driver.step(now)
         self.plant.wait()
         line = self._observe()
         if now - self._drawn >= DRAW:
@@ -131,33 +101,8 @@ class TeleopSession:
             self._quit = True
         elif key == "?":
             self._with_help = not self._with_help
-        elif key == " ":
-            self.hold()
-            self.message = "held"
-        elif key in COMMANDS:
-            self._command(COMMANDS[key], now)
-        elif self.motion.press(key, now):
-            if key in "+=-_":
-                self.message = f"speed x{self.motion.speed:g}"
-            elif not _may_move(self.plant.operating_state()):
-                self.message = f"does not move: {_in_words(self.plant.operating_state())}"
-        else:
-            self.message = f"{key}: does nothing; ? shows the keys"
-
-    def _command(self, command: StateCommand, now: float) -> None:
-        self.motion.stop()
-        if command == "home" and now - self._asked_home > TWICE:
-            self._asked_home = now
-            self.message = "home moves every joint against its stop: clear the workspace, then H again"
-            return
-        self._asked_home = -TWICE
-        self.message = f"{command} ..."
-        self._draw((), None)
-        try:
-            self.plant.state_command(command)
-            self.message = _in_words(self.plant.operating_state())
-        except CatenaryError as error:
-            self.message = str(error)
+        elif not self._driver.press(key, now):
+            self._driver.message = f"{key}: does nothing; ? shows the keys"
 
     def _show_message(self, now: float) -> None:
         """Show that the robot is silent, and let its tick pass."""
@@ -167,22 +112,13 @@ class TeleopSession:
         self.plant.wait()
 
     def _draw(self, blocked: tuple[str, ...], line: str | None) -> None:
-        plant = self.plant
+        plant, motion = self.plant, self._driver.motion
         measured = plant.measured_js()
         tip = None
         if self._model is not None:
             tip = forward_kinematics(self._model, measured.q[: self._model.n]).position
         view = View(
-            self._name, plant.simulated, plant.operating_state(), measured, plant.setpoint_js().q, self.motion.speed,
-            self.motion.is_moving, blocked, self.message, plant, tip, line, self._with_help,
+            self._name, plant.simulated, plant.operating_state(), measured, plant.setpoint_js().q, motion.speed,
+            motion.is_moving, blocked, self.message, plant, tip, line, self._with_help,
         )  # fmt: skip
         self._terminal.draw(teleop_lines(view, *self._terminal.size))
-
-
-def _may_move(state: OperatingState) -> bool:
-    return state.state == "ENABLED" and state.is_homed and not state.is_busy
-
-
-def _in_words(state: OperatingState) -> str:
-    homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
-    return f"the robot is {state.state}, {homed}"

@@ -57,7 +57,19 @@ class ButtonsControl:
     hint: str = ""
 
 
-Control = SliderControl | ChoiceControl | ToggleControl | ButtonsControl
+@dataclass(frozen=True)
+class HeldControl:
+    """A button that changes something for as long as it is held: a change comes HOLD_HZ times a second."""
+
+    name: str
+    label: str
+    hint: str = ""
+
+
+HOLD_HZ = 20.0  # as terminals repeat a key; a dead man's switch lets go at three that are missing
+NOBODY = Change("looked at", False)  # told when the last browser is gone
+
+Control = SliderControl | ChoiceControl | ToggleControl | ButtonsControl | HeldControl
 
 
 @dataclass(frozen=True)

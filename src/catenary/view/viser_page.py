@@ -9,11 +9,14 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import MissingPackageError
 from catenary.view.controls import (
+    HOLD_HZ,
+    NOBODY,
     ButtonsControl,
     Change,
     ChoiceControl,
     Control,
     ControlTab,
+    HeldControl,
     SliderControl,
 )
 from catenary.view.curves import Curves, Plot, RecordedCurves
@@ -64,6 +67,7 @@ class ViserPage:
         self._wanted = dict.fromkeys(ARMS, True)
         self._build_scene()
         self._build_panels()
+        self._server.on_client_disconnect(lambda _: None if self.clients else self._tell(NOBODY))
 
     @property
     def url(self) -> str:
@@ -247,6 +251,10 @@ class ViserPage:
         if isinstance(control, ButtonsControl):
             handle = gui.add_button_group(control.label, control.options, hint=hint)
             handle.on_click(lambda event: self._tell(Change(name, event.target.value)))
+            return handle
+        if isinstance(control, HeldControl):
+            handle = gui.add_button(control.label, hint=hint)
+            handle.on_hold(lambda _: self._tell(Change(name, True)), callback_hz=HOLD_HZ)
             return handle
         if isinstance(control, SliderControl):
             low, high, step = control.low, control.high, control.step

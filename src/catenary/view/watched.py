@@ -1,9 +1,11 @@
 """A robot beside which the view only shows: over ROS, read and never moved."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 
-from catenary.view.from_snapshot import view_state
+from catenary.monitor.snapshot import Snapshot
+from catenary.view.from_snapshot import state_in_words, view_state
 from catenary.view.page_like import StatePage
 from catenary.view.shapes import ArmShapes
 from catenary.view.shown import Shown
@@ -14,9 +16,16 @@ from catenary.workflows.robot.watch import watch_robot
 class WatchedArm:
     """A robot that is read, and a model beside it; without one, what `catenary deploy` publishes is taken."""
 
-    def __init__(self, robot: OperatedRobot, shapes: ArmShapes, model: Path | None = None) -> None:
+    def __init__(
+        self,
+        robot: OperatedRobot,
+        shapes: ArmShapes,
+        model: Path | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         """Take a robot in any state."""
-        self._robot, self._shapes, self._model = robot, shapes, model
+        self._robot, self._shapes, self._model, self._clock = robot, shapes, model, clock
 
     def shown(self, title: str) -> Shown:
         """Return what its page shows: nothing to drive it by."""
@@ -28,8 +37,17 @@ class WatchedArm:
     def run(self, page: StatePage, ended: Callable[[], bool] = lambda: False) -> None:
         """Show the robot until the page is gone or `ended` says so."""
         n, hertz = self._robot.model.n, 1.0 / self._robot.plant.period
-        for snapshot in watch_robot(self._robot, model=self._model):
-            page.changes()  # nothing here drives a robot
-            page.put(view_state(snapshot, n, nominal_hz=hertz))
+        watched = watch_robot(
+            self._robot, model=self._model, observe=lambda: self._tick(page), clock=self._clock
+        )
+        for snapshot in watched:
+            page.put(view_state(snapshot, n, nominal_hz=hertz, mode=self._mode(snapshot)))
             if ended() or not page.is_running:
                 return
+
+    def _tick(self, page: StatePage) -> None:
+        """Let the page's changes go: nothing here moves a robot."""
+        page.changes()
+
+    def _mode(self, snapshot: Snapshot) -> str:
+        return state_in_words(snapshot)

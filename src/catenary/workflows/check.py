@@ -126,14 +126,16 @@ def check_robot(model: RobotModel) -> FileReport:
         sources=model.sources,
     )
     found = FileReport("robot", facts)
-    if model.actuation is not None and model.missing_inertia == model.link_names:
-        # a table that states friction and filters but no inertia at all is there to be identified
+    if (
+        model.missing_inertia == model.link_names
+    ):  # nobody meant to give any, as of a catalogue's published lengths
+        to_be_identified = ", to be identified (catenary identify)" if model.actuation is not None else ""
         found.remarks.append(
-            "kinematics only, to be identified (catenary identify): torques and masses are refused until then"
+            f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused"
         )
     elif model.missing_inertia:
         found.faults.append(
-            f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, torques and masses are refused"
+            f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, gravity and torques are refused"
         )
     found.faults += list(model.doubts)
     unbound = [joint.name for joint in joints if joint.lower >= joint.upper]

@@ -1,5 +1,6 @@
 """What a recording suggests is proposed; what it leaves open is asked, never chosen in silence."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,31 @@ def test_columns_that_never_change_and_currents_are_set_aside_and_said(tmp_path:
     assert any("never changes" in said for said in proposal.decisions)
     assert any("needs a scale" in said for said in proposal.decisions)
     assert proposal.accepted().q_encoder is None
+
+
+@pytest.mark.parametrize(
+    ("names", "robot", "units", "is_open"),
+    [
+        (("shoulder", "elbow", "insertion"), None, ["rad", "rad", "mm"], False),  # by its name
+        (("j1", "j2", "j3"), None, ["rad", "rad", "mm"], True),  # angles are in rad, so this is none in deg
+        (("j1", "j2", "j3"), "raven2", ["rad", "rad", "mm"], False),  # by the limits of its third joint
+    ],
+)
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_a_slide_in_mm_among_angles_in_rad_is_told_by_its_range(
+    names: tuple[str, ...], robot: str | None, units: list[str], is_open: bool, scale: float, tmp_path: Path
+) -> None:
+    q = np.column_stack(
+        [0.5 + 0.2 * np.sin(T), 1.5 + 0.2 * np.cos(T), scale * (0.4 + 0.05 * np.sin(0.7 * T))]
+    )
+    messages: list[Message] = [
+        (t, "/joint_states", joint_state(names, row)) for t, row in zip(T, q, strict=True)
+    ]
+    bag = write_bag(tmp_path / "lab", "ros1", {"/joint_states": JOINT_STATE}, messages)
+    proposal = propose_mapping(bag, robot=robot)
+    expected = units if scale > 1.0 else ["rad", "rad", "m" if "insertion" in names or robot else "rad"]
+    assert f"units = {json.dumps(expected)}  # " in proposal.toml  # and how it was told
+    assert any("the units of q_nominal" in one for one in proposal.questions) == (is_open and scale > 1.0)
 
 
 def test_two_topics_that_may_both_be_the_encoder_are_asked(tmp_path: Path) -> None:

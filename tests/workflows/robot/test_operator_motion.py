@@ -95,6 +95,7 @@ def test_whatever_ends_a_motion_the_robot_is_paused(
     assert robot.plant.operating_state().state == "PAUSED"
     told = getattr(caught.value, "__notes__", [])
     assert ["holding the robot failed" in note for note in told] == [True] * (len(stops) - 1)
+    assert not any("TransportError(" in note for note in told)  # words, not Python
 
 
 def test_nobody_moves_a_robot_that_is_not_ready() -> None:

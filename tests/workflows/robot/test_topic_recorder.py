@@ -40,6 +40,18 @@ def journal(robot: RobotOnLoopback, tmp_path_factory: pytest.TempPathFactory) ->
     return folder
 
 
+def test_ctrl_c_ends_a_recording_properly(robot: RobotOnLoopback, tmp_path: Path) -> None:
+    def stop(share: float) -> None:
+        if 0.5 < share < 1.0:
+            raise KeyboardInterrupt("SIGTERM")
+
+    ended = record_topics(robot.transport, tmp_path / "cut", raven_topics(), 1.0, progress=stop)
+    assert ended.ended_by == "SIGTERM"
+    assert ended.seconds == pytest.approx(0.5, abs=0.1)
+    rows = next(count for count in ended.counts if count.name == "/ravenstate").kept
+    assert len(stamps(tmp_path / "cut", "/ravenstate")) == rows > 0
+
+
 def stamps(folder: Path, topic: str) -> Any:
     return np.array([stamp for _, stamp, _ in open_recording(folder).messages((topic,))])
 

@@ -1,3 +1,4 @@
+import threading
 from itertools import islice
 
 import numpy as np
@@ -5,11 +6,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.conversions import joint_state_message
-from catenary.crtk.loopback import Loopback
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
-from catenary.crtk.names import JOINT_STATE
-from catenary.errors import InputError
+from catenary.crtk.names import JOINT_STATE, Dialect
+from catenary.errors import InputError, TransportError
 from catenary.gravity.torque import gravity_torque
+from catenary.nodes.serve import Serving, make_server
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.workflows.robot.operated_robot import robot_over
@@ -17,7 +19,9 @@ from catenary.workflows.robot.operator_motion import random_motion
 from catenary.workflows.robot.watch import watch_log, watch_robot
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import EncodedPlant
-from oracles.ideal_plant import ideal_robot
+from oracles.ideal_plant import IdealPlant, ideal_robot
+from oracles.psm_arms import homed_psm
+from served_robot import ServedRobot
 
 START = np.array([0.8, 1.5, 0.4])
 
@@ -85,6 +89,74 @@ def test_a_recording_is_played_in_its_own_time_without_encoders_that_cannot_be_t
     assert np.isnan(samples[1].encoder).all()
     with pytest.raises(InputError, match="no time"):
         next(watch_log(log(time=None)))
+
+
+def test_a_robot_late_with_its_first_state_is_waited_for_a_while() -> None:
+    class Late(IdealPlant):
+        since = 3000
+
+        def measured_js(self):
+            if self.ticks < self.since:
+                raise TransportError("nothing has come from the robot")
+            return super().measured_js()
+
+    watched = ideal_robot(START, kind=Late)
+    assert next(watch_robot(watched, clock=Ticking())).silent is None
+    watched.plant.since, watched.plant.ticks = 100_000, 0
+    with pytest.raises(TransportError, match="nothing has come"):
+        next(watch_robot(watched, clock=Ticking()))
+
+
+@pytest.mark.parametrize("dialect", ["raven", "crtk"])
+def test_why_a_robot_is_in_fault_is_shown(dialect: Dialect) -> None:
+    served = ServedRobot(dialect)
+    sleep = served.clock.sleep
+
+    def ticking(seconds: float) -> None:
+        for _ in range(max(1, round(seconds * 1000))):
+            sleep(0.001)
+            served.server.tick()
+
+    served.clock.sleep = ticking
+    watched, reader = robot_over(Loopback("monitor", served.network), dialect=dialect, only_read=True)
+    with reader:
+        samples = watch_robot(watched, every=0.0)
+        assert next(samples).fault == ""
+        served.plant._set_state("FAULT", "a motor's command was too large")
+        told = list(islice(samples, 20))[-1]
+    assert "the robot is in FAULT: a motor's command was too large" in told.warnings()
+
+
+def test_a_model_deployed_beside_an_arm_with_a_namespace_is_shown_too() -> None:
+    network = LoopbackNetwork()
+    psm, other = homed_psm(), Loopback("deploy", network)
+    server = make_server(
+        Serving(robot="dvrk_psm", dialect="crtk"), Loopback("robot", network), plants={"PSM1": psm}
+    )
+    spinning = threading.Event()
+
+    def spin() -> None:
+        while not spinning.wait(0.001):
+            server.tick()
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        watched, reader = robot_over(Loopback("monitor", network), "dvrk_psm", only_read=True)
+        with reader:
+            positions = other.publisher("/PSM1/calibrated/measured_js", JOINT_STATE)
+            validity = other.publisher("/PSM1/calibrated/is_valid", "std_msgs/Bool")
+            samples = watch_robot(watched, every=0.0)
+            next(samples)
+            q = reader.measured_js().q + 0.01
+            positions.publish(joint_state_message(reader.joint_names, 1, q))
+            validity.publish(message_class("std_msgs/Bool")(False))
+            shown = next(samples)
+    finally:
+        spinning.set()
+        thread.join()
+    assert_allclose(shown.calibrated, q)
+    assert shown.inside.tolist() == [False] * 6
 
 
 def test_joints_that_a_model_deployed_beside_calibrates_are_shown() -> None:

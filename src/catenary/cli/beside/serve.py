@@ -18,7 +18,7 @@ from catenary.cli.options import (
     SimulatedSeed,
     robots_beginning,
 )
-from catenary.cli.terminal import base_tilt, print_json, print_json_line, print_notes
+from catenary.cli.terminal import announce, base_tilt, print_json, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def serve(
     from catenary.crtk.network import make_transport
     from catenary.crtk.node_name import node_name
     from catenary.crtk.serving.server import whole_numbers
-    from catenary.nodes.serve import Serving, make_server
+    from catenary.nodes.serve import Serving, make_server, prepare
     from catenary.nodes.serve import serve as run
 
     is_raven = robot == "raven2"
@@ -114,6 +114,8 @@ def serve(
     with make_transport(ros, node_name("robot", name)) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         commands = deque(["start"] if start else [])
+        announce("preparing the robot ...")
+        prepare(server)
         print_notes([_greeting(server, dialect, ros)])
         _listen(commands)
         final = run(server, commands=commands, show=_show_json if as_json else _show, duration=duration)

@@ -10,7 +10,7 @@ from typer import Argument, Option
 
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import MappingOptions, NodeName, robots_beginning
-from catenary.cli.robot_choice import WatchedRobot, open_robot
+from catenary.cli.robot_choice import MovedRobot, WatchedRobot, open_robot
 from catenary.cli.terminal import announce, print_json_line
 from catenary.errors import InputError
 
@@ -50,6 +50,19 @@ def view(
         str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None,
     name: NodeName = None,
+    control: Annotated[
+        bool,
+        Option(
+            "--control", help="With --ros: buttons that move the robot while they are held, as teleop does."
+        ),
+    ] = False,
+    simulated: Annotated[
+        bool,
+        Option(
+            "--simulated", help="With --control: that robot is simulated, there is no workspace to clear."
+        ),
+    ] = False,
+    yes: Annotated[bool, Option("--yes", help="With --control: the workspace is clear; do not ask.")] = False,
     port: Annotated[int, Option(help="Of 127.0.0.1; the next free one where it is taken.")] = 8080,
     host: Annotated[
         str, Option(help="127.0.0.1 alone; from another machine forward the port over SSH.")
@@ -76,6 +89,12 @@ def view(
     if host != HERE:
         raise InputError(_elsewhere(host, port))
     recorded = log is not None or (what is not None and is_shown_as_project(what))
+    if control and ros is None:
+        raise InputError(
+            "--control goes with --ros: a simulated robot is driven from its page, a recording is not"
+        )
+    if (yes or simulated) and not control:
+        raise InputError("--yes and --simulated go with --control: without it nothing is sent to a robot")
     if ros is not None and recorded:
         raise InputError("--ros shows a robot, --log and a project a recording: give one of them")
     with ExitStack() as stack:
@@ -87,8 +106,9 @@ def view(
                     raise InputError("--robot-seed goes with a simulated robot, not with a recording")
                 shown = _recording(what, log, model, foreign)
             elif ros is not None:
-                robot = WatchedRobot(what or "raven2", ros, dialect, namespace, name, robot_seed=robot_seed)
-                shown = _watched(stack, robot, model, gravity)
+                asked = (what or "raven2", ros, dialect, namespace, name, simulated, None, robot_seed)
+                robot = MovedRobot(*asked, yes=yes) if control else WatchedRobot(*asked)
+                shown = _beside(stack, robot, model, gravity)
             else:
                 gravity.source(None)
                 if namespace is not None or name is not None or dialect != "raven":
@@ -122,14 +142,16 @@ def _simulated(robot: str, model: Path | None, seed: int | None) -> _Titled:
     return _Titled(robot, DrivenArm(robot, model=model, seed=seed, rng=np.random.default_rng(0)))
 
 
-def _watched(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: GravityOptions) -> _Titled:
-    """Return a robot on ROS, which is only read."""
+def _beside(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: GravityOptions) -> _Titled:
+    """Return a robot on ROS, which is only read unless the options are those of one that is moved."""
+    from catenary.view.controlled import ControlledArm
     from catenary.view.described import shapes_of
     from catenary.view.watched import WatchedArm
 
-    source = gravity.source(robot.ros)
-    opened = stack.enter_context(open_robot(robot, "view", moves=False, imu=source))
-    return _Titled(robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model))
+    source, moved = gravity.source(robot.ros), isinstance(robot, MovedRobot)
+    opened = stack.enter_context(open_robot(robot, "view", moves=moved, imu=source))
+    arm = (ControlledArm if moved else WatchedArm)(opened, shapes_of(robot.robot, opened.model)[0], model)
+    return _Titled(robot.robot, arm)
 
 
 def _recording(what: str | None, log: Path | None, model: Path | None, foreign: MappingOptions) -> _Titled:

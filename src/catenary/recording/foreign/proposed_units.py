@@ -11,6 +11,8 @@ from catenary.robots.model import RobotModel
 
 Units = tuple[str, ...]
 _LARGEST_TURN = 7.0  # [rad]: more than a turn; joints of arms stay within
+_LARGEST_SLIDE = 1.0  # [m]; what moves farther is in mm
+_BEYOND = 0.25  # of a joint's range, by which a recording may leave its limits
 _NEAR = 1.25  # factor within which ranges are taken for the same
 _SLIDING = ("insertion", "prismatic", "slide", "slider", "lift", "linear", "rail", "gantry")
 _IN_WORDS = {"rad": ("rad", "deg"), "m": ("m", "mm")}
@@ -29,21 +31,47 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     large = [size > _LARGEST_TURN for size in sizes]
     is_ros = one.stream.type.endswith("JointState")
     if model is not None and n <= model.n:
+        within = [_within_limits(model, j, *one.ranges[j]) for j in range(n)]
+        told = all(unit is not None for unit in within)
         units = tuple(
-            _IN_WORDS[unit][is_large if unit == "rad" else size > 1.0]
-            for unit, size, is_large in zip(model.joint_units, sizes, large, strict=False)
+            found or _IN_WORDS[unit][is_large if unit == "rad" else size > _LARGEST_SLIDE]
+            for found, unit, size, is_large in zip(within, model.joint_units, sizes, large, strict=False)
         )
-        return units, f"by the robot {model.name} and the range", is_ros or not any(large)
-    slides = ["m" if any(word in joint.lower() for word in _SLIDING) else "rad" for joint in one.joints]
-    if is_ros and not any(large):
-        return tuple(slides), "ROS's JointState is in rad and m; which slide, by their names", True
-    if any(large):
-        return (
-            tuple("deg" if one else "rad" for one in large),
-            "by their range: more than a turn in rad",
-            False,
-        )
-    return tuple(slides), "nothing says them: rad, unless a name sounds as if it slides", False
+        by = "its limits" if told else "the range"
+        return units, f"by the robot {model.name} and {by}", told or is_ros or not any(large)
+    slides = [any(word in joint.lower() for word in _SLIDING) for joint in one.joints]
+    large = [
+        size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)
+    ]
+    if not any(large):
+        told_by = "ROS's JointState is in rad and m" if is_ros else "nothing says them: rad"
+        by_name = "; which slide, by their names" if is_ros else ", unless a name sounds as if it slides"
+        return tuple("m" if slide else "rad" for slide in slides), told_by + by_name, is_ros
+    # a message that has angles in rad has none in deg: what moves farther than a turn then slides, in mm
+    in_rad = any(not slide and not is_large for slide, is_large in zip(slides, large, strict=True))
+    units = tuple(
+        ("mm" if is_large else "m") if slide else ("mm" if in_rad else "deg") if is_large else "rad"
+        for slide, is_large in zip(slides, large, strict=True)
+    )
+    moved = "mm, as others are in rad" if in_rad else "deg"
+    why = f"by their range: more than a turn in rad is {moved}" + (
+        "; which slide, by their names" if any(slides) else ""
+    )
+    named = all(slide for slide, is_large in zip(slides, large, strict=True) if is_large)
+    return units, why, is_ros and named
+
+
+def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> str | None:
+    """Return the unit in which a joint's range lies within its limits, SI's where both do; None where none does."""
+    lower, upper = model.lower[joint], model.upper[joint]
+    if not (math.isfinite(lower) and math.isfinite(upper)):
+        return None
+    margin = _BEYOND * (upper - lower)
+    for unit in _IN_WORDS[model.joint_units[joint]]:
+        scale = SI[unit][1]
+        if lower - margin <= scale * low and scale * high <= upper + margin:
+            return unit
+    return None
 
 
 def encoder_units(one: Candidate, nominal: Candidate, nominal_in: Sequence[str]) -> tuple[Units, str, bool]:

@@ -10,7 +10,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.crtk.reader import CrtkReader
 from catenary.errors import CatenaryError, NotReadyError, TransportError
-from catenary.plant import OperatingState, Plant
+from catenary.plant import OperatingState, Plant, state_in_words
 from catenary.workflows.robot.guide import AnswerYes, Guide, clear_workspace, have_done
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.rest import pause, paused_if_interrupted
@@ -130,7 +130,9 @@ def _press_button(client: CrtkClient, guide: Guide) -> None:
 def _command_home(client: CrtkClient) -> None:
     state = client.operating_state()
     if state.state == "FAULT":
-        raise NotReadyError("the robot is in FAULT; clear the fault, then enable it; home does neither")
+        raise NotReadyError(
+            f"the robot is in {state_in_words(client, state)}; clear the fault, then enable it; home does neither"
+        )
     if state.state != "ENABLED":
         client.state_command("enable")
     client.state_command("home")

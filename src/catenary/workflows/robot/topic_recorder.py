@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from catenary.calibration.progress import Progress, silent
 from catenary.crtk.clock import SECOND
@@ -181,6 +181,14 @@ class TopicRecorder:
             self.journal.__exit__(kind, error, trace)
 
 
+class RecordedTopics(NamedTuple):
+    """A recording that has ended."""
+
+    counts: tuple[TopicCount, ...]
+    seconds: float
+    ended_by: str  # Ctrl-C or a signal's name, before its time was over; else empty
+
+
 def record_topics(
     transport: Transport,
     folder: Path,
@@ -190,20 +198,20 @@ def record_topics(
     about: About | None = None,
     required: Sequence[str] = (),
     progress: Progress = silent,
-) -> tuple[TopicCount, ...]:
-    """Record what a robot publishes, whoever moves it.
+) -> RecordedTopics:
+    """Record what a robot publishes, whoever moves it; Ctrl-C or a signal ends the recording properly.
 
     Args:
         transport: Brings the messages.
         folder: Where the journal goes.
         topics: What to record.
-        seconds: How long; infinity until Ctrl-C, which ends the recording properly.
+        seconds: How long; infinity until Ctrl-C.
         about: What it is of.
         required: Names of topics without which it is no recording.
         progress: Called with the share done.
 
     Returns:
-        What came of each topic.
+        What came of each topic, and how long it was recorded.
 
     Raises:
         InputError: The time is not positive, or the folder holds a recording.
@@ -211,20 +219,20 @@ def record_topics(
     """
     if not seconds > 0.0:
         raise InputError(f"recording: expected more than 0 s, got {seconds}")
-    begin = transport.steady()
+    begin, ended_by = transport.steady(), ""
     with TopicRecorder(transport, folder, topics, about=about) as recorder:
         try:
             while (elapsed := (transport.steady() - begin) / SECOND) < seconds:
                 transport.sleep(min(TICK, seconds - elapsed))
                 recorder.collect()
                 progress(elapsed / seconds)
-        except KeyboardInterrupt:
-            if seconds != float("inf"):
-                raise
+        except KeyboardInterrupt as stop:  # of a signal it is the name
+            ended_by = str(stop) or "Ctrl-C"
+        took = (transport.steady() - begin) / SECOND
         recorder.collect()
         refuse_missing(recorder.counts, required)
     progress(1.0)
-    return recorder.counts
+    return RecordedTopics(recorder.counts, took, ended_by)
 
 
 def refuse_missing(counts: Sequence[TopicCount], required: Sequence[str]) -> None:

@@ -20,7 +20,7 @@ from catenary.crtk.reader import CrtkReader
 from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.monitor.snapshot import EventRate, Snapshot
-from catenary.plant import JointState, MotionLog, Plant
+from catenary.plant import JointState, MotionLog, Plant, fault_of
 from catenary.recording.raven_transmission import registrations
 from catenary.recording.synchronise import CALIBRATED
 from catenary.trajectories.reference import Trajectory
@@ -28,6 +28,7 @@ from catenary.workflows.robot.motion import gentle_way
 from catenary.workflows.robot.operated_robot import OperatedRobot, distance
 
 EVERY = 0.04  # [s] between two samples: 25 a second
+FIRST_STATE = 5.0  # [s] for the first one to be heard in time, while the machine is busy with starting
 
 
 class _Corrected(NamedTuple):
@@ -66,8 +67,11 @@ class _Deployed:
     """Reads what `catenary deploy` publishes beside a robot, where it runs."""
 
     def __init__(self, client: CrtkReader) -> None:
-        place = calibrated_namespace(client.arm)
+        place = calibrated_namespace(client.arm, client.namespace)
         self._names, self._patience = client.joint_names, client.stale_after
+        # models of a RAVEN-II are of its positioning joints, those of a PSM of all
+        is_raven = set(CALIBRATED) <= set(self._names)
+        self._judged = len(CALIBRATED) if is_raven else len(self._names)
         self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
         self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
         self._intervals = Latest(client.transport, f"{place}/interval", JOINT_STATE)
@@ -87,8 +91,8 @@ class _Deployed:
         if self._positions.age() > self._patience:
             return _Corrected(np.full(len(self._names), np.nan), inside)
         valid = self._valid.message()
-        # the topic tells of the model's joints together; models are of the positioning joints
-        inside[: len(CALIBRATED)] = valid is None or bool(valid.data)
+        # the topic tells of the model's joints together
+        inside[: self._judged] = valid is None or bool(valid.data)
         return _Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
 
     def _half_widths(self) -> Floats | None:
@@ -101,10 +105,10 @@ class _Deployed:
 
 
 def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
-    """Return a model that runs here, or the one that is deployed beside a RAVEN-II."""
+    """Return a model that runs here, or the one that is deployed beside a robot on ROS."""
     if model is not None:
         return _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
-    if isinstance(plant, CrtkReader) and plant.dialect == "raven":
+    if isinstance(plant, CrtkReader):
         return _Deployed(plant)
     return None
 
@@ -120,7 +124,8 @@ def watch_robot(
 ) -> Iterator[Snapshot]:
     """Yield a snapshot every so often, for as long as somebody takes them; a robot is only read.
 
-    Without a model, joints are calibrated where `catenary deploy` runs beside a RAVEN-II on ROS.
+    Without a model, joints are calibrated where `catenary deploy` runs beside a robot on ROS. What is compiled on first
+    use is compiled before the first sample, and the robot's first state is waited for.
 
     Args:
         robot: In any state.
@@ -139,6 +144,7 @@ def watch_robot(
     corrected = _calibrated(plant, model)
     path = None if motion is None else _ThereAndBack(robot, motion)
     states, late = EventRate(), EventRate()
+    prepared, patience = False, clock() + FIRST_STATE
     seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
     state: JointState | None = None
     was_homed = False
@@ -157,7 +163,14 @@ def watch_robot(
         except TransportError as error:
             silent = str(error)
             if state is None:
-                raise
+                if clock() > patience:
+                    raise
+                continue
+        if not prepared:
+            robot.gravity_torque(state)
+            _truth(robot, state.q, None)
+            prepared, seen_late, next_sample = True, robot.late(), clock()
+            continue
         line = observe()
         now = clock()
         if silent is None and state.time != last:
@@ -180,7 +193,8 @@ def watch_robot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
             latest.q, latest.inside, latest.interval, drift=latest.drift, tau=state.tau,
             gravity_tau=robot.gravity_torque(state), gravity=state.gravity, gravity_age=state.gravity_age,
-            operating=operating, lower=plant.lower, upper=plant.upper, rate_hz=states.hertz(now),
+            operating=operating, fault=fault_of(plant) if operating.state == "FAULT" else "",
+            lower=plant.lower, upper=plant.upper, rate_hz=states.hertz(now),
             late=late.within(now), silent=silent, recording=line, **_truth(robot, state.q, latest.q),
         )  # fmt: skip
 

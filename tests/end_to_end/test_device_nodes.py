@@ -1,4 +1,4 @@
-"""catenary encoders and gravity-node as programs, heard by another program over ROS 1."""
+"""catenary encoders and gravity-node as programs, heard by another program over ROS 1 and over DDS."""
 
 import json
 import threading
@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from dds import Network as Domain
 from oracles.simulated_encoders import SimulatedEncoders
-from ros import COMMAND, Master, Program
+from ros import COMMAND, Network, Program
 
 pytestmark = pytest.mark.slow
 
@@ -15,8 +16,9 @@ pytestmark = pytest.mark.slow
 SENSOR = """
 import numpy as np
 from catenary.crtk.message import header, message_class
-from catenary.crtk.ros1.transport import Ros1Transport
-transport, rng = Ros1Transport("sensor"), np.random.default_rng(0)
+import sys
+from catenary.crtk.network import make_transport
+transport, rng = make_transport(sys.argv[1], "sensor"), np.random.default_rng(0)
 xyz, imu = message_class("geometry_msgs/Vector3"), message_class("sensor_msgs/Imu")
 publisher = transport.publisher("/imu/data_raw", "sensor_msgs/Imu")
 vectors = transport.subscribe("/gravity", "geometry_msgs/Vector3Stamped")
@@ -34,8 +36,9 @@ while True:
         break
 """
 LISTENER = """
-from catenary.crtk.ros1.transport import Ros1Transport
-transport = Ros1Transport("listener")
+import sys
+from catenary.crtk.network import make_transport
+transport = make_transport(sys.argv[1], "listener")
 counts = transport.subscribe("/joint_enc", "sensor_msgs/JointState")
 positions = transport.subscribe("/ext_jpos", "sensor_msgs/JointState")
 while not (came := counts.take(1.0)):
@@ -45,15 +48,23 @@ print(*message.name, *message.position, len(positions.take()))
 """
 
 
-def test_gravity_comes_back_from_an_imus_topic(ros_master: Master):
-    node = ("gravity-node", "--imu", "/imu/data_raw", "--frame", "table", "--no-gyroscope")
-    with Program(ros_master, COMMAND, *node), Program(ros_master, SENSOR) as sensor:
+@pytest.fixture(params=["1", "2"], ids=["ros1", "dds"])
+def ros(request: pytest.FixtureRequest) -> tuple[Network, str]:
+    """Where programs meet, and the ROS that they are told."""
+    return (request.getfixturevalue("ros_master") if request.param == "1" else Domain()), request.param
+
+
+def test_gravity_comes_back_from_an_imus_topic(ros: tuple[Network, str]):
+    network, carrier = ros
+    node = ("gravity-node", "--ros", carrier, "--imu", "/imu/data_raw", "--frame", "table", "--no-gyroscope")
+    with Program(network, COMMAND, *node), Program(network, SENSOR, carrier) as sensor:
         frame, *vector = sensor.line().split()
     assert frame == "table"
     assert [float(word) for word in vector] == pytest.approx([-1.7, 0.0, -9.66], abs=0.1)
 
 
-def test_counts_are_heard_and_no_positions_before_homing(ros_master: Master, tmp_path: Path):
+def test_counts_are_heard_and_no_positions_before_homing(ros: tuple[Network, str], tmp_path: Path):
+    network, carrier = ros
     board, ending = SimulatedEncoders(tmp_path / "board"), threading.Event()
 
     def speak() -> None:
@@ -62,8 +73,8 @@ def test_counts_are_heard_and_no_positions_before_homing(ros_master: Master, tmp
 
     thread = threading.Thread(target=speak, daemon=True)
     thread.start()
-    command = ("encoders", "--port", str(board.link), "--json")
-    with Program(ros_master, COMMAND, *command) as node, Program(ros_master, LISTENER) as listener:
+    command = ("encoders", "--ros", carrier, "--port", str(board.link), "--json")
+    with Program(network, COMMAND, *command) as node, Program(network, LISTENER, carrier) as listener:
         assert listener.line() == "shoulder elbow insertion 6366.0 17825.0 76000.0 0"
         assert json.loads(node.line())["is_up"]
     ending.set()

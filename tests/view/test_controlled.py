@@ -1,0 +1,159 @@
+"""A robot moved from a page: what is sent to it, and when nothing is."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import RobotHeldError
+from catenary.teleop.dead_man import RAMP, TIMEOUT
+from catenary.view.controlled import ControlledArm
+from catenary.view.controls import NOBODY, Change, ControlTab, HeldControl
+from catenary.view.shapes import arm_shapes
+from catenary.view.state import ViewState
+from oracles.ideal_plant import IdealPlant, ideal_robot
+
+START = [0.8, 1.5, 0.4]
+FORWARD, BACKWARD = Change("held:q", True), Change("held:a", True)
+
+
+class PressedPage:
+    """A page on which buttons are pressed at ticks of the robot, and held between them."""
+
+    def __init__(
+        self, plant: IdealPlant, ticks: int, pressed: dict[int, Change], held: tuple[int, int] = (0, 0)
+    ) -> None:
+        self.plant, self._ticks, self._pressed, self._held = plant, ticks, pressed, held
+        self.states: list[ViewState] = []
+
+    @property
+    def is_running(self) -> bool:
+        return self.plant.ticks < self._ticks
+
+    def put(self, state: ViewState) -> None:
+        self.states.append(state)
+
+    def changes(self) -> list[Change]:
+        tick = self.plant.ticks
+        found = [self._pressed[tick]] if tick in self._pressed else []
+        if self._held[0] <= tick < self._held[1] and tick % 50 == 0:
+            found.append(FORWARD)
+        return found
+
+
+def control(
+    pressed: dict[int, Change] | None = None,
+    *,
+    held: tuple[int, int] = (0, 0),
+    ticks: int = 1000,
+    kind: type[IdealPlant] = IdealPlant,
+    **options: object,
+) -> tuple[IdealPlant, PressedPage]:
+    robot = ideal_robot(START, kind=kind, **options)
+    plant = robot.plant
+    assert isinstance(plant, IdealPlant)
+    page = PressedPage(plant, ticks, pressed or {}, held)
+    ControlledArm(robot, arm_shapes(robot.model), clock=lambda: plant.time).run(page)
+    return plant, page
+
+
+def moved_until(plant: IdealPlant) -> float:
+    """Time of the last setpoint that moved, counted in those that were sent [s]."""
+    shoulder = np.array(plant.setpoints)[:, 0]
+    return float(np.flatnonzero(np.diff(shoulder))[-1]) * plant.period
+
+
+def test_nothing_is_sent_until_a_button_is_pressed_and_the_end_pauses_the_robot() -> None:
+    plant, page = control(ticks=300)
+    # holding where it is, on the way out, is all
+    assert_allclose(plant.setpoints, [START])
+    assert "hold a button to move" in page.states[-1].mode
+    assert plant.operating_state().state == "PAUSED"
+
+
+def test_held_button_moves_its_joint_and_letting_go_stops_it() -> None:
+    plant, _ = control(held=(100, 600))
+    assert plant.q[0] > START[0] + 0.01
+    assert_allclose(plant.q[1:], START[1:])
+    # repeats come until 0.55 s, 0.45 s after the first
+    assert moved_until(plant) <= 0.45 + TIMEOUT + RAMP + 0.01
+
+
+def test_other_way_is_the_other_button() -> None:
+    plant, _ = control({100: BACKWARD, 150: BACKWARD, 200: BACKWARD})
+    assert plant.q[0] < START[0] - 0.005
+
+
+@pytest.mark.parametrize(
+    "press",
+    [
+        Change("stop:joints", "stop"),
+        Change("level:joints", "pause"),
+        Change("level:tip", "disable"),
+        NOBODY,
+    ],
+)
+def test_motion_ends_at_once(press: Change) -> None:
+    plant, _ = control({300: press}, held=(100, 300))
+    assert moved_until(plant) <= 0.2 + 0.002
+
+
+def test_closed_browser_leaves_the_robot_held_and_paused() -> None:
+    _, page = control({300: NOBODY}, held=(100, 250), ticks=1000)
+    assert page.states[10].time < 0.6
+    assert page.states[10].mode == "PAUSED, homed"
+
+
+def test_robot_that_pauses_by_itself_is_sent_nothing_while_the_button_is_still_held() -> None:
+    plant, page = control(held=(100, 900), pause_after=400)
+    assert len(plant.setpoints) <= 302
+    assert "PAUSED" in page.states[-1].mode
+
+
+@pytest.mark.parametrize("state", ["FAULT", "DISABLED"])
+def test_robot_in_fault_is_not_moved(state: str) -> None:
+    class Faulty(IdealPlant):
+        def wait(self) -> None:
+            super().wait()
+            if self.ticks == 300:
+                self.state = self.state._replace(state=state)
+
+    plant, page = control(held=(100, 900), kind=Faulty)
+    assert len(plant.setpoints) <= 202
+    assert "does not move" in page.states[-1].mode
+
+
+def test_robot_that_is_not_homed_is_not_moved_and_home_is_asked_for_twice() -> None:
+    plant, _ = control({10: Change("level:joints", "enable")}, held=(100, 900), ready=False)
+    assert plant.setpoints == []
+    once = {10: Change("level:joints", "enable"), 100: Change("level:joints", "home")}
+    assert not control(once, ready=False)[0].operating_state().is_homed
+    assert control({**once, 900: Change("level:tip", "home")}, ready=False)[0].operating_state().is_homed
+
+
+def test_robot_that_another_program_moves_is_left_to_it_and_the_page_says_so() -> None:
+    class Held(IdealPlant):
+        def servo_jp(self, q: np.ndarray) -> None:
+            raise RobotHeldError("planner holds the arm")
+
+    plant, page = control(held=(100, 900), kind=Held)
+    assert plant.setpoints == []
+    assert any("planner holds the arm" in state.mode for state in page.states)
+
+
+def test_joint_at_its_limit_stops_there() -> None:
+    plant, page = control(
+        {50: Change("stop:joints", "faster")}, held=(100, 500), ticks=600, upper=[0.81, 3.0, 1.0]
+    )
+    assert plant.q[0] == pytest.approx(0.81)
+    assert any("at its limit: shoulder" in state.mode for state in page.states)
+
+
+def test_page_has_buttons_for_joints_and_tip() -> None:
+    robot = ideal_robot(START)
+    joints, tip = ControlledArm(robot, arm_shapes(robot.model)).shown("x").tabs
+
+    def labels(tab: ControlTab) -> list[str]:
+        return [control.label for control in tab.controls if isinstance(control, HeldControl)]
+
+    assert labels(joints) == ["shoulder +", "shoulder -", "elbow +", "elbow -", "insertion +", "insertion -"]
+    assert labels(tip) == ["x +", "x -", "y +", "y -", "z +", "z -"]
