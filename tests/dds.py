@@ -49,9 +49,9 @@ def environment(domain: int) -> dict[str, str]:
 class Network:
     """A domain for programs beside the tests, as `ros.Master` is one for ROS 1's."""
 
-    def __init__(self) -> None:
+    def __init__(self, domain: int | None = None) -> None:
         require_dds()
-        self.domain = free_domain()
+        self.domain = free_domain() if domain is None else domain
         self.environment = {
             **environment(self.domain),
             "NUMBA_CACHE_DIR": str(numba.config.CACHE_DIR),  # what was compiled for the tests

@@ -114,7 +114,9 @@ def test_the_whole_state_is_in_the_robots_own_units() -> None:
             pose = relative_pose(served.tool.model, at_tip(state.q), "tool", "frame0")
             assert_allclose(position[3 * k : 3 * k + 3], 1e6 * pose.position, atol=1.0)  # whole um
             assert_allclose(rotation[9 * k : 9 * k + 9], pose.rotation.ravel(), atol=1e-6)
-        twist = served.measured_twist.reshape(2, 3) @ served.measured_pose.rotation  # in the tool's axes
+        twist = (
+            served.measured_tool.twist.reshape(2, 3) @ served.measured_tool.pose.rotation
+        )  # in the tool's axes
         assert np.abs(twist).max() > 1e-3
         assert_allclose(message.jac_vel[6 * k : 6 * k + 6], twist.ravel(), rtol=1e-5, atol=1e-7)
         assert message.grasp_d[k] == np.float32(served.plant.setpoint_js().q[-2:].sum())

@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose
 from catenary.crtk.conversions import pose_of
 from catenary.crtk.message import message_class
 from catenary.crtk.serving.tool_forces import FrameOfForces as Frame
-from catenary.crtk.serving.tool_forces import exerted, torques_for, wrench_of
+from catenary.crtk.serving.tool_forces import exerted, torques_for
+from catenary.crtk.serving.tool_state import wrench_of
 from catenary.spatial import rotation_vector
 from served_robot import JointState, ServedRobot
 
@@ -42,7 +43,7 @@ def moved(robot: ServedRobot, dq: np.ndarray) -> np.ndarray:
 
 def in_frame(robot: ServedRobot, twist: np.ndarray, frame: Frame) -> np.ndarray:
     """The same twist of the tool in another frame."""
-    pose = robot.server.arms["gold"].measured_pose
+    pose = robot.server.arms["gold"].measured_tool.pose
     if frame is Frame.BODY:
         return np.concatenate([pose.rotation.T @ twist[:3], pose.rotation.T @ twist[3:]])
     if frame is Frame.SPATIAL:  # the velocity of the body's point that is at the base's origin

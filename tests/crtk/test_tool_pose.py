@@ -45,7 +45,10 @@ def test_a_velocity_is_the_derivative_of_the_pose(name):
     ahead, behind = (tool.pose(Q + step * qd) for step in (h, -h))
     turning = (ahead.rotation - behind.rotation) / (2 * h) @ tool.pose(Q).rotation.T
     expected = [*(ahead.position - behind.position) / (2 * h), turning[2, 1], turning[0, 2], turning[1, 0]]
-    assert_allclose(tool.velocity(Q, qd), expected, atol=1e-8)  # central difference
+    pose, jacobian = tool.motion(Q)
+    assert_allclose(tool.of_robot(jacobian) @ qd, expected, atol=1e-8)  # central difference
+    assert_allclose(pose.rotation, tool.pose(Q).rotation, atol=1e-12)
+    assert_allclose(pose.position, tool.pose(Q).position, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])

@@ -1,6 +1,6 @@
 """A moving command that is killed, against the served robot over ROS 1: it holds, and is paused.
 
-Ctrl-C: test_tools_ros1; every command with every signal: the campaign's part signals.ros1.
+Ctrl-C: test_tools; every command with every signal: the campaign's part signals.ros1.
 """
 
 import signal

@@ -7,6 +7,7 @@ writes the same bytes in three times the time, which a robot that publishes fift
 
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, lru_cache
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from rosbags.serde import SerdeError
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import HEADER, Message, has_header, message_class, message_fields
+from catenary.crtk.packing import Encoding, number_bytes, number_letter, packer
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import (
     MESSAGES,
@@ -34,7 +36,6 @@ NO_MESSAGE = (  # what rosbags raises of bytes, and `struct` of values, that do 
     SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError, LookupError, AssertionError,
 )  # fmt: skip
 _COUNT = struct.Struct("<I")  # of an array or a string, and a header's `seq`
-_EIGHT_BYTES = str.maketrans("lL", "qQ")  # NumPy's letters, in the standard sizes of `struct`
 
 
 class Codec(NamedTuple):
@@ -57,8 +58,12 @@ def codec(name: str) -> Codec:
     name = current_name(name)
     kind, write, finish = message_class(name), _message_writer(name), completion(name)
     store, rosbags_name, numbered = typestore(), ros2_name(name), has_header(name)
+    pack = packer(name, _ENCODING)
 
     def encode(message: Message, seq: int) -> bytes:
+        if pack is not None:
+            with suppress(*NO_MESSAGE):  # what does not fit is told below
+                return pack(message, seq % 2**32)
         if type(message) is not kind:
             message_fields(name, message)  # says what it is instead
         try:
@@ -127,11 +132,6 @@ def _writer(field: Field) -> _Write:
     return _text if field.type == "string" else _message_writer(field.type)
 
 
-def number_letter(field: Field) -> str:
-    """Return the letter by which `struct` knows a number."""
-    return "?" if field.type == "bool" else np.dtype(NUMBERS[field.type]).char.translate(_EIGHT_BYTES)
-
-
 def _text(text: str) -> bytes:
     data = text.encode()
     return _COUNT.pack(len(data)) + data
@@ -169,27 +169,7 @@ def _array_writer(field: Field) -> _Write:
     return write
 
 
-@cache
-def number_bytes(field: Field) -> Callable[[Any], tuple[int, bytes]]:
-    """Return what checks an array of numbers, and makes its bytes; it gives their number, too."""
-    kind, length = np.dtype(NUMBERS[field.type]), field.length
-    is_whole = kind.kind in "iu"
-
-    def write(value: Any) -> tuple[int, bytes]:
-        array = value if type(value) is np.ndarray else np.asarray(value)
-        if array.ndim != 1:
-            raise ValueError(f"{array.ndim} dimensions")
-        if length and len(array) != length:
-            raise ValueError(f"{len(array)} in place of {length}")
-        if array.dtype is not kind and array.dtype != kind and len(array):
-            if array.dtype.kind not in ("iub" if is_whole else "iuf"):
-                raise TypeError(f"NumPy type {array.dtype}")  # NumPy would convert it without a word
-            if is_whole and not np.array_equal(array.astype(kind), array):
-                raise OverflowError(f"out of the range of {kind}")
-            array = array.astype(kind)
-        return len(array), array.tobytes()
-
-    return write
+_ENCODING = Encoding(b"", False, True, "II", lambda field, value, at: _writer(field)(value))
 
 
 @cache

@@ -109,8 +109,41 @@ def jacobian(
     in_frame = np.zeros(3) if point is None else as_array("point", point, (3,))
     offset = target.pose.rotation @ in_frame + target.pose.position
     out = np.zeros((len(rows), 6, model.n))
-    _jacobian_rows(model.tree, model.coupling, model.offset, rows, target.link, offset, out)
+    rotations, positions = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
+    _jacobian_rows(
+        model.tree, model.coupling, model.offset, rows, target.link, offset, out, rotations, positions
+    )
     return out[0] if single else out
+
+
+def tip_motion(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return the pose of the tip in the base frame and its Jacobian, by one pass over the tree.
+
+    Args:
+        model: The robot.
+        q: (n,) coordinates [rad or m].
+
+    Returns:
+        R_base_tip (3, 3), the tip's origin in the base (3,) [m], and `jacobian` (6, n).
+
+    Raises:
+        InputError: q has another shape or is not finite.
+    """
+    row = as_array("q", q, (model.n,))
+    target = model.frame()
+    jacobians, rotations, positions = np.zeros((1, 6, model.n)), np.empty((1, 3, 3)), np.empty((1, 3))
+    _jacobian_rows(
+        model.tree,
+        model.coupling,
+        model.offset,
+        row[None],
+        target.link,
+        target.pose.position,
+        jacobians,
+        rotations,
+        positions,
+    )
+    return rotations[0] @ target.pose.rotation, positions[0], jacobians[0]
 
 
 @compiled
@@ -130,8 +163,17 @@ def _link_poses_rows(
 
 @compiled
 def _jacobian_rows(
-    tree: Tree, coupling: Floats, offset: Floats, q: Floats, link: int, point: Floats, out: Floats
+    tree: Tree,
+    coupling: Floats,
+    offset: Floats,
+    q: Floats,
+    link: int,
+    point: Floats,
+    out: Floats,
+    rotations: Floats,
+    positions: Floats,
 ) -> None:
+    """Write Jacobians of a link's point, the link's rotations and the point's positions, row by row."""
     n = len(tree.parent)
     work = np.empty((3, n))
     rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
@@ -153,3 +195,5 @@ def _jacobian_rows(
                 columns[3 + r, i] = angular[r]
             i = tree.parent[i]
         to_robot_columns(coupling, columns, out[k])
+        rotations[k] = base_rotation[link]
+        positions[k] = p[0], p[1], p[2]

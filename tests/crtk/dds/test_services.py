@@ -1,3 +1,5 @@
+import gc
+import threading
 from typing import Any
 
 import numpy as np
@@ -102,3 +104,31 @@ def test_a_service_with_messages_in_it_answers_and_says_why_it_failed(robot: Any
         failed = robot.call("/fk", kind, asked(jp=np.ones(2)), timeout=PATIENCE)
     assert (tuple(got.cp.position), got.result, got.message) == ((0.25, -1.0, 4.0), True, "here")
     assert (failed.result, failed.message) == (False, "2 joints")
+
+
+def test_the_receiver_alone_lets_dds_delete_so_that_no_ctrl_c_is_lost(
+    dds_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is raised in `__del__` Python ignores, and Ctrl-C is raised in the main thread."""
+    from cyclonedds.core import Entity
+
+    threads: list[str] = []
+    delete = Entity.__del__
+
+    def noting(entity: Entity) -> None:
+        threads.append(threading.current_thread().name)
+        delete(entity)
+
+    with DdsTransport("offers", settle=0.05) as offers, DdsTransport("asks", settle=0.05) as asks:
+        offers.service("/press", TRIGGER, lambda _: RESPONSE(True, ""))
+        gc.collect()  # what other tests left
+        monkeypatch.setattr(Entity, "__del__", noting)
+        with Spinner(offers):
+            assert asks.call("/press", TRIGGER).success
+        publisher = asks.publisher("/a", "std_msgs/Bool")
+        heard = asks.subscribe("/a", "std_msgs/Bool")
+        publisher.close()
+        heard.close()
+        until(lambda: len(threads) >= 4)
+    gc.collect()
+    assert set(threads) == {"asks receiver", "offers receiver"}

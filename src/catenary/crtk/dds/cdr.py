@@ -8,14 +8,16 @@ three times as long.
 
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.codec import NO_MESSAGE, completion, misfit, number_bytes, number_letter
+from catenary.crtk.codec import NO_MESSAGE, completion, misfit
 from catenary.crtk.message import HEADER, Message, message_class, message_fields
+from catenary.crtk.packing import Encoding, number_bytes, number_letter, packer
 from catenary.errors import FileFormatError
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields, ros2_name, typestore
 
@@ -35,9 +37,12 @@ def cdr_encoder(name: str) -> Callable[[Message], bytes]:
         FileFormatError: catenary does not know the type.
     """
     name = current_name(name)
-    kind, write = message_class(name), _message_writer(name)
+    kind, write, pack = message_class(name), _message_writer(name), packer(name, _ENCODING)
 
     def encode(message: Message) -> bytes:
+        if pack is not None:
+            with suppress(*NO_MESSAGE):  # what does not fit is told below
+                return pack(message, 0)
         if type(message) is not kind:
             message_fields(name, message)  # says what it is instead
         parts = [FRONT]
@@ -199,3 +204,12 @@ def _sequence_writer(field: Field) -> _Write:
         return at
 
     return write
+
+
+def _written(field: Field, value: Any, at: int) -> bytes:
+    parts: list[bytes] = []
+    _writer(field)(parts, at, value)
+    return b"".join(parts)
+
+
+_ENCODING = Encoding(FRONT, True, False, "iI", _written)

@@ -82,6 +82,11 @@ class ListenedTopic:
         while self._readers:
             self._program.end(self._readers.popitem()[1])
 
+    def matched(self) -> list[int]:
+        """Return Cyclone's handles of the writers that some reader of it gets messages of."""
+        readers = self._readers.values()
+        return [handle % HANDLES for reader in readers for handle in reader.get_matched_publications()]
+
     def publishers(self) -> tuple[str, ...]:
         """Return the names of the nodes that it receives from."""
         known = self._program.directory.publications

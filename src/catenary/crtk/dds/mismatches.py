@@ -23,10 +23,13 @@ class Mismatches:
         self._seen: dict[bytes, float] = {}  # when, of those whose node is not known yet
         self._changes = -1
 
+    @property
+    def is_due(self) -> bool:
+        """Return whether others have come since the last look, or wait to be named."""
+        return self._changes != self._directory.changes or bool(self._seen)
+
     def look(self, published: Ours, heard: Ours) -> None:
-        """Warn of those that have come; called often."""
-        if self._changes == self._directory.changes and not self._seen:
-            return
+        """Warn of those that have come; called where that is due."""
         self._changes = self._directory.changes
         for dds_name, (kind, quality) in published.items():
             topic = ros_topic(dds_name)

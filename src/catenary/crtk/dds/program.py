@@ -2,10 +2,14 @@
 
 One thread waits for whatever comes, and nothing of DDS's calls into Python: Cyclone's listeners would wait for Python's
 lock with locks of their own held, which its Python's `write` waits for while it holds Python's.
+
+The same thread lets go of what was ended. DDS deletes a reader, a writer or the participant in its `__del__`, which
+takes a while, and what is raised in `__del__` Python ignores: in the main thread a Ctrl-C that came then would be lost.
 """
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -25,6 +29,7 @@ from catenary.crtk.dds.qualities import Quality, profile
 from catenary.errors import TransportError
 
 _LOOK = 100_000_000  # [ns] between looks where nothing comes
+_LEFT = 0.02  # [s] after which nobody else refers to what was ended
 _logger = logging.getLogger(__name__)
 Came = Callable[[Endpoint], None]
 
@@ -62,6 +67,7 @@ class Program:
         for reader in self.directory.readers:
             self._waitset.attach(reader)
         self._ends: dict[Any, bytes] = {}  # readers and writers, and their numbers
+        self._ended: list[tuple[float, Any]] = []  # when to let go [s], and of which reader or writer
         self._is_told = False  # of the ends, to other programs
         self._thread = threading.Thread(target=self._receive, name=f"{node} receiver", daemon=True)
         self._thread.start()
@@ -98,10 +104,11 @@ class Program:
         return made
 
     def end(self, reader_or_writer: Any) -> None:
-        """End a reader or a writer, which DDS does when nobody refers to it any more."""
+        """End a reader or a writer, which DDS does when nobody refers to it any more; the caller then must not."""
         with self.lock:
             if self._ends.pop(reader_or_writer, None) is None:
                 return
+            self._ended.append((time.monotonic() + _LEFT, reader_or_writer))
             if self._takers.pop(id(reader_or_writer), None) is not None:
                 self._waitset.detach(reader_or_writer)
             self._tell()
@@ -134,10 +141,14 @@ class Program:
             self._stopped = True
             self._waitset.set_trigger(True)
         self._thread.join()
+
+    def _leave(self) -> None:
+        """Let go of everything, in the receiver's thread."""
         for reader in (*self.directory.readers, *(one for one in self._ends if id(one) in self._takers)):
             self._waitset.detach(reader)
         self._ends.clear()
         self._takers.clear()
+        self._ended.clear()
         del self._waitset, self._presence, self.directory, self._participant
 
     def _topic(self, dds_name: str, kind: Any) -> Topic[Any]:
@@ -152,9 +163,19 @@ class Program:
 
     def _receive(self) -> None:
         while not self._stopped:
-            self._waitset.wait(_LOOK)
+            self._waitset.wait(round(_LEFT * 1e9) if self._ended else _LOOK)
             self._waitset.set_trigger(False)
             try:
                 self.look()
             except Exception:  # one message, or one program, must not end it
                 _logger.exception("receiver of %s", self._node)
+            self._let_go()
+        self._leave()
+
+    def _let_go(self) -> None:
+        """Let DDS delete what was ended, in this thread."""
+        with self.lock:
+            now = time.monotonic()
+            over = [one for at, one in self._ended if at <= now]
+            self._ended = [pair for pair in self._ended if pair[0] > now]
+        over.clear()

@@ -123,6 +123,12 @@ class _Call:
         """Return the answer's bytes, or None where it does not come in time."""
         return self._answer if self._came.wait(timeout) else None
 
+    def end(self) -> None:
+        """Let go of its topics."""
+        self._program.end(self.reader)
+        self._program.end(self.writer)
+        del self.reader, self.writer
+
 
 class Services:
     """Services that this program offers and calls."""
@@ -158,8 +164,7 @@ class Services:
             calling.send(next(self._numbers), body)
             answer = calling.wait(timeout)
         finally:
-            self.program.end(calling.reader)
-            self.program.end(calling.writer)
+            calling.end()
         if answer is None:
             raise TransportError(f"service {name}: no answer within {timeout} s")
         try:

@@ -32,6 +32,7 @@ from catenary.recording.messages import current_name
 
 SETTLE = 0.5  # [s] without news of other programs, until those that are there count as known
 _LONGEST = 3.0  # [s] to wait for that
+_ASK = 100  # messages that are sent before DDS is asked again whether anybody listens still
 
 
 class DdsPublisher(Publisher):
@@ -43,6 +44,7 @@ class DdsPublisher(Publisher):
         super().__init__(topic, type_name)
         self.dds_name, self.quality, self._program = dds_name, quality, program
         self._missed = 0
+        self._matched = 0  # readers, when last asked; DDS is asked of each message while there were none
         self._kind = message_type(type_name)
         self._encode_cdr = cdr_encoder(type_name)
         user_data = f"typehash={message_hash(type_name)};" if program.distribution.has_hashes else ""
@@ -57,10 +59,14 @@ class DdsPublisher(Publisher):
         """Return Cyclone's handles of those that listen."""
         if self.is_closed:
             return []
-        return [handle % HANDLES for handle in self._writer.get_matched_subscriptions()]
+        found = [handle % HANDLES for handle in self._writer.get_matched_subscriptions()]
+        self._matched = len(found)
+        return found
 
     def _send(self, message: Message) -> None:
-        if not (self.quality.is_latched or self._writer.get_publication_matched_status().current_count):
+        if self._sent % _ASK == 0 or not self._matched:
+            self._matched = self._writer.get_publication_matched_status().current_count
+        if not (self.quality.is_latched or self._matched):
             return
         data = self._encode_cdr(message)
         try:
@@ -116,6 +122,8 @@ class DdsTransport(Transport):
 
     def _look(self) -> None:
         self._services.send_answers()
+        if not self._mismatches.is_due:
+            return
         published = {
             one.dds_name: (one.type_name, one.quality)
             for one in tuple(self._publishers.values())
@@ -175,14 +183,20 @@ class DdsTransport(Transport):
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic that DDS has brought together with this program."""
         topic = absolute(topic)
-        self.program.look()
         with self.program.lock:
             publisher, received = self._publishers.get(topic), self._topics.get(topic)
-            known = self.program.directory.subscriptions
             handles = publisher.subscribers() if isinstance(publisher, DdsPublisher) else []
+            senders = [] if received is None else received.matched()
+            directory = self.program.directory
+            if not (
+                directory.subscriptions.keys() >= set(handles)
+                and directory.publications.keys() >= set(senders)
+            ):
+                self.program.look()  # a server asks this of all its topics: only for who is not known yet
+            known = directory.subscriptions
             return Connections(
                 () if received is None else received.publishers(),
-                self.program.directory.names(known[handle] for handle in handles if handle in known),
+                directory.names(known[handle] for handle in handles if handle in known),
             )
 
     def topics(self) -> Mapping[str, str]:

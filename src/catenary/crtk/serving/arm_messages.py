@@ -1,5 +1,7 @@
 """What a served arm says, verb by verb: its joints, jaws, tool and operating state as messages."""
 
+from functools import cache
+
 from catenary.arrays import Floats
 from catenary.crtk.conversions import operating_state_message, pose_message
 from catenary.crtk.message import Message, header, message_class
@@ -16,6 +18,7 @@ _Wrench = message_class("geometry_msgs/Wrench")
 _WrenchStamped = message_class("geometry_msgs/WrenchStamped")
 _Dimension = message_class("std_msgs/MultiArrayDimension")
 _Layout = message_class("std_msgs/MultiArrayLayout")
+_MultiArray = message_class("std_msgs/Float64MultiArray")
 
 
 def measured_js(arm: ServedArm, stamp: int) -> Message:
@@ -40,22 +43,22 @@ def jaw_setpoint_js(arm: ServedArm, stamp: int, name: str = "jaw") -> Message:
 
 def measured_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message:
     """Return the tool's pose as measured: a PoseStamped, or a TransformStamped where the tool's frame is given."""
-    return pose_message(arm.measured_pose, stamp, BASE, child=child)
+    return pose_message(arm.measured_tool.pose, stamp, BASE, child=child)
 
 
 def setpoint_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message:
     """Return the setpoint of the tool's pose, as `measured_cp`."""
-    return pose_message(arm.setpoint_pose, stamp, BASE, child=child)
+    return pose_message(arm.setpoint_tool.pose, stamp, BASE, child=child)
 
 
 def measured_cv(arm: ServedArm, stamp: int) -> Message:
     """Return the tool's velocity as measured, linear [m/s] and angular [rad/s], in base axes."""
-    return _twist(arm.measured_twist, stamp)
+    return _twist(arm.measured_tool.twist, stamp)
 
 
 def setpoint_cv(arm: ServedArm, stamp: int) -> Message:
     """Return the velocity of the tool's setpoint, as `measured_cv`."""
-    return _twist(arm.setpoint_twist, stamp)
+    return _twist(arm.setpoint_tool.twist, stamp)
 
 
 def measured_cf(
@@ -75,8 +78,12 @@ def jacobian_matrix(
     """Return the Jacobian (6, n) by rows: velocity over angular velocity, of the joints as `measured_js` has them."""
     matrix = jacobian(arm, frame)
     rows, columns = matrix.shape
-    layout = _Layout((_Dimension("rows", rows, rows * columns), _Dimension("columns", columns, columns)), 0)
-    return message_class("std_msgs/Float64MultiArray")(layout, matrix.ravel())
+    return _MultiArray(_layout(rows, columns), matrix.ravel())
+
+
+@cache
+def _layout(rows: int, columns: int) -> Message:
+    return _Layout((_Dimension("rows", rows, rows * columns), _Dimension("columns", columns, columns)), 0)
 
 
 def grasp_measured_js(arm: ServedArm, stamp: int) -> Message:

@@ -75,12 +75,12 @@ class RavenState:
         self._counts[:, channels] = rows(_COUNTS)
         arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
         # velocity and angular velocity of the tool in its own axes; the robot, too, sends them twice
-        twist = (arm.measured_twist.reshape(2, 3) @ arm.measured_pose.rotation).ravel()
+        twist = (arm.measured_tool.twist.reshape(2, 3) @ arm.measured_tool.pose.rotation).ravel()
         for twice in ("jac_vel", "jac_f"):
             arrays[twice][6 * place : 6 * place + 6] = twist
         for pose, position, rotation in (
-            (arm.measured_pose, "pos", "ori"),
-            (arm.setpoint_pose, "pos_d", "ori_d"),
+            (arm.measured_tool.pose, "pos", "ori"),
+            (arm.setpoint_tool.pose, "pos_d", "ori_d"),
         ):
             in_frame_0 = arm.tool.in_frame_0(pose)
             arrays[position][3 * place : 3 * place + 3] = _UM * in_frame_0.position

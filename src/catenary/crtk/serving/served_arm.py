@@ -1,7 +1,6 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 from typing import Protocol, cast
 
 import numpy as np
@@ -13,9 +12,9 @@ from catenary.crtk.serving.command_queue import Goal, Increments
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.crtk.serving.tool_state import ToolState
 from catenary.errors import CatenaryError, InputError
 from catenary.plant import JointState, OperatingState, Plant
-from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
 
 JAWS = 2  # joints, the last ones
@@ -181,27 +180,7 @@ class ServedArm:
             if self.is_ready and self._takes_positions:
                 self._send(self.measured.q)
 
-    # what it reports; each pose is computed once a tick, if anybody asks: `refresh` clears it
-
-    @cached_property
-    def measured_pose(self) -> Pose:
-        """Pose of its tool in the base, as measured."""
-        return self.tool.pose(self.measured.q)
-
-    @cached_property
-    def setpoint_pose(self) -> Pose:
-        """Setpoint of that pose."""
-        return self.tool.pose(self.setpoint.q)
-
-    @cached_property
-    def measured_twist(self) -> Floats:
-        """Velocity of its tool [m/s] and angular velocity [rad/s] in base axes, (6,), as measured."""
-        return self.tool.velocity(self.measured.q, self.measured.qd)
-
-    @cached_property
-    def setpoint_twist(self) -> Floats:
-        """Velocity of its tool [m/s] and angular velocity [rad/s] in base axes, (6,), by the setpoint's last step."""
-        return self.tool.velocity(self.setpoint.q, self._setpoint_velocity)
+    # what it reports
 
     @property
     def commanded(self) -> Floats:
@@ -258,23 +237,29 @@ class ServedArm:
         self.changes += 1
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()
-        self._note_velocity()
-        for cached in ("measured_pose", "setpoint_pose", "measured_twist", "setpoint_twist"):
-            self.__dict__.pop(cached, None)
+        measured, setpoint = self.measured, self.setpoint
+        self.measured_tool = ToolState(self.tool, measured.q, measured.qd, self._beyond_weight)
+        # the setpoint's velocity is that of its last step
+        self.setpoint_tool = ToolState(self.tool, setpoint.q, self._step_velocity(), self._beyond_weight)
         state = self.plant.operating_state()
         is_moving = self._move is not None or self._plan is not None
         self.state: OperatingState = (
             state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
         )
 
-    def _note_velocity(self) -> None:
-        """Note how fast the setpoint goes; where control has just begun, it has not gone anywhere."""
+    def _beyond_weight(self) -> Floats:
+        """Return the measured joint torques (n,) less those that hold the arm's own weight."""
+        measured = self.measured
+        torques: Floats = measured.tau - self.gravity_torque(measured.q, measured.gravity)
+        return torques
+
+    def _step_velocity(self) -> Floats:
+        """Return how fast the setpoint goes (n,); where control has just begun, it has not gone anywhere."""
         q, ready = self.setpoint.q, self.is_ready
         moved = self._before is not None and self._before[1] and ready
-        self._setpoint_velocity: Floats = (
-            (q - self._before[0]) / self.plant.period if moved and self._before else np.zeros(len(q))
-        )
+        velocity = (q - self._before[0]) / self.plant.period if moved and self._before else np.zeros(len(q))
         self._before = q, ready
+        return velocity
 
     def _act(self) -> None:
         if self._wanted is not None:

@@ -18,8 +18,6 @@ from catenary.arrays import Floats
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.spatial import Pose
 
-NOT_FELT = 1e-4  # share of the Jacobian's largest gain below which joints do not feel a force: it reads zero
-
 
 class FrameOfForces(Enum):
     """Point and axes that a wrench or a twist is given in."""
@@ -31,7 +29,11 @@ class FrameOfForces(Enum):
 
 def jacobian(arm: ServedArm, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
     """Return the Jacobian (6, n) at the measured joints: velocity over angular velocity, per joint speed."""
-    return _twist_map(arm.measured_pose, frame) @ arm.tool.jacobian(arm.measured.q)
+    tool = arm.measured_tool
+    if frame is FrameOfForces.TOOL_IN_BASE_AXES:
+        return tool.jacobian
+    found: Floats = _twist_map(tool.pose, frame) @ tool.jacobian
+    return found
 
 
 def exerted(arm: ServedArm, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
@@ -39,16 +41,18 @@ def exerted(arm: ServedArm, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AX
 
     Directions in which no joint feels a force are zero, as at a singular pose.
     """
-    state = arm.measured
-    tau: Floats = state.tau - arm.gravity_torque(state.q, state.gravity)
-    wrench: Floats = wrench_of(arm.tool.model_jacobian(state.q), arm.tool.model_torques(tau))
-    found: Floats = _wrench_map(arm.measured_pose, frame) @ wrench
-    return found
-
-
-def wrench_of(jacobian_: Floats, tau: Floats) -> Floats:
-    """Return the wrench F (6,) of least size with J^T F = tau, for J (6, n) and tau (n,)."""
-    return np.array(np.linalg.lstsq(jacobian_.T, tau, rcond=NOT_FELT)[0], dtype=float)
+    tool = arm.measured_tool
+    force, moment = tool.wrench[:3], tool.wrench[3:]
+    if frame is FrameOfForces.BODY:
+        turn = tool.pose.rotation.T
+        return np.concatenate([turn @ force, turn @ moment])
+    if frame is FrameOfForces.SPATIAL:
+        x, y, z = tool.pose.position.tolist()
+        a, b, c = force.tolist()
+        return np.concatenate(
+            [force, moment + np.array([y * c - z * b, z * a - x * c, x * b - y * a])]
+        )  # p x f
+    return tool.wrench
 
 
 def torques_for(arm: ServedArm, wrench: Floats, frame: FrameOfForces) -> Floats:
@@ -56,17 +60,11 @@ def torques_for(arm: ServedArm, wrench: Floats, frame: FrameOfForces) -> Floats:
 
     An arm whose jaws turn the tool keeps them where they are; they bear what the wrench asks of them.
     """
-    in_base = _twist_map(arm.measured_pose, frame).T @ wrench
-    tau = arm.tool.jacobian(arm.measured.q).T @ in_base
+    in_base = _twist_map(arm.measured_tool.pose, frame).T @ wrench
+    tau: Floats = arm.measured_tool.jacobian.T @ in_base
     if arm.tool.has_jaws:
         tau[-arm.tool.jaws :] = np.nan
     return tau
-
-
-def _wrench_map(pose: Pose, frame: FrameOfForces) -> Floats:
-    """Return what takes a wrench about the tool in base axes into a frame, (6, 6)."""
-    twists = _twist_map(pose, frame)
-    return np.array(np.linalg.inv(twists).T)  # power is the same in every frame
 
 
 def _twist_map(pose: Pose, frame: FrameOfForces) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import frame_poses, jacobian
+from catenary.dynamics.kinematics import frame_poses, tip_motion
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
@@ -54,19 +54,15 @@ class ToolPose:
         """Return the tool's pose in the base frame, at joints (n,)."""
         return Pose(*frame_poses(self.model, self._to_model @ q))
 
-    def velocity(self, q: Floats, qd: Floats) -> Floats:
-        """Return the tool's velocity [m/s] and angular velocity [rad/s] in base axes, (6,)."""
-        twist: Floats = jacobian(self.model, self._to_model @ q) @ (self._to_model @ qd)
-        return twist
+    def motion(self, q: Floats) -> tuple[Pose, Floats]:
+        """Return the tool's pose in the base at joints (n,), and there the Jacobian (6, m) of the model's joints."""
+        rotation, position, jacobian = tip_motion(self.model, self._to_model @ q)
+        return Pose(rotation, position), jacobian
 
-    def jacobian(self, q: Floats) -> Floats:
-        """Return the Jacobian (6, n) of `velocity` at joints (n,)."""
-        found: Floats = self.model_jacobian(q) @ self._to_model
+    def of_robot(self, jacobian: Floats) -> Floats:
+        """Return the Jacobian (6, n) of the robot's joints out of that of the model's, (6, m)."""
+        found: Floats = jacobian @ self._to_model
         return found
-
-    def model_jacobian(self, q: Floats) -> Floats:
-        """Return the Jacobian (6, m) of the model's own joints, at the robot's joints (n,)."""
-        return jacobian(self.model, self._to_model @ q)
 
     def model_torques(self, tau: Floats) -> Floats:
         """Return torques of the model's joints (m,) that do the work of the robot's (n,), the jaws' opening aside."""

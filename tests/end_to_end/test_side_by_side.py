@@ -1,17 +1,19 @@
-"""Several commands at one served robot over a real master, and a bag that is played in a robot's place."""
+"""Several commands at one served robot, over a real master and over DDS; and a bag that is played in a robot's place."""
 
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from catenary.calibration.files import save_model
 from catenary.plant import MotionLog
+from dds import Network as Domain
 from patience import until
 from recordings import fitted
-from ros import PATIENT_COMMAND, Master, Program
+from ros import PATIENT_COMMAND, Master, Network, Program
 
 pytestmark = pytest.mark.slow
 
@@ -47,31 +49,46 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+class Meeting(NamedTuple):
+    """Where programs meet, and the ROS that they are told."""
+
+    network: Network
+    ros: str
+
+
+@pytest.fixture(scope="module", params=["1", "2"], ids=["ros1", "dds"])
+def meeting(request: pytest.FixtureRequest) -> Meeting:
+    """Over ROS 1, then over DDS."""
+    return Meeting(request.getfixturevalue("ros_master") if request.param == "1" else Domain(), request.param)
+
+
 @pytest.fixture(scope="module")
-def served(ros_master: Master) -> Iterator[Program]:
+def served(meeting: Meeting) -> Iterator[Program]:
     """A robot that is homed and ENABLED."""
-    with Program(ros_master, PATIENT_COMMAND, "serve", "--homed", "--rate", "200", "--json") as server:
+    command = ("serve", "--ros", meeting.ros, "--homed", "--rate", "200", "--json")
+    with Program(meeting.network, PATIENT_COMMAND, *command) as server:
         server.say("resume")
         until(lambda: "ENABLED homed" in server.line())
         yield server
 
 
 def test_four_look_and_move_and_the_second_that_would_move_is_told_who_does(
-    ros_master: Master, served: Program, model: Path, tmp_path: Path
+    meeting: Meeting, served: Program, model: Path, tmp_path: Path
 ) -> None:
+    network, ros = meeting
     command, project = PATIENT_COMMAND, str(tmp_path / "project")
-    record = ("record", project, "--ros", "1", "--no-motion", "--hours", "0.002", "--simulated", "--json")
+    record = ("record", project, "--ros", ros, "--no-motion", "--hours", "0.002", "--simulated", "--json")
     with (
-        Program(ros_master, command, "monitor", "--ros", "1", "--json", "--rate", "5") as monitor,
-        Program(ros_master, command, "deploy", str(model), "--ros", "1", "--rate", "200", "--json") as deploy,
-        Program(ros_master, command, *record) as recorder,
+        Program(network, command, "monitor", "--ros", ros, "--json", "--rate", "5") as monitor,
+        Program(network, command, "deploy", str(model), "--ros", ros, "--rate", "200", "--json") as deploy,
+        Program(network, command, *record) as recorder,
     ):
         before = json.loads(monitor.line())["q"]
         goal = ("--joints", "shoulder", "--q", f"{before[0] + 0.5}", "--speed", "0.3", "--json")
-        with Program(ros_master, command, "goto", "--ros", "1", "--simulated", *goal) as first:
+        with Program(network, command, "goto", "--ros", ros, "--simulated", *goal) as first:
             until(lambda: abs(json.loads(monitor.line())["q"][0] - before[0]) > 0.05)
             other = ("--joints", "elbow", "--q", f"{before[1] + 0.2}")
-            with Program(ros_master, command, "goto", "--ros", "1", "--simulated", *other) as second:
+            with Program(network, command, "goto", "--ros", ros, "--simulated", *other) as second:
                 _, errors = second.finish()
             assert second.process.returncode == 2
             assert f"/catenary_goto_{first.process.pid} holds the arm" in errors
@@ -91,8 +108,9 @@ def test_four_look_and_move_and_the_second_that_would_move_is_told_who_does(
     assert json.loads(report)["unreadable"] == 0
 
 
+@pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])
 def test_a_played_bag_feeds_deploy_and_monitor_without_anybody_who_listens(
-    ros_master: Master, served: Program, model: Path, tmp_path: Path
+    ros_master: Master, meeting: Meeting, served: Program, model: Path, tmp_path: Path
 ) -> None:
     project, command = str(tmp_path / "project"), PATIENT_COMMAND
     record = ("record", project, "--ros", "1", "--no-motion", "--hours", "0.002", "--simulated", "--json")

@@ -1,4 +1,4 @@
-"""The operator's commands over a real master, beside `catenary serve` in another process.
+"""The operator's commands over a real master and over DDS, beside `catenary serve` in another process.
 
 One robot is served for all tests of this file, in real time. Commands run in this process, which is one ROS node, except
 where a key, Ctrl-C or a second program is what is tested.
@@ -16,15 +16,17 @@ from numpy.testing import assert_allclose
 
 from catenary import CrtkClient, MotionLog, forward_kinematics, gravity_torque, load_robot
 from catenary.calibration.files import save_model
+from catenary.crtk import network
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.names import find_topic
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.recording.source import open_recording
 from catenary.recording.topics import topic_named
 from command_line import Outcome, catenary
-from patience import until
+from dds import Network as Domain
+from patience import longer_limits, until
 from recordings import fitted
-from ros import NODE, PATIENT_COMMAND, Master, Program
+from ros import NODE, PATIENT_COMMAND, Network, Program
 from typist import Typist
 
 pytestmark = pytest.mark.slow
@@ -33,8 +35,9 @@ pytestmark = pytest.mark.slow
 GRAVITY = (1.7, 0.0, -9.66)
 GRAVITY_NODE = f"""
 from catenary.crtk.message import header, message_class
-from catenary.crtk.ros1.transport import Ros1Transport
-transport = Ros1Transport("gravity")
+import sys
+from catenary.crtk.network import make_transport
+transport = make_transport(sys.argv[1], "gravity")
 vector, stamped = message_class("geometry_msgs/Vector3"), message_class("geometry_msgs/Vector3Stamped")
 text = message_class("crtk_msgs/StringStamped")
 vectors = transport.publisher("/gravity", "geometry_msgs/Vector3Stamped")
@@ -59,25 +62,57 @@ class Before(NamedTuple):
     home: Outcome
 
 
+class Meeting(NamedTuple):
+    """Where programs meet, and the ROS that they are told."""
+
+    network: Network
+    ros: str
+
+
+MET: list[Meeting] = []  # the one of the tests that run
+
+
+@pytest.fixture(scope="module", params=["1", "2"], ids=["ros1", "dds"])
+def meeting(request: pytest.FixtureRequest) -> Iterator[Meeting]:
+    """Over ROS 1, then over DDS; commands of this process wait longer, where the machine is busy and the robot late."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "1":
+            found: Network = request.getfixturevalue("ros_master")
+            # this process is one node of ROS 1
+            patch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
+        else:
+            found = Domain(request.getfixturevalue("dds_domain"))
+        for longer in longer_limits():
+            patch.setattr(*longer)
+        MET[:] = [Meeting(found, request.param)]
+        yield MET[0]
+
+
 @pytest.fixture(scope="module")
-def served(ros_master: Master, patient_node: None) -> Iterator[Program]:
+def served(meeting: Meeting) -> Iterator[Program]:
     """A robot that was just switched on."""
-    with Program(ros_master, PATIENT_COMMAND, "serve", "--rate", "200") as server:
+    with Program(meeting.network, PATIENT_COMMAND, "serve", "--ros", meeting.ros, "--rate", "200") as server:
         server.line()  # it is up
         yield server
 
 
 @pytest.fixture(scope="module")
-def before(ros_master: Master, served: Program) -> Before:
+def before(meeting: Meeting, served: Program) -> Before:
     """The robot refused, interrupted while it homed, and homed."""
-    goto = catenary("goto", "--q-deg", "35", "--ros", "1", "--simulated")
-    with Program(ros_master, PATIENT_COMMAND, "home", "--ros", "1", "--yes") as homing, client() as robot:
+    goto = catenary("goto", "--q-deg", "35", "--ros", MET[0].ros, "--simulated")
+    with (
+        Program(meeting.network, PATIENT_COMMAND, "home", "--ros", MET[0].ros, "--yes") as homing,
+        client() as robot,
+    ):
         wait_until(lambda: robot.operating_state().is_busy)
         homing.interrupt()
         _, errors = homing.finish()
         state = tuple(robot.operating_state())
     return Before(
-        goto, (homing.process.returncode, errors), state, catenary("home", "--ros", "1", "--yes", "--json")
+        goto,
+        (homing.process.returncode, errors),
+        state,
+        catenary("home", "--ros", MET[0].ros, "--yes", "--json"),
     )
 
 
@@ -93,7 +128,7 @@ def ready(before: Before) -> None:
 @contextmanager
 def client() -> Iterator[CrtkClient]:
     """Look at the robot between two commands."""
-    with Ros1Transport(NODE) as transport, CrtkClient(transport) as one:
+    with network.make_transport(MET[0].ros, NODE) as transport, CrtkClient(transport) as one:
         yield one
 
 
@@ -156,7 +191,7 @@ def test_a_robot_is_homed(before: Before) -> None:
 
 
 def test_a_homed_robot_is_not_homed_again(ready: None) -> None:
-    outcome = catenary("home", "--ros", "1")
+    outcome = catenary("home", "--ros", MET[0].ros)
     assert outcome.code == 0
     assert "homed before; nothing has moved" in outcome.out
 
@@ -164,14 +199,14 @@ def test_a_homed_robot_is_not_homed_again(ready: None) -> None:
 def test_a_paused_robot_is_not_moved(ready: None) -> None:
     with client() as robot:
         robot.state_command("pause")
-    outcome = catenary("random", "--seconds", "2", "--ros", "1", "--simulated")
+    outcome = catenary("random", "--seconds", "2", "--ros", MET[0].ros, "--simulated")
     assert outcome.code == 2
     assert "PAUSED" in outcome.err
 
 
 def test_goto_arrives(ready: None) -> None:
     goal = setpoint()[:3] + np.array([0.03, -0.03, 0.002])
-    outcome = catenary("goto", "--q", ",".join(map(str, goal)), "--ros", "1", "--simulated", "--json")
+    outcome = catenary("goto", "--q", ",".join(map(str, goal)), "--ros", MET[0].ros, "--simulated", "--json")
     assert outcome.code == 0, outcome
     assert_allclose(setpoint()[:3], goal, atol=1e-5)  # floats of 32 bits on the wire
     assert_allclose([joint["q"] for joint in outcome.json["joints"]][:3], goal, atol=0.01)
@@ -179,7 +214,7 @@ def test_goto_arrives(ready: None) -> None:
 
 def test_random_moves_and_tells_of_its_errors(ready: None) -> None:
     begin = setpoint()
-    outcome = catenary("random", "--seconds", "2", "--seed", "1", "--ros", "1", "--simulated")
+    outcome = catenary("random", "--seconds", "2", "--seed", "1", "--ros", MET[0].ros, "--simulated")
     assert outcome.code == 0, outcome
     assert "raven2: done after" in outcome.out
     assert "largest error" in outcome.out
@@ -190,18 +225,18 @@ def test_a_file_is_followed_to_its_end(ready: None, tmp_path: Path) -> None:
     shoulder = float(np.rad2deg(setpoint()[0]))
     file = tmp_path / "run.csv"
     file.write_text(f"time [s],shoulder [deg]\n0,{shoulder}\n1,{shoulder + 3}\n")
-    outcome = catenary("follow", file, "--ros", "1", "--simulated")
+    outcome = catenary("follow", file, "--ros", MET[0].ros, "--simulated")
     assert outcome.code == 0, outcome
     assert "followed to its end" in outcome.out
     assert_allclose(np.rad2deg(setpoint()[0]), shoulder + 3, atol=0.01)
 
 
-def test_ctrl_c_holds_the_robot_where_it_is(ros_master: Master, ready: None) -> None:
+def test_ctrl_c_holds_the_robot_where_it_is(meeting: Meeting, ready: None) -> None:
     begin = setpoint()
     goal = np.rad2deg(begin[0]) + (20.0 if begin[0] < HOME[0] else -20.0)
     # it takes 17 s: it is stopped long before, also by a machine that is busy
-    arguments = ("goto", "--q-deg", f"{goal:.3f}", "--speed", "0.1", "--ros", "1", "--simulated")
-    with Program(ros_master, PATIENT_COMMAND, *arguments) as going, client() as robot:
+    arguments = ("goto", "--q-deg", f"{goal:.3f}", "--speed", "0.1", "--ros", MET[0].ros, "--simulated")
+    with Program(meeting.network, PATIENT_COMMAND, *arguments) as going, client() as robot:
         wait_until(lambda: abs(robot.setpoint_js().q[0] - begin[0]) > 0.02)
         going.interrupt()
         out, _ = going.finish()
@@ -213,11 +248,11 @@ def test_ctrl_c_holds_the_robot_where_it_is(ros_master: Master, ready: None) -> 
     assert abs(held[0] - begin[0]) < np.deg2rad(19.0)
 
 
-def test_keys_move_the_robot_and_quitting_pauses_it(ros_master: Master, ready: None) -> None:
+def test_keys_move_the_robot_and_quitting_pauses_it(meeting: Meeting, ready: None) -> None:
     begin = setpoint()
     forward = b"q" if begin[0] < HOME[0] else b"a"
-    program, environment = ("-c", PATIENT_COMMAND), ros_master.environment
-    with Typist("--ros", "1", "--simulated", program=program, environment=environment) as typist:
+    program, environment = ("-c", PATIENT_COMMAND), meeting.network.environment
+    with Typist("--ros", MET[0].ros, "--simulated", program=program, environment=environment) as typist:
         typist.wait_for(b"catenary teleop")
         pressed = time.monotonic()
         with client() as robot:
@@ -235,7 +270,7 @@ def test_keys_move_the_robot_and_quitting_pauses_it(ros_master: Master, ready: N
 def test_what_others_do_is_recorded(ready: None, tmp_path: Path) -> None:
     project = tmp_path / "project"
     outcome = catenary(
-        "record", project, "--ros", "1", "--no-motion", "--hours", "0.0007", "--name", "hand", "--simulated",
+        "record", project, "--ros", MET[0].ros, "--no-motion", "--hours", "0.0007", "--name", "hand", "--simulated",
         "--json",
     )  # fmt: skip
     assert outcome.code == 0, outcome
@@ -255,15 +290,17 @@ def test_what_others_do_is_recorded(ready: None, tmp_path: Path) -> None:
     assert recording.about.simulated
 
 
-def test_a_deployed_model_is_heard_and_shown_beside_gravity(ros_master, ready, tmp_path) -> None:
+def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_path) -> None:
     model, folder = write_model(tmp_path), tmp_path / "beside"
     options = ("--gravity-torque", "--gravity", "/gravity", "--rate", "200", "--json")
     with (
-        Program(ros_master, GRAVITY_NODE) as node,
-        Program(ros_master, PATIENT_COMMAND, "deploy", str(model), "--ros", "1", *options) as deployed,
+        Program(meeting.network, GRAVITY_NODE, meeting.ros) as node,
+        Program(
+            meeting.network, PATIENT_COMMAND, "deploy", str(model), "--ros", MET[0].ros, *options
+        ) as deployed,
     ):
         assert node.line() == "up"
-        with Ros1Transport(NODE) as transport:
+        with network.make_transport(meeting.ros, NODE) as transport:
             types = {
                 "measured_js": "sensor_msgs/JointState",
                 "measured_cp": "geometry_msgs/TransformStamped",
@@ -277,7 +314,7 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(ros_master, ready, t
             time.sleep(0.5)
             last = {verb: topic.take(60.0)[-1].message for verb, topic in heard.items()}
         watched = catenary(
-            "monitor", "--ros", "1", "--simulated", "--gravity", "/gravity", "--record", folder, "--seconds",
+            "monitor", "--ros", MET[0].ros, "--simulated", "--gravity", "/gravity", "--record", folder, "--seconds",
             "2", "--rate", "5", "--json",
         )  # fmt: skip
         deployed.interrupt()
@@ -317,7 +354,7 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(ros_master, ready, t
 
 def test_monitor_prints_a_line_a_second_and_sends_nothing(ready: None) -> None:
     begin = setpoint()
-    outcome = catenary("monitor", "--ros", "1", "--simulated", "--seconds", "1.2")
+    outcome = catenary("monitor", "--ros", MET[0].ros, "--simulated", "--seconds", "1.2")
     assert outcome.code == 0, outcome
     assert "ENABLED, homed" in outcome.out
     assert_allclose(setpoint(), begin)
