@@ -15,15 +15,17 @@ from parsed_commands import complaint
 
 BLOCKS = blocks()
 RUN = [block for block in BLOCKS if block.not_run is None]
-# pages whose commands take longer than a few seconds
-SLOW: set[str] = set()
 # commands that end with 1 where they find something wrong
 JUDGES = {"check", "drift", "sense"}
+# commands that go on until they are ended
+ENDLESS = {"view", "serve", "teleop", "monitor", "encoders", "gravity-node"}
 
 
 def _pages() -> list[object]:
+    """Pages with something to run; those with commands take long."""
     names = {block.page: None for block in RUN if block.language == "python" or block.commands}
-    return [pytest.param(name, marks=pytest.mark.slow if name in SLOW else (), id=name) for name in names]
+    slow = {block.page for block in RUN if block.commands}
+    return [pytest.param(name, marks=pytest.mark.slow if name in slow else (), id=name) for name in names]
 
 
 @pytest.mark.parametrize("page", _pages())
@@ -92,6 +94,19 @@ def test_every_command_on_the_pages_is_one_that_the_parser_takes() -> None:
     assert wrong == {}
     assert len(in_blocks) > 40
     assert len(in_text) > 100
+
+
+def test_no_command_that_is_run_goes_on_for_ever_or_reaches_for_a_robot() -> None:
+    """Those need a comment above their block that says why they are not run."""
+    found = [
+        (f"{block.page}:{block.line}", words_of(command)[0]) for block in RUN for command, _ in block.commands
+    ]
+    assert [
+        (where, words)
+        for where, words in found
+        if words[0] == "catenary" and (words[1] in ENDLESS or {"--ros", "--port"} & set(words))
+    ] == []
+    assert {words[0] for _, words in found} <= {"catenary", "python"}
 
 
 @pytest.mark.parametrize(

@@ -8,22 +8,6 @@ from view.browser import ARGUMENTS, CHROMIUM, PATIENCE
 
 pytestmark = pytest.mark.slow
 
-# what somebody types, and the places that answer it
-SEARCHES = {
-    "sign of gravity": ("dynamics.html#conventions", "troubleshooting.html#gravity-and-its-sign"),
-    "how do I use degrees": ("api/index.html", "troubleshooting.html#joints-degrees-and-limits"),
-    "joint is not homed": (
-        "troubleshooting.html#robots-ros-and-devices",
-        "safety.html",
-        "api/errors.html#catenary.errors.NotReadyError",
-    ),
-    "outside": ("calibration.html#the-valid-range", "troubleshooting.html#models"),
-    "mount the sensor": ("gravity-vector.html#mount-it-and-tumble-it", "tutorials/tilted-mount.html"),
-    "export to C": ("kernels.html#c-for-a-real-robots-loop", "commands.html"),
-    "a bag of mine": ("how-to-bring-your-recordings.html", "tutorials/bring-your-recordings.html"),
-    "which model": ("calibration.html#models", "calibration.html#which-model"),
-    "how to cite": ("cite.html",),
-}
 PAGES = (
     "index",
     "calibration",
@@ -61,24 +45,6 @@ class Watched:
     def fine(self) -> None:
         assert [url for url in self.asked if not url.startswith(("file:", "data:", "blob:", "about:"))] == []
         assert self.complaints == []
-
-
-def test_a_search_finds_its_answer_among_the_first_five(site: Path, browser: Any) -> None:
-    watched = Watched(browser, 1400)
-    page = watched.page
-    missed = {}
-    for words, answers in SEARCHES.items():
-        page.goto((site / "index.html").as_uri())
-        page.locator(".md-search__button").click()
-        page.get_by_role("combobox").fill(words)
-        page.get_by_role("option").first.wait_for()
-        page.wait_for_timeout(300)
-        found = [one.get_attribute("href") or "" for one in page.get_by_role("option").all()[:5]]
-        places = [href.removeprefix(site.as_uri() + "/").replace("?h=", "") for href in found]
-        if not any(place.startswith(answer) for place in places for answer in answers):
-            missed[words] = places
-    assert missed == {}
-    watched.fine()
 
 
 @pytest.mark.parametrize("width", [1400, 420])
