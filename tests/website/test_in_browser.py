@@ -8,6 +8,23 @@ from view.browser import ARGUMENTS, CHROMIUM, PATIENCE
 
 pytestmark = pytest.mark.slow
 
+QUESTIONS = "troubleshooting.html#questions"
+# what somebody types, and the places that answer it
+SEARCHES = {
+    "sign of gravity": ("dynamics.html#conventions", "troubleshooting.html#gravity-and-its-sign", QUESTIONS),
+    "how do I use degrees": (QUESTIONS,),
+    "joint is not homed": (
+        "troubleshooting.html#robots-ros-and-devices",
+        "safety.html#run-levels",
+        QUESTIONS,
+    ),
+    "outside": ("calibration.html#the-valid-range", "troubleshooting.html#models", QUESTIONS),
+    "mount the sensor": ("gravity-vector.html#mount-it-and-tumble-it", QUESTIONS),
+    "export to C": ("kernels.html#c-for-a-real-robots-loop", "commands.html", QUESTIONS),
+    "a bag of mine": ("how-to-bring-your-recordings.html", "tutorials/bring-your-recordings.html", QUESTIONS),
+    "which model": ("calibration.html#models", QUESTIONS),
+    "how to cite": ("cite.html", QUESTIONS),
+}
 PAGES = (
     "index",
     "calibration",
@@ -45,6 +62,27 @@ class Watched:
     def fine(self) -> None:
         assert [url for url in self.asked if not url.startswith(("file:", "data:", "blob:", "about:"))] == []
         assert self.complaints == []
+
+
+def test_a_search_finds_its_answer_among_the_first_five(site: Path, browser: Any) -> None:
+    watched = Watched(browser, 1400)
+    page = watched.page
+    missed = {}
+    for words, answers in SEARCHES.items():
+        page.goto((site / "index.html").as_uri())
+        page.locator(".md-search__button").click()
+        box = page.get_by_role("combobox")
+        box.wait_for()
+        page.wait_for_timeout(300)  # it grows into view
+        box.press_sequentially(words)
+        page.get_by_role("option").first.wait_for()
+        page.wait_for_timeout(1000)  # results of the last letter
+        found = [one.get_attribute("href") or "" for one in page.get_by_role("option").all()[:5]]
+        places = [href.removeprefix(site.as_uri() + "/").replace("?h=", "") for href in found]
+        if not any(place.startswith(answer) for place in places for answer in answers):
+            missed[words] = places
+    assert missed == {}
+    watched.fine()
 
 
 @pytest.mark.parametrize("width", [1400, 420])
