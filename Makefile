@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-dds bench-serving bench-bags clean help
-.PHONY: papers refit prior
+.PHONY: papers refit prior docs
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -28,6 +28,7 @@ help:
 	@echo "make bench-dds   the same over ROS 2's DDS: a served robot and a client that hears every topic (10 minutes)"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
+	@echo "make docs        the documentation site into build/site: open build/site/index.html"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make prior       learn the prior of few minutes on simulated arms again (a minute); rewrites its data file"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
@@ -91,6 +92,10 @@ PAPER ?= all
 papers: $(VENV)/.papers
 	$(BIN)/python -m papers $(PAPER) --workers $(shell nproc) --data $(CATENARY_DATA) $(if $(QUICK),--quick)
 
+docs: $(VENV)/.documentation
+	$(BIN)/python -m zensical build --strict --clean
+	@echo "open build/site/index.html"
+
 refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
 
@@ -111,9 +116,13 @@ $(VENV)/.papers: $(VENV)/.package
 	$(BIN)/python -m pip install --disable-pip-version-check -e ".[papers]"
 	@touch $@
 
+$(VENV)/.documentation: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[docs]"
+	@touch $@
+
 $(VENV)/.development: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --disable-pip-version-check -e ".[dev]"
-	@touch $@ $(VENV)/.package
+	@touch $@ $(VENV)/.package $(VENV)/.documentation
 
 $(VENV)/.benchmarks: $(VENV)/.package
 	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"

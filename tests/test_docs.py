@@ -1,60 +1,173 @@
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from catenary.robots.catalog import load_robot
 from command_line import catenary
+from documented import ROOT, Block, blocks, blocks_of, said_in_text, unlike, words_of
+from given import give
+from parsed_commands import complaint
 
-ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCKS = blocks()
+RUN = [block for block in BLOCKS if block.not_run is None]
+# commands that end with 1 where they find something wrong
+JUDGES = {"check", "drift", "sense"}
+# commands that go on until they are ended
+ENDLESS = {"view", "serve", "teleop", "monitor", "encoders", "gravity-node"}
 
 
-def blocks(language: str) -> list[tuple[str, str, str | None]]:
-    """Page and text of each block in a language, and what it is said to print: a block of text right below it."""
-    form = rf"^```{language}\n((?:(?!^```).)*?)^```\n(?:\n```text\n(.*?)^```)?"
-    pages = {page.name: re.findall(form, page.read_text(), re.MULTILINE | re.DOTALL) for page in PAGES}
-    return [(name, code, text or None) for name, found in pages.items() for code, text in found]
+def _pages() -> list[object]:
+    """Pages with something to run; those with commands take long."""
+    names = {block.page: None for block in RUN if block.language == "python" or block.commands}
+    slow = {block.page for block in RUN if block.commands}
+    return [pytest.param(name, marks=pytest.mark.slow if name in slow else (), id=name) for name in names]
 
 
-@pytest.mark.parametrize(("page", "code", "text"), blocks("python"), ids=lambda value: str(value)[:20])
-def test_python_on_the_pages_runs_and_prints_what_stands_below_it(
+@pytest.mark.parametrize("page", _pages())
+def test_a_page_does_what_it_says(
     page: str,
-    code: str,
-    text: str | None,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
 ) -> None:
     # pages run from the root; what they write goes elsewhere
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
-    exec(compile(code, page, "exec"), {})
-    assert text is None or capsys.readouterr().out == text
+    for block in RUN:
+        if block.page == page:
+            give(block.given, tmp_path, request)
+            _run(block, capsys)
 
 
-@pytest.mark.parametrize(("page", "text", "_"), blocks("toml"), ids=lambda value: str(value)[:20])
-def test_robots_on_the_pages_load(page: str, text: str, _: None, tmp_path: Path) -> None:
-    (tmp_path / "robot.toml").write_text(text)
+def _run(block: Block, capsys: pytest.CaptureFixture[str]) -> None:
+    if block.language == "python":
+        # lines as on the page, for who reads a traceback
+        exec(compile("\n" * block.line + block.text, block.page, "exec"), {})
+        out = capsys.readouterr().out
+        assert block.printed is None or out == block.printed
+    for command, said in block.commands:
+        words, into = words_of(command)
+        if words[0] == "catenary":
+            outcome = catenary(*words[1:])
+            assert outcome.code in ((0, 1) if words[1] in JUDGES else (0,)), (command, outcome)
+            out, err = outcome.out, outcome.err
+        else:
+            assert words[0] == "python", (
+                f"{block.page}:{block.line}: is not run here, and does not say why: {command}"
+            )
+            ended = subprocess.run(
+                [sys.executable, *words[1:]], capture_output=True, text=True, check=True, env=_with_package()
+            )
+            out, err = ended.stdout, ended.stderr
+        if into is not None:
+            into.write_text(out)
+        assert unlike(said, out + err) == [], (f"{block.page}:{block.line}: {command}", out + err)
+
+
+def _with_package() -> dict[str, str]:
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]),
+    }
+
+
+def test_every_command_on_the_pages_is_one_that_the_parser_takes() -> None:
+    in_blocks = [
+        (f"{block.page}:{block.line}", words_of(command)[0])
+        for block in BLOCKS
+        for command, _ in block.commands
+        if command.startswith("catenary ")
+    ]
+    in_text = [(page, ["catenary", *words_of(line)[0]]) for page, line in said_in_text()]
+    wrong = {
+        (where, shlex.join(words)): found
+        for where, words in in_blocks + in_text
+        if (found := complaint(words[1:])) is not None
+    }
+    assert wrong == {}
+    assert len(in_blocks) > 40
+    assert len(in_text) > 100
+
+
+def test_no_command_that_is_run_goes_on_for_ever_or_reaches_for_a_robot() -> None:
+    """Those need a comment above their block that says why they are not run."""
+    found = [
+        (f"{block.page}:{block.line}", words_of(command)[0]) for block in RUN for command, _ in block.commands
+    ]
+    assert [
+        (where, words)
+        for where, words in found
+        if words[0] == "catenary" and (words[1] in ENDLESS or {"--ros", "--port"} & set(words))
+    ] == []
+    assert {words[0] for _, words in found} <= {"catenary", "python"}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "fit LOG --no-such-option",
+        "identify LOG.npz --robot",
+        "gravity raven2 --q",
+        "nothing ROBOT",
+        "random --seconds ten",
+    ],
+)
+def test_a_command_that_the_parser_refuses_is_found(wrong: str) -> None:
+    assert complaint(shlex.split(wrong)) is not None
+
+
+def test_every_command_in_a_block_stands_behind_a_dollar_sign() -> None:
+    bare = [
+        f"{block.page}:{block.line}: {line}"
+        for block in BLOCKS
+        if block.language in ("", "bash", "console")
+        for line in block.text.splitlines()
+        if "  " not in line.strip().partition(" #")[0]  # a screen
+        and re.match(r"\s*(catenary|python3?|make|pip|ssh|export|apt) (?=\S)", line)
+    ]
+    assert bare == []
+
+
+def test_a_block_is_read_with_its_marks_its_place_and_what_it_prints() -> None:
+    text = (
+        "A\n\n<!-- given: a.npz, b.npz -->\n<!-- not run: a robot -->\n\n   ```\n   $ catenary home \\\n     --ros 1\n   done\n   ```\n"
+        "\n```python\nprint(1)\n```\n\n```text\n1\n```\n"
+    )
+    first, second = blocks_of(text, "page.md")
+    assert first.commands == [("catenary home --ros 1", ["done"])]
+    assert (first.line, first.not_run, first.given) == (6, "a robot", ("a.npz", "b.npz"))
+    assert (second.text, second.printed, second.not_run) == ("print(1)\n", "1\n", None)
+
+
+@pytest.mark.parametrize(
+    "block", [one for one in BLOCKS if one.language == "toml"], ids=lambda one: f"{one.page}:{one.line}"
+)
+def test_robots_on_the_pages_load(block: Block, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(block.text)
     assert not load_robot(tmp_path / "robot.toml").missing_inertia
 
 
-def commands() -> list[str]:
-    """Commands on the pages that are complete: with arguments, and none of them a placeholder."""
-    lines = [line for page in PAGES for line in re.findall(r"`catenary ([^`]+)`", page.read_text())]
-    return sorted({line for line in lines if " " in line and not re.search(r"[A-Z]{2}|\.\.\.", line)})
+def complete_commands() -> list[str]:
+    """Commands within sentences that are complete: with arguments, and none of them a placeholder."""
+    lines = {line for _, line in said_in_text()}
+    return sorted(line for line in lines if " " in line and not re.search(r"[A-Z]{2}|\.\.\.", line))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", commands())
-def test_commands_on_the_pages_run(line: str) -> None:
+@pytest.mark.parametrize("line", complete_commands())
+def test_commands_within_sentences_run(line: str) -> None:
     assert catenary(*shlex.split(line)).code == 0
 
 
 def test_help_examples_that_name_no_file_run() -> None:
-    assert len(commands()) > 5  # on the pages
+    assert len(complete_commands()) > 5
     for name in ("fk", "ik"):
         text = " ".join(catenary(name, "--help").out.split())
         example = re.search(r"Example: catenary (.*?) (?:Arguments|Options):", text)

@@ -33,7 +33,7 @@ def test_no_folder_holds_more_files_than_a_reader_can_survey() -> None:
     assert {folder: count for folder, count in counts.items() if count > 25} == {}
 
 
-PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").rglob("*.md"))]
 # scripts of other projects
 OF_OTHERS = r"run_r\w+|raven_py_controller|crtk_\w+_example|ral_ros1|utils|make_msgs"
 

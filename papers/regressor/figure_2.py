@@ -243,7 +243,7 @@ CLAIMS = (
     Claim(
         "Its compact form",
         "figure 2, section II-C",
-        "g = g_c [c1 c12 c123; 0 c12 c123; 0 0 c123] [l1 (m2+m3)+lg1 m1; l2 m3+lg2 m2; lg3 m3]",
+        "g = g_c Z s with Z = [c1 c12 c123; 0 c12 c123; 0 0 c123], s = [l1 (m2+m3)+lg1 m1; l2 m3+lg2 m2; lg3 m3]",
         "every entry and every parameter as printed",
         _is_compact,
     ),
