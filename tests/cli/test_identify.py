@@ -125,6 +125,13 @@ def test_a_payload_is_not_weighed_by_torques_of_another_sign_or_unit(
         assert catenary(*line, *mend, "--json").json["mass"] == pytest.approx(0.2, abs=0.01)
 
 
+def test_a_load_that_is_heavy_beside_its_link_is_weighed(parameters: Path, tmp_path: Path) -> None:
+    heavy = 1.5  # [kg], three times what the insertion's torque is of
+    write_npz(recorded(ARM.with_payload("wrist", heavy, PLACE), 2, noise=0.1), tmp_path / "heavy.npz")
+    line = ("payload", tmp_path / "heavy.npz", "--model", parameters, "--at", "wrist", *PLACE, "--json")
+    assert catenary(*line).json["mass"] == pytest.approx(heavy, abs=0.05)
+
+
 RUN = recorded(ARM, 0, seconds=4.0)
 
 

@@ -68,7 +68,9 @@ def payload_of_files(
     notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
     samples = [prepare(log, result.model, options) for log in read]
     tested = result.test(samples)
-    doubts = [(s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False)]
+    doubts = [
+        (s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False, may_carry=True)
+    ]
     notes += judge(doubts, accept, done="weighed")
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
     if at is not None:
