@@ -60,7 +60,7 @@ def export(
     ] = None,
     as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Write a robot as C, a model as an ONNX graph, or a recording as MCAP.
+    """Write a robot as C, a model as ONNX, a recording as MCAP.
 
     The header holds the law of motion (feedforward, inverse dynamics on a base that moves, mass matrix, gravity and
     its regressors) and joint correction, for loops in C and C++: no library, no memory; without a robot, or with one
