@@ -1,4 +1,4 @@
-"""A robot in another process over ROS 1: connected to, restarted, and calibrated to its report."""
+"""A robot in another process over ROS 1: connected to, restarted, and, over DDS too, calibrated to its report."""
 
 from collections.abc import Iterator
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from catenary import CrtkClient, read_log
+from catenary.crtk import network
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
 from catenary.trajectories.waypoints import follow_waypoints
@@ -13,7 +14,8 @@ from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import motion_log_path
 from command_line import catenary
-from patience import PATIENCE, until
+from dds import Network as Domain
+from patience import PATIENCE, longer_limits, until
 from ros import NODE, PATIENT_COMMAND, Master, Program
 from simulated_project import QUICK_MODELS
 
@@ -74,23 +76,32 @@ def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
         CrtkClient(transport, connect_timeout=0.5)
 
 
-def test_served_robot_is_calibrated_to_its_report(ros_master, patient_node, tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize("ros", ["1", "2"], ids=["ros1", "dds"])
+def test_served_robot_is_calibrated_to_its_report(ros, request, tmp_path, monkeypatch) -> None:
+    for longer in longer_limits():
+        monkeypatch.setattr(*longer)
+    if ros == "1":
+        programs = request.getfixturevalue("ros_master")
+        # this process is one node of ROS 1
+        monkeypatch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
+    else:
+        programs = Domain(request.getfixturevalue("dds_domain"))
     motion = follow_waypoints(STROLL, speed=[0.2, 0.2, 0.01])
     monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)
     monkeypatch.setattr(calibrate, "random_motion", lambda project, seconds, number=0: (motion, "another"))
     project = tmp_path / "project"
-    with Program(ros_master, PATIENT_COMMAND, "serve", "--homed", "--json") as server:
+    with Program(programs, PATIENT_COMMAND, "serve", "--ros", ros, "--homed", "--json") as server:
         server.line()  # it is up
-        outcome = catenary("calibrate", project, "--ros", "1", "--yes", "--simulated", "--json")
+        outcome = catenary("calibrate", project, "--ros", ros, "--yes", "--simulated", "--json")
     assert outcome.code == 0, outcome.err
     assert outcome.json["deployment"]["ticks"] > 1000
-    log = read_log(motion_log_path(Project(project, ProjectSettings(connection="ros1")), "test"))
+    log = read_log(motion_log_path(Project(project, ProjectSettings(connection=f"ros{ros}")), "test"))
     assert log.ok.any()  # where the machine let messages come within 50 ms of each other
     # what the cables stretch by and the rig's own zeros, and no more: the encoders are the same joints'
     assert log.q_encoder is not None
     error = np.abs((log.q_encoder - log.q_nominal)[log.ok])
     assert (np.median(error, axis=0) < [0.2, 0.2, 0.02]).all()
     page = (project / "report.html").read_text(encoding="utf-8")
-    assert "model (simulated, over ROS 1)" in page
+    assert f"model (simulated, over ROS {ros})" in page
     assert "the external encoders" in page
