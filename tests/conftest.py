@@ -118,9 +118,12 @@ def ros_master(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Master]":
         yield master
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def dds_domain() -> Iterator[int]:
-    """DDS domain of the process of the tests and of those that it starts; skips where there is no DDS."""
+    """DDS domain of the process of a file's tests and of those that it starts; skips where there is no DDS.
+
+    Each file has its own: who is killed in one would be there for its lease in the next.
+    """
     from dds import dds_domain
 
     with dds_domain() as domain:

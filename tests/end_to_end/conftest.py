@@ -2,18 +2,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from patience import longer_limits
-from ros import NODE, Master
+from dds import Network as Domain
+from meeting import Meeting, taking_part
 
 
-@pytest.fixture(scope="module")
-def patient_node(ros_master: Master) -> Iterator[None]:
-    """Commands of this process take its one node; they wait longer, where the machine is busy and the robot late."""
-    from catenary.crtk import network
-    from catenary.crtk.ros1.transport import Ros1Transport
-
-    with pytest.MonkeyPatch.context() as patch:
-        for longer in longer_limits():
-            patch.setattr(*longer)
-        patch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
-        yield
+@pytest.fixture(scope="module", params=["1", "2"], ids=["ros1", "dds"])
+def meeting(request: pytest.FixtureRequest) -> Iterator[Meeting]:
+    """Over ROS 1, then over DDS; this process takes part."""
+    if request.param == "1":
+        network = request.getfixturevalue("ros_master")
+    else:
+        network = Domain(request.getfixturevalue("dds_domain"))
+    with taking_part(request.param):
+        yield Meeting(network, request.param)

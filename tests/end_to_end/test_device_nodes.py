@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from dds import Network as Domain
+from meeting import Meeting
 from oracles.simulated_encoders import SimulatedEncoders
-from ros import COMMAND, Network, Program
+from ros import COMMAND, Program
 
 pytestmark = pytest.mark.slow
 
@@ -48,14 +48,8 @@ print(*message.name, *message.position, len(positions.take()))
 """
 
 
-@pytest.fixture(params=["1", "2"], ids=["ros1", "dds"])
-def ros(request: pytest.FixtureRequest) -> tuple[Network, str]:
-    """Where programs meet, and the ROS that they are told."""
-    return (request.getfixturevalue("ros_master") if request.param == "1" else Domain()), request.param
-
-
-def test_gravity_comes_back_from_an_imus_topic(ros: tuple[Network, str]):
-    network, carrier = ros
+def test_gravity_comes_back_from_an_imus_topic(meeting: Meeting):
+    network, carrier = meeting
     node = ("gravity-node", "--ros", carrier, "--imu", "/imu/data_raw", "--frame", "table", "--no-gyroscope")
     with Program(network, COMMAND, *node), Program(network, SENSOR, carrier) as sensor:
         frame, *vector = sensor.line().split()
@@ -63,8 +57,8 @@ def test_gravity_comes_back_from_an_imus_topic(ros: tuple[Network, str]):
     assert [float(word) for word in vector] == pytest.approx([-1.7, 0.0, -9.66], abs=0.1)
 
 
-def test_counts_are_heard_and_no_positions_before_homing(ros: tuple[Network, str], tmp_path: Path):
-    network, carrier = ros
+def test_counts_are_heard_and_no_positions_before_homing(meeting: Meeting, tmp_path: Path):
+    network, carrier = meeting
     board, ending = SimulatedEncoders(tmp_path / "board"), threading.Event()
 
     def speak() -> None:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from catenary import CrtkClient, read_log
-from catenary.crtk import network
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
 from catenary.trajectories.waypoints import follow_waypoints
@@ -14,8 +13,8 @@ from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import motion_log_path
 from command_line import catenary
-from dds import Network as Domain
-from patience import PATIENCE, longer_limits, until
+from meeting import Meeting
+from patience import PATIENCE, until
 from ros import NODE, PATIENT_COMMAND, Master, Program
 from simulated_project import QUICK_MODELS
 
@@ -76,17 +75,9 @@ def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
         CrtkClient(transport, connect_timeout=0.5)
 
 
-@pytest.mark.parametrize("ros", ["1", "2"], ids=["ros1", "dds"])
-def test_served_robot_is_calibrated_to_its_report(ros, request, tmp_path, monkeypatch) -> None:
-    for longer in longer_limits():
-        monkeypatch.setattr(*longer)
-    if ros == "1":
-        programs = request.getfixturevalue("ros_master")
-        # this process is one node of ROS 1
-        monkeypatch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
-    else:
-        programs = Domain(request.getfixturevalue("dds_domain"))
-    motion = follow_waypoints(STROLL, speed=[0.2, 0.2, 0.01])
+def test_served_robot_is_calibrated_to_its_report(meeting: Meeting, tmp_path, monkeypatch) -> None:
+    programs, ros = meeting
+    motion = follow_waypoints(STROLL, speed=[0.1, 0.1, 0.005])  # 7 s: from less than 5 s nothing is learnt
     monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)
     monkeypatch.setattr(calibrate, "random_motion", lambda project, seconds, number=0: (motion, "another"))

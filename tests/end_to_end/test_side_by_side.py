@@ -3,17 +3,16 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from catenary.calibration.files import save_model
 from catenary.plant import MotionLog
-from dds import Network as Domain
+from meeting import Meeting
 from patience import until
 from recordings import fitted
-from ros import PATIENT_COMMAND, Master, Network, Program
+from ros import PATIENT_COMMAND, Master, Program
 
 pytestmark = pytest.mark.slow
 
@@ -47,19 +46,6 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("model") / "arm.npz"
     save_model(fitted(log, kind="linear", inputs=tuple(f"q:{name}" for name in names)), {}, path)
     return path
-
-
-class Meeting(NamedTuple):
-    """Where programs meet, and the ROS that they are told."""
-
-    network: Network
-    ros: str
-
-
-@pytest.fixture(scope="module", params=["1", "2"], ids=["ros1", "dds"])
-def meeting(request: pytest.FixtureRequest) -> Meeting:
-    """Over ROS 1, then over DDS."""
-    return Meeting(request.getfixturevalue("ros_master") if request.param == "1" else Domain(), request.param)
 
 
 @pytest.fixture(scope="module")

@@ -12,15 +12,19 @@ import pytest
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.ros1.transport import Ros1Transport
 from ended_commands import end_over_ros
+from meeting import taking_part
 from ros import NODE, PATIENT_COMMAND, Master, Program
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def served(ros_master: Master, patient_node: None) -> Iterator[CrtkClient]:
+def served(ros_master: Master) -> Iterator[CrtkClient]:
     """A homed robot, and a program that looks at it."""
-    with Program(ros_master, PATIENT_COMMAND, "serve", "--rate", "50", "--homed") as server:
+    with (
+        taking_part("1"),
+        Program(ros_master, PATIENT_COMMAND, "serve", "--rate", "50", "--homed") as server,
+    ):
         server.line()  # it is up
         with Ros1Transport(NODE) as transport, CrtkClient(transport) as one:
             yield one

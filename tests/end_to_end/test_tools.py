@@ -19,14 +19,13 @@ from catenary.calibration.files import save_model
 from catenary.crtk import network
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.names import find_topic
-from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.recording.source import open_recording
 from catenary.recording.topics import topic_named
 from command_line import Outcome, catenary
-from dds import Network as Domain
-from patience import longer_limits, until
+from meeting import Meeting
+from patience import until
 from recordings import fitted
-from ros import NODE, PATIENT_COMMAND, Network, Program
+from ros import NODE, PATIENT_COMMAND, Program
 from typist import Typist
 
 pytestmark = pytest.mark.slow
@@ -62,35 +61,13 @@ class Before(NamedTuple):
     home: Outcome
 
 
-class Meeting(NamedTuple):
-    """Where programs meet, and the ROS that they are told."""
-
-    network: Network
-    ros: str
-
-
 MET: list[Meeting] = []  # the one of the tests that run
-
-
-@pytest.fixture(scope="module", params=["1", "2"], ids=["ros1", "dds"])
-def meeting(request: pytest.FixtureRequest) -> Iterator[Meeting]:
-    """Over ROS 1, then over DDS; commands of this process wait longer, where the machine is busy and the robot late."""
-    with pytest.MonkeyPatch.context() as patch:
-        if request.param == "1":
-            found: Network = request.getfixturevalue("ros_master")
-            # this process is one node of ROS 1
-            patch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
-        else:
-            found = Domain(request.getfixturevalue("dds_domain"))
-        for longer in longer_limits():
-            patch.setattr(*longer)
-        MET[:] = [Meeting(found, request.param)]
-        yield MET[0]
 
 
 @pytest.fixture(scope="module")
 def served(meeting: Meeting) -> Iterator[Program]:
     """A robot that was just switched on."""
+    MET[:] = [meeting]
     with Program(meeting.network, PATIENT_COMMAND, "serve", "--ros", meeting.ros, "--rate", "200") as server:
         server.line()  # it is up
         yield server

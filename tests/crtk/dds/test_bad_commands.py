@@ -1,51 +1,16 @@
 """What a program that is not ours sends over DDS and no robot should obey: nothing moves, and the arm says why."""
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
-from cyclonedds.idl import IdlStruct
-from cyclonedds.idl import annotations as annotate
-from cyclonedds.idl.types import float64
 
 from catenary.nodes.serve import Serving, make_server
 from oracles.cable_arms import homed_plant
-from oracles.cyclone_peer import Header, JointState, Text
+from oracles.cyclone_peer import JointState, Point, Pose, PoseStamped, Quaternion, Text
 from patience import until
 
 NAN, INF = float("nan"), float("inf")
-
-
-@dataclass
-@annotate.final
-class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-
-
-@dataclass
-@annotate.final
-class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-    w: float64 = 1.0
-
-
-@dataclass
-@annotate.final
-class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
-    position: Point = field(default_factory=Point)
-    orientation: Quaternion = field(default_factory=Quaternion)
-
-
-@dataclass
-@annotate.final
-class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
-    header: Header = field(default_factory=Header)
-    pose: Pose = field(default_factory=Pose)
 
 
 def joints(q: np.ndarray) -> list[tuple[Any, str]]:
