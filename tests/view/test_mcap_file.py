@@ -1,5 +1,7 @@
 """A recording as MCAP and URDF, read by other libraries: schemas, stamps, and poses that are forward kinematics."""
 
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.testing import assert_allclose
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from catenary.errors import FileFormatError
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
@@ -177,6 +180,19 @@ def test_recording_without_gravity_or_truth_says_so(tmp_path: Path) -> None:
     made = written(recording(signals={}, q_encoder=None, tau=None, qd=None), tmp_path)
     assert any("level" in note for note in made.notes)
     assert not {"/measured/joint_states", "/gravity_torque"} & set(made.messages)
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    older = tmp_path / "swing.mcap"
+    older.write_bytes(b"older")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(FileFormatError, match="cannot be written: No space left"):
+        written(recording(), tmp_path)
+    assert older.read_bytes() == b"older"
+    assert list(tmp_path.iterdir()) == [older]
 
 
 def test_command_writes_both_files_and_refuses_what_does_not_fit(tmp_path: Path) -> None:

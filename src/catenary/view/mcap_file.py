@@ -5,7 +5,7 @@ behind `calibrated/` and `measured/`. `world` has its z axis up, so that `base` 
 """
 
 import heapq
-import os
+import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
 from catenary.errors import FileFormatError, UnsupportedModelError
-from catenary.files import write_atomically
+from catenary.files import write_atomically, written_whole
 from catenary.plant import MotionLog
 from catenary.recording.layout import layout_of
 from catenary.recording.messages import Field, fields_of, ros2_name
@@ -108,9 +108,10 @@ def write_mcap(arm: RecordedArm, log: MotionLog, out: Path, shapes: tuple[Shape,
         counts[one.topic] = counts.get(one.topic, 0) + len(one.time)
     urdf = None if description is None else out.with_suffix(".urdf")
     try:
-        with tempfile.TemporaryDirectory(dir=out.parent, prefix=".mcap-") as folder:
-            whole = _write_bag(Path(folder) / "bag", store, sets, round(start * SECOND))
-            os.replace(whole, out)
+        with tempfile.TemporaryDirectory() as folder:
+            made = _write_bag(Path(folder) / "bag", store, sets, round(start * SECOND))
+            with made.open("rb") as source, written_whole(out) as file:
+                shutil.copyfileobj(source, file)
     except OSError as error:
         raise FileFormatError(f"{out}: cannot be written: {error.strerror or error}") from error
     if urdf is not None and description is not None:
