@@ -14,6 +14,10 @@ from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
 from catenary.spatial import Pose
 
+_A_POINT = (
+    1e-12  # [m] length up to which a segment has no direction: squares of shorter ones lose their digits
+)
+
 
 class Ball(NamedTuple):
     """A ball about the shape's origin."""
@@ -138,7 +142,7 @@ def capsule_between(start: Floats, end: Floats, radius: float) -> tuple[Pose, Ca
     """Return the capsule about a segment between two points (3,) [m], and where it stands."""
     along = np.asarray(end, dtype=float) - start
     length = float(np.linalg.norm(along))
-    z = along / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+    z = along / length if length > _A_POINT else np.array([0.0, 0.0, 1.0])
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
     rotation = np.column_stack([x, np.cross(z, x), z])
