@@ -39,6 +39,11 @@ class LookedAtPage:
         text = row.locator("td").nth(1 + column).inner_text(timeout=PATIENCE)
         return float(text.split()[0].replace("−", "-"))
 
+    def wait_for_words(self) -> None:
+        """Wait until the page says how the robot is."""
+        words = self.page.locator("text=warnings").first.or_(self.page.locator("text=⚠").first)
+        words.first.wait_for(timeout=PATIENCE)
+
     def wait_for_joint(self, name: str, value: float, within: float) -> None:
         for _ in range(240):
             if abs(self.joint(name) - value) <= within:
@@ -72,26 +77,30 @@ class LookedAtPage:
 
 
 @contextmanager
-def looked_at(url: str, size: dict[str, int] = SIZE) -> Iterator[LookedAtPage]:
-    """Open a page and wait until it shows a robot's state."""
+def looked_at_empty(size: dict[str, int] = SIZE) -> Iterator[LookedAtPage]:
+    """Start a browser whose page is empty yet."""
     sync_api = pytest.importorskip("playwright.sync_api")
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed (apt install chromium)")
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         try:
-            looked = LookedAtPage(browser.new_page(viewport=size))
-            looked.page.goto(url, timeout=PATIENCE)
-            looked.page.locator("text=warnings").first.or_(
-                looked.page.locator("text=⚠").first
-            ).first.wait_for(timeout=PATIENCE)
-            # fades in, and a message about drawing by software lies over it
-            for button in looked.page.locator("button.mantine-Notification-closeButton").all():
-                button.click(timeout=PATIENCE)
-            looked.page.wait_for_timeout(3000)
-            yield looked
+            yield LookedAtPage(browser.new_page(viewport=size))
         finally:
             browser.close()
+
+
+@contextmanager
+def looked_at(url: str, size: dict[str, int] = SIZE) -> Iterator[LookedAtPage]:
+    """Open a page and wait until it shows a robot's state."""
+    with looked_at_empty(size) as looked:
+        looked.page.goto(url, timeout=PATIENCE)
+        looked.wait_for_words()
+        # fades in, and a message about drawing by software lies over it
+        for button in looked.page.locator("button.mantine-Notification-closeButton").all():
+            button.click(timeout=PATIENCE)
+        looked.page.wait_for_timeout(3000)
+        yield looked
 
 
 def share_of_pixels(picture: np.ndarray, *, more: int, than: tuple[int, int], by: int = 18) -> float:

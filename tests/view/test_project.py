@@ -3,13 +3,12 @@ from pathlib import Path
 import pytest
 
 from catenary.errors import ConfigError
-from catenary.view.project import is_shown_as_project, shown_project
+from catenary.view.project import shown_project
 from catenary.workflows.project.folder import Project, ProjectSettings
 
 
 def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_there(tmp_path: Path) -> None:
     folder = Project(tmp_path / "one", ProjectSettings(side="right")).folder
-    assert is_shown_as_project(str(folder))
     with pytest.raises(ConfigError, match="holds no motion log yet"):
         shown_project(folder)
     (folder / "train.parquet").touch()
@@ -22,8 +21,3 @@ def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_th
         folder / "models" / "recommended.npz",
         "raven2_right",
     )
-
-
-def test_folder_of_something_else_is_no_project(tmp_path: Path) -> None:
-    assert not is_shown_as_project(str(tmp_path))
-    assert not is_shown_as_project("raven2")

@@ -10,7 +10,6 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
-from scipy.stats import qmc
 
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import gravity_and_rates, nominal_gravity
@@ -177,6 +176,8 @@ def stiffness_margin(
 
     def negative_share(x: Floats) -> float:
         return -float(np.linalg.norm(slope_at(x) / scale, 2))
+
+    from scipy.stats import qmc  # takes a quarter of a second to import
 
     points = qmc.Halton(n if fixed is not None else n + 2, scramble=False).random(_SAMPLES)
     values = np.array([negative_share(x) for x in points])

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
 from catenary.arrays import Floats, as_array
 from catenary.control.limits import TorqueLimits
@@ -127,6 +126,8 @@ def gains_from_mass(
     half = np.where(np.array(model.joint_units) == "rad", np.pi, 0.5)
     lower = np.where(np.isfinite(model.lower), model.lower, -half)
     upper = np.where(np.isfinite(model.upper), model.upper, half)
+    from scipy.stats import qmc  # takes a quarter of a second to import
+
     points = lower + (upper - lower) * qmc.Halton(model.n, scramble=False).random(_SAMPLES)
     masses = mass_matrix(model, points)
     if motor_inertia is not None:

@@ -23,13 +23,15 @@ WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of cur
 START_WITHIN = 120.0  # [s]
 PORT = 8080
 _END = "end"
+_ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
 
 
 class PageProcess:
     """A page that runs beside this program, and ends with it; a context manager.
 
-    The process starts on entering, and reads what it needs while the program prepares its robot; `open` then says what
-    is to be shown. `put` and `changes` take microseconds, whatever becomes of the page or of the browsers that look.
+    The process starts on entering, and a browser can open its `url` while the program prepares its robot; `open` then
+    says what is to be shown. `put` and `changes` take microseconds, whatever becomes of the page or of the browsers
+    that look.
     """
 
     def __init__(self, *, port: int = PORT) -> None:
@@ -49,6 +51,18 @@ class PageProcess:
             target=_run_page, args=(self._theirs, port), daemon=True, name="catenary view"
         )
         self._state: SharedState | None = None
+        self._url: str | None = None
+
+    @property
+    def url(self) -> str:
+        """Address of the page, which is empty until `open`.
+
+        Raises:
+            CatenaryError: The page did not come; the message says why.
+        """
+        if self._url is None:
+            self._url = self._answer()
+        return self._url
 
     def open(self, shown: Shown) -> str:
         """Show an arm, and return the address of the page.
@@ -56,15 +70,21 @@ class PageProcess:
         Raises:
             CatenaryError: The page did not come; the message says why.
         """
+        url = self.url
         self._state = SharedState(shown.model.n)
-        try:
+        with contextlib.suppress(OSError):  # the answer says so
             self._pipe.send((shown, self._state.name))
+        self._answer()
+        return url
+
+    def _answer(self) -> str:
+        try:
             if not self._pipe.poll(START_WITHIN):
                 raise CatenaryError(f"the view's page did not start within {START_WITHIN:g} s")
             kind, text = self._pipe.recv()
         except (EOFError, OSError):
-            kind, text = "failed", "the process of the view's page ended"
-        if kind == "failed":
+            kind, text = _FAILED, "the process of the view's page ended"
+        if kind == _FAILED:
             raise CatenaryError(str(text))
         return str(text)
 
@@ -136,21 +156,23 @@ def _run_page(pipe: Connection, port: int) -> None:
             pipe.send(tuple(change))
 
     try:
-        from catenary.view.viser_page import ViserPage, import_viser
+        from catenary.view.viser_page import ViserPage, open_server, url_of
 
-        import_viser()
+        server = open_server(port)
+        pipe.send((_ADDRESS, url_of(server)))
         received = pipe.recv()
         if received == _END:
+            server.stop()
             return
         shown, name = received
-        page = ViserPage(shown, port, tell)
+        page = ViserPage(shown, server, tell)
     except EOFError:
         return
     except Exception as error:
-        pipe.send(("failed", f"the view's page cannot be opened: {error}"))
+        pipe.send((_FAILED, f"the view's page cannot be opened: {error}"))
         return
     with SharedState(shown.model.n, name) as states:
-        pipe.send(("ready", page.url))
+        pipe.send((_SHOWN, ""))
         draw_until(page, states, lambda: _ended(pipe))
     page.close()
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from catenary.errors import ConfigError
 from catenary.workflows.project.calibrate import RECOMMENDED, TEST, TRAIN
-from catenary.workflows.project.folder import is_project, project_settings
+from catenary.workflows.project.folder import project_settings
 
 
 class ShownProject(NamedTuple):
@@ -32,8 +32,3 @@ def shown_project(folder: Path) -> ShownProject:
     if settings is not None:
         robot = "raven2_right" if settings.side == "right" and settings.robot == "raven2" else settings.robot
     return ShownProject(found[0], model if model.is_file() else None, robot)
-
-
-def is_shown_as_project(what: str) -> bool:
-    """Return whether it is the folder of a project."""
-    return Path(what).is_dir() and is_project(Path(what))

@@ -18,6 +18,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, Plant
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.paced_plant import PacedPlant
 from catenary.simulation.steered_base import SteeredBase
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY
@@ -46,7 +47,6 @@ from catenary.view.steering import ChosenController, Motion, SteeredTrajectory, 
 from catenary.view.surroundings import Surroundings
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
-from catenary.workflows.robot.operated_robot import PacedPlant
 
 SHOW_EVERY = 40  # ticks: 25 states a second, which the page draws 20 of at most
 LISTEN_EVERY = 10  # ticks

@@ -32,6 +32,7 @@ OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
 SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
 ARROW = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
 FROM_NOW = "s from now"
+SKY = 2.0  # light from above and below, beside viser's own lamps
 LEAP = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
 PLOT_ASPECT = 1.9
 
@@ -39,21 +40,16 @@ PLOT_ASPECT = 1.9
 class ViserPage:
     """A page on this machine that draws states, and tells what somebody changes on it."""
 
-    def __init__(self, shown: Shown, port: int, tell: Callable[[Change], None]) -> None:
-        """Open the page; the next free port where this one is taken.
+    def __init__(self, shown: Shown, server: Any, tell: Callable[[Change], None]) -> None:
+        """Fill a page.
 
         Args:
             shown: The arm and its controls.
-            port: To listen on, of 127.0.0.1 alone.
+            server: Of `open_server`; browsers may be there already.
             tell: Called, in a thread of its own, with what is changed.
-
-        Raises:
-            MissingPackageError: viser is not installed.
         """
-        viser = import_viser()
-        logging.getLogger("websockets").setLevel(logging.CRITICAL)
         self._shown, self._tell = shown, tell
-        self._server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
+        self._server = server
         self._paths = TipPaths(shown.shapes.length)
         joints = shown.model.joint_names, shown.model.joint_units
         self._curves = (
@@ -68,11 +64,6 @@ class ViserPage:
         self._build_scene()
         self._build_panels()
         self._server.on_client_disconnect(lambda _: None if self.clients else self._tell(NOBODY))
-
-    @property
-    def url(self) -> str:
-        """Where the page is."""
-        return f"http://{HOST}:{self._server.get_port()}"
 
     @property
     def clients(self) -> int:
@@ -134,6 +125,9 @@ class ViserPage:
         length, extent = shown.shapes.length, extent_of(shown)
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
+        # an environment map costs a browser that draws by software 4 s before the first picture
+        scene.configure_environment_map(hdri=None)
+        scene.add_light_hemisphere("/sky", ground_color=(150, 150, 160), intensity=SKY)
         floor = float(extent.centre[2] - 1.05 * extent.radius)
         scene.add_grid(
             "/floor", 4.0 * extent.radius, 4.0 * extent.radius, position=(0.0, 0.0, floor),
@@ -222,7 +216,6 @@ class ViserPage:
 
     def _build_panels(self) -> None:
         gui, shown = self._server.gui, self._shown
-        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         gui.set_panel_label(shown.title)
         gui.main_panel.dock_right()
         self._status = gui.add_html("")
@@ -287,11 +280,11 @@ class ViserPage:
         self._plots = [_add_plot(gui, plot, self._curves.span) for plot in self._curves.plots(0)]
 
 
-def import_viser() -> Any:
-    """Return the module viser, which takes most of a second to import.
+def open_server(port: int) -> Any:
+    """Open an empty page on a port of this machine alone, and on the next free one where it is taken.
 
     Raises:
-        MissingPackageError: It is not installed.
+        MissingPackageError: viser is not installed.
     """
     try:
         import viser
@@ -299,7 +292,16 @@ def import_viser() -> Any:
         raise MissingPackageError(
             "catenary view needs viser, which is not installed: pip install 'catenary[view]'"
         ) from error
-    return viser
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)
+    server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+    server.gui.set_panel_label("catenary: preparing ...")
+    return server
+
+
+def url_of(server: Any) -> str:
+    """Return where the page of a server is."""
+    return f"http://{HOST}:{server.get_port()}"
 
 
 def _add_plot(gui: Any, plot: Plot, span: tuple[float, float]) -> Any:

@@ -1,36 +1,13 @@
-import time
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
 from catenary.sensing.vector import tilted_gravity
-from catenary.workflows.robot.operated_robot import PacedPlant, robot_over, simulated_robot
+from catenary.workflows.robot.operated_robot import robot_over, simulated_robot
 from catenary.workflows.robot.operator_motion import go_to_joints
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback
-from oracles.ideal_plant import IdealPlant
-
-
-def test_paced_ticks_last_as_long_as_a_robots() -> None:
-    plant = PacedPlant(IdealPlant([0.0], period=0.002))
-    begin = time.monotonic()
-    for _ in range(100):
-        plant.wait()
-    # no tick is shorter than it should be on the whole; the first one sets the clock
-    assert time.monotonic() - begin >= 0.198
-
-
-def test_a_late_tick_is_counted_and_makes_none_leap() -> None:
-    plant = PacedPlant(IdealPlant([0.0], period=0.002))
-    plant.wait()
-    time.sleep(0.05)
-    begin = time.monotonic()
-    for _ in range(10):
-        plant.wait()
-    assert plant.late >= 1
-    assert time.monotonic() - begin >= 0.018  # none of them caught up
 
 
 @pytest.mark.parametrize(("dialect", "side"), [("raven", "left"), ("crtk", "right")])

@@ -84,11 +84,10 @@ def view(
     Example: catenary view raven2
     """
     from catenary.view.page_process import PageProcess
-    from catenary.view.project import is_shown_as_project
 
     if host != HERE:
         raise InputError(_elsewhere(host, port))
-    recorded = log is not None or (what is not None and is_shown_as_project(what))
+    recorded = log is not None or (what is not None and _is_project(what))
     if control and ros is None:
         raise InputError(
             "--control goes with --ros: a simulated robot is driven from its page, a recording is not"
@@ -104,6 +103,7 @@ def view(
             if recorded:
                 if robot_seed is not None:
                     raise InputError("--robot-seed goes with a simulated robot, not with a recording")
+                announce(f"{page.url}: reading the recording ...")
                 shown = _recording(what, log, model, foreign)
             elif ros is not None:
                 asked = (what or "raven2", ros, dialect, namespace, name, simulated, None, robot_seed)
@@ -113,6 +113,7 @@ def view(
                 gravity.source(None)
                 if namespace is not None or name is not None or dialect != "raven":
                     raise InputError("--dialect, --namespace and --name go with --ros")
+                announce(f"{page.url}: preparing the robot ...")
                 shown = _simulated(what or "raven2", model, robot_seed)
             _open(page, shown.title, shown.runs.shown(f"catenary: {Path(shown.title).name}"), as_json=as_json)
             shown.runs.run(page, lambda: time.monotonic() > end)
@@ -134,7 +135,6 @@ class _Titled(NamedTuple):
 
 
 def _simulated(robot: str, model: Path | None, seed: int | None) -> _Titled:
-    announce("preparing the robot ...")
     import numpy as np
 
     from catenary.view.simulated import DrivenArm
@@ -160,16 +160,15 @@ def _recording(what: str | None, log: Path | None, model: Path | None, foreign: 
     from catenary.recording.foreign.read import Reading, read_recording
     from catenary.robots.catalog import load_robot
     from catenary.view.described import shapes_of
-    from catenary.view.project import is_shown_as_project, shown_project
+    from catenary.view.project import shown_project
     from catenary.view.recorded import recorded_arm
     from catenary.view.replay import Replay
     from catenary.workflows.model_recordings import read_recording_of
 
     robot, path = what, log or Path()
-    if what is not None and is_shown_as_project(what):
+    if what is not None and _is_project(what):
         project = shown_project(Path(what))
         robot, path, model = project.robot, log or project.log, model or project.model
-    announce("reading the recording ...")
     loaded = None if model is None else load_model(model)[0]
     mapping = foreign.read(None)
     if mapping is None and loaded is not None:
@@ -182,6 +181,14 @@ def _recording(what: str | None, log: Path | None, model: Path | None, foreign: 
         str(what if what is not None and log is None else path),
         Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0]),
     )
+
+
+def _is_project(what: str) -> bool:
+    if not Path(what).is_dir():  # what reads projects takes a second to import
+        return False
+    from catenary.workflows.project.folder import is_project
+
+    return is_project(Path(what))
 
 
 def _open(page: "PageProcess", what: str, shown: "Shown", *, as_json: bool) -> None:

@@ -1,10 +1,9 @@
 """The robot that an operator's tools move: a simulated one in this process, or one behind a transport."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from catenary.robots.model import Frame, RobotModel
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.paced_plant import PacedPlant
 from catenary.simulation.psm.plant import PsmPlant
 
 TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
@@ -116,35 +116,6 @@ class OperatedRobot:
 def distance(a: Floats, b: Floats) -> float:
     """Return how far one place (3,) is from another [m]."""
     return float(np.linalg.norm(a - b))
-
-
-class PacedPlant:
-    """A simulated plant whose ticks take as long as a robot's; time lost by a late tick is not caught up.
-
-    Every other verb is the plant's own.
-    """
-
-    def __init__(self, plant: Plant) -> None:
-        """Take a plant; its clock starts with the first tick."""
-        self._plant = plant
-        self._next: float | None = None
-        self.late = 0  # ticks that began a whole period late or more
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._plant, name)
-
-    def wait(self) -> None:
-        """Advance the simulation, then sleep until the tick is over."""
-        begin = time.monotonic()
-        self._plant.wait()
-        now = time.monotonic()
-        period = self._plant.period
-        if self._next is None or begin > self._next + period:
-            self.late += self._next is not None
-            self._next = begin
-        self._next += period
-        if self._next > now:
-            time.sleep(self._next - now)
 
 
 def simulated_robot(
