@@ -1,8 +1,9 @@
 """A page in Debian's Chromium, headless, drawn by its own software; nothing is downloaded."""
 
 import io
+import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -62,10 +63,46 @@ class LookedAtPage:
 
     def set_slider(self, label: str, value: float) -> None:
         """Type a value into the box beside a slider."""
-        row = self.page.locator("label", has_text=label).first.locator("xpath=ancestor::*[.//input][1]")
-        box = row.locator("input").last
+        box = self._row(label).locator("input").last
         box.fill(str(value), timeout=PATIENCE)
         box.press("Enter")
+
+    def words(self) -> str:
+        """All that the page says."""
+        return self.page.inner_text("body", timeout=PATIENCE)
+
+    def wait_until(self, claim: Callable[[], object], every: int = 500) -> None:
+        """Look at the page every so often [ms] until a claim is true."""
+        for _ in range(PATIENCE // every):
+            if claim():
+                return
+            self.page.wait_for_timeout(every)
+        raise AssertionError(f"it did not come true; the page says: {self.words()}")
+
+    def wait_for_text(self, text: str) -> None:
+        """Wait until the page says something."""
+        self.wait_until(lambda: text in self.words())
+
+    def tab(self, name: str) -> None:
+        """Turn to a tab."""
+        self.page.get_by_role("tab", name=name, exact=True).click(timeout=PATIENCE)
+
+    def press(self, name: str) -> None:
+        """Press a button."""
+        self.page.get_by_role("button", name=name, exact=True).first.click(timeout=PATIENCE)
+
+    def tick(self, label: str) -> None:
+        """Tick a box, or take the tick away."""
+        self._row(label).locator("input").last.click(timeout=PATIENCE)
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose one of what a control offers."""
+        self._row(label).locator("input").first.click(timeout=PATIENCE)
+        self.page.get_by_role("option", name=option, exact=True).first.click(timeout=PATIENCE)
+
+    def _row(self, label: str) -> Any:
+        exact = self.page.locator("label", has_text=re.compile(f"^{re.escape(label)}$"))
+        return exact.locator("visible=true").first.locator("xpath=ancestor::*[.//input][1]")
 
     def picture(self) -> np.ndarray:
         """The middle of the window, between the panels, (rows, columns, 3)."""

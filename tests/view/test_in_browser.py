@@ -1,57 +1,19 @@
 """The page in a real browser: it loads, an arm is to be seen, a slider moves it, the corrected arm parts from it."""
 
-import re
-import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from catenary.calibration import calibration
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.workflows.simulated_recording import record_simulated
-from oracles.cable_arms import homed_plant
 from view.browser import looked_at
+from view.command import model_of_positions, view
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
-@contextmanager
-def view(*arguments: object) -> Iterator[str]:
-    """`catenary view` as a program of its own; yields the address of its page."""
-    command = [sys.executable, "-m", "catenary.cli.main", "view", *map(str, arguments), "--port", "18080"]
-    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    try:
-        lines = []
-        assert program.stdout is not None
-        for line in program.stdout:
-            lines.append(line)
-            if found := re.search(r"http://127\.0\.0\.1:\d+", line):
-                yield found[0]
-                break
-        else:
-            raise AssertionError("".join(lines))
-        program.send_signal(signal.SIGINT)
-        assert program.wait(30.0) == 0
-    finally:
-        if program.poll() is None:
-            program.kill()
-            program.wait()
-
-
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A calibration model of the nominal simulated RAVEN-II, linear in its positions."""
-    motion = random_sinusoids(np.random.default_rng(0), 120.0)
-    log = record_simulated(homed_plant("left"), motion, "two minutes", np.random.default_rng(1))
-    path = tmp_path_factory.mktemp("model") / "arm.npz"
-    fitted = calibration.fit(log, model="linear", inputs=[f"q:{name}" for name in log.joint_names])
-    fitted.save(path)
-    return path
+    return model_of_positions(tmp_path_factory.mktemp("model") / "arm.npz")
 
 
 def test_simulated_arm_is_seen_and_driven() -> None:

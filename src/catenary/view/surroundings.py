@@ -27,6 +27,11 @@ FAULTS: Mapping[str, str | None] = {
     "none": None, "unplugged": "drop_out", "stuck": "stuck", "noisy": None, "wrong sign": "wrong_sign",
     "spikes": "spikes", "came loose": "jump",
 }  # fmt: skip
+# what takes the place of a reading that does not come (SensedGravity)
+AGED = {
+    ReadingStatus.STALE: "no new gravity: the last one is held",
+    ReadingStatus.FALLBACK: "no new gravity: its mean direction of the last seconds is taken",
+}
 RIGID_FRICTION = (
     0.02  # of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
 )
@@ -98,8 +103,8 @@ class Surroundings:
         if reading is None:
             return ()
         said = []
-        if reading.status not in (ReadingStatus.LIVE, ReadingStatus.NOMINAL):
-            said.append(f"gravity is {reading.status.value}")
+        if reading.status in AGED:
+            said.append(AGED[reading.status])
         if reading.faults:
             said.append(f"sensor: {reading.faults.message}")
         return tuple(said)
