@@ -17,7 +17,7 @@ from person import Person
 
 
 class LongHoming(EncodedPlant):
-    """Homes for ever, until it is disabled."""
+    """Homes until it is told that it has arrived, or is disabled."""
 
     busy = False
 
@@ -32,6 +32,10 @@ class LongHoming(EncodedPlant):
 
     def operating_state(self) -> OperatingState:
         return super().operating_state()._replace(is_busy=self.busy)
+
+    def arrive(self) -> None:
+        self.busy = False
+        super().state_command("home")
 
 
 def homed(setup: RobotOnLoopback, guide: Guide, **options: Any) -> Homing:
@@ -92,6 +96,16 @@ def test_a_homing_that_ends_early_is_stopped() -> None:
         home_client(client, AnswerYes(), patience=1.0)
     assert setup.robot.plant.operating_state() == ("DISABLED", False, False)
     assert "disabled" in failure.value.__notes__[0]
+
+
+def test_a_robot_that_homes_already_is_waited_for() -> None:
+    plant = LongHoming(ready=False)
+    plant.state_command("enable")
+    plant.state_command("home")
+    setup = RobotOnLoopback(plant)
+    person = Person(wait=plant.arrive)
+    assert homed(setup, person).state.is_homed
+    assert person.asked[1].startswith("wait until the robot is homed")
 
 
 def test_a_robot_in_fault_is_not_homed_by_commands() -> None:

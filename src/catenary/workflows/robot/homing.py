@@ -84,13 +84,18 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
         TransportError: The robot fell silent.
     """
     try:
-        if client.dialect == "crtk":
-            _command_home(client)
-        elif isinstance(guide, AnswerYes):
-            _press_button(client, guide)
+        now = client.operating_state()
+        has_begun = now.state == "ENABLED" and now.is_busy  # by somebody else's press of the button
+        if not has_begun:
+            if client.dialect == "crtk":
+                _command_home(client)
+            elif isinstance(guide, AnswerYes):
+                _press_button(client, guide)
         have_done(
             guide,
-            "press the robot's start button and wait until it is homed",
+            "wait until the robot is homed"
+            if has_begun
+            else "press the robot's start button and wait until it is homed",
             lambda: not_homed(client.operating_state()),
             client.transport.sleep,
             patience=patience,
