@@ -297,8 +297,8 @@ CLAIMS = (
         "0.834, fixed offset 0.846 deg",
         f"at least {NO_BETTER} times the fixed offset's error; same direction: the worst of the three models",
         _polynomial_shortest,
-        why="the polynomial starves on 203 s on joints 2 and 3, which these zig-zags sweep (2.9 and 2.6 times the linear "
-        "model's error), and not on joint 1",
+        why="the polynomial starves on 203 s on joints 2 and 3, which these zig-zags sweep (2.9 and 2.6 times the "
+        "linear model's error), and not on joint 1",
     ),
     Claim(
         "Joint 1 after 1013 s: all three models improve",
