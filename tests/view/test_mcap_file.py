@@ -10,10 +10,13 @@ import pytest
 from mcap.reader import make_reader
 from numpy.testing import assert_allclose
 from rosbags.typesys import Stores, get_typestore
+from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
+from catenary.calibration import calibration
 from catenary.errors import FileFormatError
 from catenary.plant import MotionLog
+from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
 from catenary.view.mcap_file import McapSummary, write_mcap
@@ -91,10 +94,16 @@ def test_topics_have_the_standard_schemas_and_ascending_stamps(swing: tuple[Moti
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics.message_count == len(found)
-    latched = [
-        c for c in summary.channels.values() if "transient_local" in c.metadata["offered_qos_profiles"]
-    ]
-    assert {c.topic for c in latched} in ({"/robot_description", "/tf_static"}, set())
+    profiles = {
+        c.topic: YAML(typ="safe").load(c.metadata["offered_qos_profiles"]) for c in summary.channels.values()
+    }
+    # rmw.h: 1 is transient local, 1 is reliable
+    latched = {
+        t
+        for t, found in profiles.items()
+        if found and (found[0]["durability"], found[0]["reliability"]) == (1, 1)
+    }
+    assert latched == {"/robot_description", "/tf_static"}
     assert log.time is not None
 
 
@@ -195,9 +204,21 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.M
     assert list(tmp_path.iterdir()) == [older]
 
 
-def test_command_writes_both_files_and_refuses_what_does_not_fit(tmp_path: Path) -> None:
-    from catenary.recording.logs import write_parquet
+def test_calibrated_arm_is_where_the_model_says(tmp_path: Path) -> None:
+    log, path, out = recording(), tmp_path / "swing.parquet", tmp_path / "swing.mcap"
+    write_parquet(log, path)
+    calibration.fit(log, model="offset", accept=["short"]).save(tmp_path / "offset.npz")
+    outcome = catenary("export", path, "--mcap", out, "--model", tmp_path / "offset.npz")
+    assert outcome.code == 0
+    found = messages(out)
+    states = [m for topic, _, _, m in found if topic == "/calibrated/joint_states"]
+    # the encoders read 0.01 more than the robot says, everywhere
+    assert_allclose([s.position for s in states], log.q_nominal + 0.01, atol=1e-9)
+    frames = {t.child_frame_id for topic, *_, m in found if topic == "/tf" for t in m.transforms}
+    assert {name for name in frames if name.startswith("calibrated/")} != set()
 
+
+def test_command_writes_both_files_and_refuses_what_does_not_fit(tmp_path: Path) -> None:
     log, out = tmp_path / "swing.parquet", tmp_path / "swing.mcap"
     write_parquet(recording(), log)
     outcome = catenary("export", log, "--mcap", out)
