@@ -1,4 +1,5 @@
 import json
+import webbrowser
 
 import pytest
 
@@ -41,6 +42,21 @@ def test_ctrl_c_is_the_usual_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(simulated.DrivenArm, "run", interrupted)
     assert catenary("view", "two_link", "--port", 18091).code == 0
+
+
+@pytest.mark.parametrize(
+    ("option", "screen", "expected"),
+    [(["--open"], "", True), (["--no-open"], ":0", False), ([], ":0", False), ([], "", False)],
+)
+def test_browser_is_opened_where_it_is_asked_for_and_not_from_a_pipe(
+    option: list[str], screen: str, expected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    monkeypatch.setattr(simulated.DrivenArm, "run", lambda *_: None)
+    monkeypatch.setenv("DISPLAY", screen)
+    assert catenary("view", "two_link", "--port", 18092, *option).code == 0
+    assert [url.startswith("http://127.0.0.1:") for url in opened] == [True] * expected
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,9 @@
 """catenary view: an arm in the browser, reported, calibrated and true; a simulated one is driven from there."""
 
+import os
+import sys
 import time
+import webbrowser
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -67,6 +70,14 @@ def view(
     host: Annotated[
         str, Option(help="127.0.0.1 alone; from another machine forward the port over SSH.")
     ] = HERE,
+    browser: Annotated[
+        bool | None,
+        Option(
+            "--open/--no-open",
+            help="Open the page in this machine's browser. [default: from a terminal on a screen]",
+            show_default=False,
+        ),
+    ] = None,
     robot_seed: Annotated[
         int | None, Option(help="Another RAVEN-II, drawn with this seed. [default: the nominal one]")
     ] = None,
@@ -116,6 +127,8 @@ def view(
                 announce(f"{page.url}: preparing the robot ...")
                 shown = _simulated(what or "raven2", model, robot_seed)
             _open(page, shown.title, shown.runs.shown(f"catenary: {Path(shown.title).name}"), as_json=as_json)
+            if _has_screen() if browser is None else browser:
+                webbrowser.open(page.url)
             shown.runs.run(page, lambda: time.monotonic() > end)
         except KeyboardInterrupt:
             pass  # the usual end
@@ -198,6 +211,12 @@ def _open(page: "PageProcess", what: str, shown: "Shown", *, as_json: bool) -> N
         print_json_line({"shown": what, "url": url})
     else:
         print(f"{what}: {url} (Ctrl-C ends it)", flush=True)
+
+
+def _has_screen() -> bool:
+    """Return whether somebody sits at a terminal of a machine that can show a window."""
+    windows = sys.platform == "darwin" or any(os.environ.get(n) for n in ("DISPLAY", "WAYLAND_DISPLAY"))
+    return windows and sys.stdout.isatty()
 
 
 def _elsewhere(host: str, port: int) -> str:
