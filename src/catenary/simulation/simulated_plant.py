@@ -1,6 +1,8 @@
-"""What every simulated plant has: a tick of 1 ms, a base to stand on, and CRTK's operating state."""
+"""What every simulated plant has: a tick of 1 ms, a base to stand on, CRTK's operating state; and the clock's speed."""
 
+import time
 from abc import ABC, abstractmethod
+from typing import Any
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import NotReadyError, UnsupportedCommandError
@@ -10,6 +12,7 @@ from catenary.plant import (
     Column,
     JointState,
     OperatingState,
+    Plant,
     StateCommand,
     StateName,
 )
@@ -166,3 +169,32 @@ class SimulatedPlant(ABC):
             raise NotReadyError(
                 f"the robot is {self._state} and {homed}{self._fault}; it must be ENABLED and homed to be moved"
             )
+
+
+class PacedPlant:
+    """A simulated plant whose ticks take as long as a robot's; time lost by a late tick is not caught up.
+
+    Every other verb is the plant's own.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        """Take a plant; its clock starts with the first tick."""
+        self._plant = plant
+        self._next: float | None = None
+        self.late = 0  # ticks that began a whole period late or more
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def wait(self) -> None:
+        """Advance the simulation, then sleep until the tick is over."""
+        begin = time.monotonic()
+        self._plant.wait()
+        now = time.monotonic()
+        period = self._plant.period
+        if self._next is None or begin > self._next + period:
+            self.late += self._next is not None
+            self._next = begin
+        self._next += period
+        if self._next > now:
+            time.sleep(self._next - now)

@@ -18,7 +18,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, Plant
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.paced_plant import PacedPlant
+from catenary.simulation.simulated_plant import PacedPlant
 from catenary.simulation.steered_base import SteeredBase
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY

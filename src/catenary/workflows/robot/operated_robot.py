@@ -24,8 +24,8 @@ from catenary.robots.model import Frame, RobotModel
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.simulation.paced_plant import PacedPlant
 from catenary.simulation.psm.plant import PsmPlant
+from catenary.simulation.simulated_plant import PacedPlant
 
 TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
 PSM, PSM_PLACE = "dvrk_psm", "/PSM1"  # a da Vinci PSM moves and speaks in joints that are not its motors'

@@ -1,6 +1,6 @@
 import time
 
-from catenary.simulation.paced_plant import PacedPlant
+from catenary.simulation.simulated_plant import PacedPlant
 from oracles.ideal_plant import IdealPlant
 
 
