@@ -5,9 +5,6 @@ software here, which takes seconds where a graphics card takes a part of one.
 """
 
 import argparse
-import re
-import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -15,6 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from view.browser import PATIENCE, looked_at_empty, share_of_pixels
+from view.command import view
 
 BLUE = 0.02  # share of the picture that the reported arm fills
 
@@ -23,22 +21,14 @@ def first_picture(robot: str) -> dict[str, float]:
     """Return seconds from the command to its address, to the page's words and to the arm."""
     with looked_at_empty() as looked:
         begin = time.monotonic()
-        command = [sys.executable, "-m", "catenary.cli.main", "view", robot, "--port", "18400"]
-        program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        try:
-            assert program.stderr is not None
-            found = re.search(r"http://127\.0\.0\.1:\d+", program.stderr.readline())
-            assert found is not None, "catenary view said no address"
+        with view(robot) as url:
             seconds = {"address": time.monotonic() - begin}
-            looked.page.goto(found[0], wait_until="commit", timeout=PATIENCE)
+            looked.page.goto(url, wait_until="commit", timeout=PATIENCE)
             looked.wait_for_words()
             seconds["words"] = time.monotonic() - begin
             while share_of_pixels(looked.picture(), more=2, than=(0, 1)) < BLUE:
                 pass
             seconds["arm"] = time.monotonic() - begin
-        finally:
-            program.send_signal(signal.SIGINT)
-            program.wait(30.0)
     return seconds
 
 

@@ -4,22 +4,14 @@ They are of a model that is learned here, so nothing but Chromium is needed: arm
 """
 
 import argparse
-import re
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
-from catenary.calibration import calibration
 from catenary.recording.logs import write_parquet
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.workflows.simulated_recording import record_simulated
-from oracles.cable_arms import homed_plant
 from view.browser import LookedAtPage, looked_at
+from view.command import model_of_positions, recorded_motion, view
 
 SIZE = {"width": 1280, "height": 720}
 SETTLE = 8_000  # [ms]: software draws slowly
@@ -28,18 +20,8 @@ SETTLE = 8_000  # [ms]: software draws slowly
 @contextmanager
 def page_of(*arguments: object) -> Iterator[LookedAtPage]:
     """Start `catenary view`, and open its page."""
-    command = [sys.executable, "-m", "catenary.cli.main", "view", *map(str, arguments), "--port", "18500"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
-        assert program.stdout is not None
-        found = None
-        while found is None and (line := program.stdout.readline()):
-            found = re.search(r"http://127\.0\.0\.1:\d+", line)
-        assert found is not None, "catenary view did not start"
-        try:
-            with looked_at(found[0], SIZE) as looked:
-                yield looked
-        finally:
-            program.terminate()
+    with view(*arguments) as url, looked_at(url, SIZE) as looked:
+        yield looked
 
 
 def shot(looked: LookedAtPage, path: Path) -> None:
@@ -64,17 +46,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         log, model = Path(folder) / "log.parquet", Path(folder) / "arm.npz"
         if wanted("calibration") or wanted("log"):
-            motion = random_sinusoids(np.random.default_rng(0), 60.0)
-            recording = record_simulated(homed_plant("left"), motion, "a minute", np.random.default_rng(1))
-            write_parquet(recording, log)
-            inputs = [f"q:{name}" for name in recording.joint_names]
-            calibration.fit(recording, model="linear", inputs=inputs).save(model)
+            write_parquet(recorded_motion(), log)
+            model_of_positions(model)
         if wanted("arm"):
             with page_of("raven2") as looked:
                 shot(looked, options.folder / "arm.png")
         if wanted("tilt"):
             with page_of("ur5e") as looked:
-                looked.page.get_by_role("tab", name="Surroundings").click()
+                looked.tab("Surroundings")
                 looked.set_slider("base roll [deg]", 40.0)
                 shot(looked, options.folder / "tilt.png")
         if wanted("calibration"):

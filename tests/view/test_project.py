@@ -4,11 +4,12 @@ import pytest
 
 from catenary.errors import ConfigError
 from catenary.view.project import shown_project
-from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.folder import Project, ProjectSettings, is_project
 
 
 def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_there(tmp_path: Path) -> None:
     folder = Project(tmp_path / "one", ProjectSettings(side="right")).folder
+    assert is_project(folder)
     with pytest.raises(ConfigError, match="holds no motion log yet"):
         shown_project(folder)
     (folder / "train.parquet").touch()
@@ -21,3 +22,8 @@ def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_th
         folder / "models" / "recommended.npz",
         "raven2_right",
     )
+
+
+def test_folder_of_something_else_is_no_project(tmp_path: Path) -> None:
+    assert not is_project(tmp_path)
+    assert not is_project(Path("raven2"))

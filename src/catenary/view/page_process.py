@@ -165,14 +165,15 @@ def _run_page(pipe: Connection, port: int) -> None:
             server.stop()
             return
         shown, name = received
-        page = ViserPage(shown, server, tell)
+        with lock:  # a browser that is there already tells nothing before the answer
+            page = ViserPage(shown, server, tell)
+            pipe.send((_SHOWN, ""))
     except EOFError:
         return
     except Exception as error:
         pipe.send((_FAILED, f"the view's page cannot be opened: {error}"))
         return
     with SharedState(shown.model.n, name) as states:
-        pipe.send((_SHOWN, ""))
         draw_until(page, states, lambda: _ended(pipe))
     page.close()
 

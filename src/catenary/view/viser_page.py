@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import MissingPackageError
 from catenary.view.controls import (
     HOLD_HZ,
     NOBODY,
@@ -281,17 +280,9 @@ class ViserPage:
 
 
 def open_server(port: int) -> Any:
-    """Open an empty page on a port of this machine alone, and on the next free one where it is taken.
+    """Open an empty page on a port of this machine alone, and on the next free one where it is taken."""
+    import viser  # takes most of a second
 
-    Raises:
-        MissingPackageError: viser is not installed.
-    """
-    try:
-        import viser
-    except ImportError as error:
-        raise MissingPackageError(
-            "catenary view needs viser, which is not installed: pip install 'catenary[view]'"
-        ) from error
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
