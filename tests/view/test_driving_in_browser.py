@@ -5,7 +5,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 from catenary.sensing.vector import tilted_gravity
 from view.browser import LookedAtPage, looked_at
@@ -38,9 +37,22 @@ def positions(looked: LookedAtPage, column: int = 0) -> np.ndarray:
     return np.array([looked.joint(name, column) for name in ("shoulder", "elbow", "insertion")])
 
 
+def stands(looked: LookedAtPage) -> bool:
+    """Tell whether neither the reported nor the true arm has moved since the page's last three looks."""
+    seen = []
+    for _ in range(3):
+        seen.append(np.concatenate([positions(looked, 0), positions(looked, 2)]))
+        looked.page.wait_for_timeout(700)
+    return bool(np.ptp(seen, axis=0).max() < 0.05)
+
+
 def reported_less_true(looked: LookedAtPage) -> np.ndarray:
-    looked.page.wait_for_timeout(4000)  # until cables hang still
+    looked.wait_until(lambda: stands(looked))
     return positions(looked, 0) - positions(looked, 2)
+
+
+def stands_near(looked: LookedAtPage, name: str, goal: float) -> bool:
+    return abs(looked.joint(name) - goal) < 8.0 and stands(looked)
 
 
 def gravity(looked: LookedAtPage) -> np.ndarray:
@@ -55,13 +67,9 @@ def test_zigzags_and_random_motion_move_the_arm_and_rest_stops_it(looked: Looked
         looked.choose("motion", motion)
         looked.wait_for_text(f"ENABLED, homed: {motion}")
         before = positions(looked)
-        looked.page.wait_for_timeout(3000)
-        assert np.abs(positions(looked) - before).max() > 1.0
+        looked.wait_until(lambda before=before: np.abs(positions(looked) - before).max() > 1.0)
         rest(looked)
-        looked.page.wait_for_timeout(3000)
-        before = positions(looked)
-        looked.page.wait_for_timeout(1000)
-        assert_allclose(positions(looked), before, atol=0.1)
+        looked.wait_until(lambda: stands(looked))
 
 
 def test_run_levels_pause_enable_and_home(looked: LookedAtPage) -> None:
@@ -110,7 +118,7 @@ def test_rocking_base_rocks_gravity(looked: LookedAtPage) -> None:
 
     looked.wait_until(swings, every=170)
     looked.set_slider("rocking, to either side [deg]", 0.0)
-    looked.page.wait_for_timeout(3000)
+    looked.wait_until(lambda: spread(looked) < 0.1)
 
 
 def test_broken_sensor_is_named_and_a_mended_one_no_longer(looked: LookedAtPage) -> None:
@@ -143,8 +151,7 @@ def test_payload_and_wear_part_the_reported_arm_from_the_true_one(
     before = reported_less_true(looked)
     looked.tab("Surroundings")
     looked.set_slider(label, value)
-    after = reported_less_true(looked)
-    assert np.abs(after - before).max() > 0.1  # deg or mm
+    looked.wait_until(lambda: np.abs(reported_less_true(looked) - before).max() > 0.1)  # deg or mm
     looked.set_slider(label, usual)
 
 
@@ -155,7 +162,7 @@ def test_more_friction_leaves_an_arm_under_pd_farther_from_its_goal(looked: Look
         looked.set_slider("Coulomb friction, x its own", friction)
         looked.tab("Drive")
         looked.set_slider("shoulder [deg]", goal)
-        looked.page.wait_for_timeout(8000)
+        looked.wait_until(lambda goal=goal: stands_near(looked, "shoulder", goal))
         short.append(abs(looked.joint("shoulder") - goal))
     assert short[1] > short[0]
     looked.tab("Surroundings")
@@ -166,13 +173,12 @@ def test_more_friction_leaves_an_arm_under_pd_farther_from_its_goal(looked: Look
 def test_switched_on_the_model_puts_the_calibrated_joint_where_the_slider_says(looked: LookedAtPage) -> None:
     goal = 60.0
     looked.set_slider("elbow [deg]", goal)
-    looked.page.wait_for_timeout(6000)
-    off = looked.joint("elbow", 0), looked.joint("elbow", 1)
+    looked.wait_until(lambda: stands_near(looked, "elbow", goal))
+    assert abs(looked.joint("elbow", 0) - goal) < 0.7 < abs(looked.joint("elbow", 1) - goal)
     looked.tab("Model")
     looked.tick("the loop goes by the model")
-    looked.page.wait_for_timeout(6000)
-    on = looked.joint("elbow", 0), looked.joint("elbow", 1)
-    assert abs(off[0] - goal) < 0.7 < abs(off[1] - goal)
-    assert abs(on[1] - goal) < 0.7 < abs(on[0] - goal)
+    looked.wait_until(
+        lambda: abs(looked.joint("elbow", 1) - goal) < 0.7 < abs(looked.joint("elbow", 0) - goal)
+    )
     looked.tick("the loop goes by the model")
     rest(looked)
