@@ -50,26 +50,6 @@ def test_home_homes_another_robot(project_folder: Path) -> None:
     assert (settings["seed"], settings["payload_kg"], settings["base_tilt_deg"]) == (2, 0.1, [3.0, -2.0])
 
 
-def test_excite_that_was_done_does_nothing(project_folder: Path) -> None:
-    assert "nothing to do" in catenary("excite", project_folder).out
-    assert catenary("excite", project_folder, "--json").json["run"] is False
-
-
-def test_excite_homes_a_new_robot_first_and_records_its_state_at_100_hz(tmp_path: Path) -> None:
-    project = tmp_path / "new"
-    zigzag = ("--direction", "J1", "--sparsity", "1", "--state-rate", "100")
-    assert catenary("excite", project, *zigzag, "--json").json["run"] is True
-    assert {p.name for p in project.iterdir()} >= {"robot", "recordings", "settings.json"}
-    topics = catenary("extract", project, "--json").json["train"]["topics"]
-    assert {t["topic"]: round(t["rate"], -1) for t in topics}["ravenstate_100hz"] == 100.0
-
-
-def test_record_makes_further_recordings(project_folder: Path) -> None:
-    content = catenary("record", project_folder, "--hours", "0.003", "--name", "again", "--json").json
-    assert content["seconds"] == pytest.approx(10.8)
-    assert (project_folder / "recordings" / "again").is_dir()
-
-
 def test_extract_writes_tables_and_bags_for_a_fit(project_folder: Path, tmp_path: Path) -> None:
     outcome = catenary("extract", project_folder)
     assert "longest gap [ms]" not in outcome.err

@@ -1,4 +1,4 @@
-"""catenary excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
+"""catenary extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -6,10 +6,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
 from typer import Argument, Option
 
-from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
+from catenary.cli.beside_robot import RobotAccess, deploy_beside, robot_of
 from catenary.cli.fit import ModelOptions, Robot
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions, NodeName
@@ -23,89 +22,13 @@ from catenary.cli.project_options import (
     Seed,
     open_project,
     require_project,
+    step_progress,
 )
-from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
 
 if TYPE_CHECKING:
     from catenary.workflows.project.calibrate import CalibrationResult
-    from catenary.workflows.project.folder import Project
-
-
-def excite(project: Folder, arm: ExcitationOptions, access: RobotAccess, as_json: AsJson = False) -> None:
-    """Drive the robot along the calibration zig-zag and record it.
-
-    Writes recordings/train; homes first if needed.
-    """
-    from catenary.workflows.project.calibrate import TRAIN, excitation
-
-    opened = open_project(project, arm, ros=access.ros)
-    motion, what = excitation(opened)
-    with opened, robot_of(opened, access, "excite") as robot:
-        with _progress("homing", opened):
-            robot.home(opened)
-        with _progress("excite", opened) as progress:
-            was_run = robot.record(opened, TRAIN, motion, what, after="home", progress=progress)
-    said = f"recorded {motion.duration:.0f} s as {TRAIN}"
-    _say(opened, said, was_run, as_json, {"seconds": motion.duration})
-
-
-def record(
-    project: Folder,
-    access: RobotAccess,
-    hours: Hours = None,
-    name: Annotated[str, Option(help="Name of the recording.")] = "test",
-    no_motion: Annotated[
-        bool,
-        Option(
-            "--no-motion", help="With --ros: record the robot while somebody else moves it; Ctrl-C ends it."
-        ),
-    ] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Drive the robot along a random motion and record it.
-
-    Writes recordings/NAME; after `catenary excite`.
-    """
-    from catenary.workflows.project.calibrate import TRAIN, random_motion
-
-    if not name.isidentifier() or name == TRAIN:
-        raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
-    if no_motion:
-        _record_others(project, access, hours, name, as_json)
-        return
-    require_project(project)
-    with open_project(project, hours=hours, ros=access.ros) as opened:
-        seconds = 60.0 * opened.settings.test_minutes
-        motion, what = random_motion(opened, seconds)
-        with robot_of(opened, access, "record") as robot, _progress("record", opened) as progress:
-            was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
-        _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
-
-
-def _record_others(project: Path, access: RobotAccess, hours: float | None, name: str, as_json: bool) -> None:
-    """Record a robot that somebody else moves; the settings of a project that was begun stay as they are."""
-    from catenary.workflows.project.folder import is_project
-
-    with open_project(project, ros=None if is_project(project) else access.ros) as opened:
-        connection = opened.settings.connection if access.ros is None else f"ros{access.ros}"
-        if connection == "simulation":
-            raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
-        seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
-        if not 0.0 < seconds < float("inf"):
-            raise InputError(f"--hours: expected more than 0, got {hours}")
-        with _progress("record") as progress:
-            recorded = record_others(
-                opened, name, seconds, ros=int(connection.removeprefix("ros")), simulated=access.simulated,
-                progress=progress,
-            )  # fmt: skip
-        ended_by = recorded.ended_by
-        what = f"recorded {recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
-        content = {"seconds": recorded.seconds, "ended_by": ended_by or None}
-        _say(opened, what, True, as_json, {**content, "topics": [vars(count) for count in recorded.counts]})
-    if ended_by and hours is not None:  # it was to last as long
-        raise typer.Exit(exit_code(ended_by))
 
 
 def extract(
@@ -140,7 +63,7 @@ def extract(
         raise InputError(f"{project}: holds no recordings; run catenary excite first")
     found, failed = dict[str, Any](), dict[str, CatenaryError]()
     for name in names:
-        with _progress(f"extract {name}"):
+        with step_progress(f"extract {name}"):
             try:
                 extract_recording(opened, name)
             except CatenaryError as error:
@@ -239,7 +162,7 @@ def deploy(
     restore_plant(plant, left if left.is_file() else left_at(opened, "home"))
     plant.state_command("enable")
     motion, _ = random_motion(opened, seconds, 1)
-    with _progress(f"{seconds:g} s at 1 kHz"):
+    with step_progress(f"{seconds:g} s at 1 kHz"):
         result = deploy_on_robot(plant, loaded, motion, real_time=real_time)
     if as_json:
         print_json(result.as_data())
@@ -362,22 +285,6 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
     if not result.repeated:
         print("nothing to do: every step had been done")
     print(f"page:  {result.page}\nmodel: {result.model_path}")
-
-
-def _say(project: "Project", what: str, was_run: bool, as_json: bool, content: Any) -> None:
-    if as_json:
-        print_json({"project": str(project.folder), "run": was_run, **content})
-    else:
-        print(f"{project.folder}: {what}" + ("" if was_run else " before; nothing to do"))
-
-
-@contextmanager
-def _progress(label: str, project: "Project | None" = None) -> Iterator[Callable[[float], None]]:
-    if project is not None and project.settings.connection != "simulation":
-        yield lambda _: None  # a bar would hide what the person beside the robot is asked
-        return
-    with progress_bar(label) as progress:
-        yield progress
 
 
 @contextmanager

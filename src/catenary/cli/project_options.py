@@ -1,12 +1,15 @@
-"""What the commands on a project share: their options, and the project that they open."""
+"""What the commands on a project share: their options, the project that they open, and what they say of a step."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.terminal import base_tilt, words
+from catenary.cli.options import robots_beginning
+from catenary.cli.terminal import base_tilt, print_json, progress_bar, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,6 +24,15 @@ Seed = Annotated[
 ArmNamespace = Annotated[
     str | None,
     Option("--namespace", metavar="/NAME", help="Of a dVRK PSM: in front of its topics. [default: /PSM1]"),
+]
+ArmKind = Annotated[
+    str | None,
+    Option(
+        "--robot",
+        metavar="ROBOT",
+        help="Which robot a new project is of: raven2 or dvrk_psm. [default: raven2]",
+        autocompletion=robots_beginning,
+    ),
 ]
 Hours = Annotated[float | None, Option("--hours", help="Length of the random motion.")]
 
@@ -102,6 +114,24 @@ def require_project(folder: Path) -> None:
 
     if not is_project(folder):
         raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")
+
+
+def say_step(project: "Project", what: str, was_run: bool, as_json: bool, content: Any) -> None:
+    """Say what a step did, or that it had been done."""
+    if as_json:
+        print_json({"project": str(project.folder), "run": was_run, **content})
+    else:
+        print(f"{project.folder}: {what}" + ("" if was_run else " before; nothing to do"))
+
+
+@contextmanager
+def step_progress(label: str, project: "Project | None" = None) -> Iterator[Callable[[float], None]]:
+    """Show a bar while a step runs."""
+    if project is not None and project.settings.connection != "simulation":
+        yield lambda _: None  # a bar would hide what the person beside the robot is asked
+        return
+    with progress_bar(label) as progress:
+        yield progress
 
 
 def _fraction(text: str) -> float:

@@ -1,1 +1,1 @@
-"""Motions that show a robot's parameters and hit nothing."""
+"""Motions that show a robot's parameters, designed to hit nothing, or run and recorded."""
