@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data
@@ -22,7 +23,7 @@ from catenary.reports.page import Table
 from catenary.units import DISPLAY
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
-from papers.calibration.peers.rows import Peer, rows_of_log
+from papers.calibration.peers.rows import Peer, Rows, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
 from papers.claims import mean_and_spread
 from papers.experiment import (
@@ -103,14 +104,18 @@ def peer_errors(recording: str, peer: str, seed: int, quick: bool, data: Path) -
     """Fit a peer to the same rows and test it on the same; return its RMSE per joint [deg|mm]."""
     log = read_log(data / FOLDER / f"{recording}.npz")
     rows = rows_of_log(log, ("q",))
-    limit = _limit(recording)
-    usable = rows.known if limit is None else rows.known & (np.abs(rows.error) <= limit).all(axis=1)
-    late = np.arange(len(log)) / len(log) >= 1.0 - HELD_OUT
+    trained, tested = parted(rows, _limit(recording))
     short = {RECURRENT: {"iterations": 100}, PROCESS: {"carried": 100, "chosen": 50}, TWO_PHASE: {"trees": 5}}
-    fitted = PEERS[peer](replace(rows, known=usable & ~late), seed=seed, **(short[peer] if quick else {}))
-    tested = usable & late
+    fitted = PEERS[peer](replace(rows, known=trained), seed=seed, **(short[peer] if quick else {}))
     left = (rows.error - fitted.correction(rows))[tested] * _shown(log.joint_units)
     return {peer: _found([float(value) for value in np.sqrt(np.mean(left**2, axis=0))])}
+
+
+def parted(rows: Rows, limit: Floats | None) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which rows of a recording a peer is trained on, and on which it is tested: those of the models of ours."""
+    usable = rows.known if limit is None else rows.known & (np.abs(rows.error) <= limit).all(axis=1)
+    late = np.arange(len(usable)) / len(usable) >= 1.0 - HELD_OUT
+    return usable & ~late, usable & late
 
 
 def _limit(recording: str) -> Floats | None:

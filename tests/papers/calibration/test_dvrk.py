@@ -1,8 +1,12 @@
 import numpy as np
 import pytest
 
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.fit import choose_inputs
 from papers.calibration import dvrk
+from papers.calibration.peers.rows import rows_of_log
 from papers.experiment import Outcomes, Scope
+from recordings import recording as made
 
 
 def entry(*rmse: float, outside: float = 0.0) -> dict[str, object]:
@@ -50,3 +54,18 @@ def test_limits_of_the_cameras_failures_are_in_the_logs_units() -> None:
 
 def test_quick_cases_are_few() -> None:
     assert len(dvrk.cases(Scope(quick=True, networks=1))) == 4
+
+
+@pytest.mark.parametrize("recording", dvrk.RECORDINGS)
+def test_models_of_ours_and_peers_learn_from_the_same_rows_and_are_tested_on_the_same(recording: str) -> None:
+    rng = np.random.default_rng(3)
+    ok = rng.random(501) > 0.1
+    units = ("rad", "rad", "m", "rad", "rad", "rad")
+    log = made(rng, 501, units, error=lambda q: np.deg2rad(2.0) * rng.normal(size=q.shape), ok=ok)
+    limit = dvrk._limit(recording)
+    for options in dvrk.KINDS.values():
+        inputs = choose_inputs([log], options, held_out=dvrk.HELD_OUT)
+        ours = calibration_data([log], inputs.features, max_error=limit).split_by_time(dvrk.HELD_OUT)
+        for rows, peers in zip(ours, dvrk.parted(rows_of_log(log, ("q",)), limit), strict=True):
+            assert log.time is not None
+            np.testing.assert_array_equal(rows.time, log.time[peers])
