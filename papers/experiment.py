@@ -24,6 +24,7 @@ Plain = Any  # None, bool, int, float, str, lists and mappings of these
 Result = Mapping[str, Plain]
 Paper = Literal["calibration", "gravity", "regressor", "tutorial", "plant", "beyond"]
 Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
+BEYOND = "beyond"  # how the place of a claim begins that stands in no paper
 NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a seed
 
 
@@ -186,7 +187,7 @@ class Claim:
     """
 
     says: str
-    place: str  # in the paper: section, table, figure
+    place: str  # in the paper: section, table, figure; "beyond ..." where no paper claims it
     published: str  # the paper's own numbers
     criterion: str
     judge: Callable[[Outcomes], Judgement]

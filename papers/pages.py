@@ -3,6 +3,8 @@
 A document quotes an experiment between `<!-- papers NAME -->` and `<!-- end -->`, one table of it by
 `<!-- papers NAME TABLE -->`, and every claim of a paper by `<!-- papers claims PAPER -->`. What stands between is
 written by `python -m papers publish`, and a test holds it against the committed tables.
+
+What was measured comes from the committed tables; reasons come from the experiments, so that a better one needs no run.
 """
 
 import json
@@ -13,7 +15,8 @@ from typing import Any
 
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from papers.catalog import MODULES
+from papers.catalog import MODULES, experiment
+from papers.experiment import BEYOND
 from papers.results_files import markdown, told_of
 
 ROOT = Path(__file__).parents[1]
@@ -22,6 +25,7 @@ PICTURES = ROOT / "docs" / "images" / "papers"
 PAGES = ROOT / "docs"
 BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", re.DOTALL)
 CLAIMS = ["claim", "published", "here", "verdict"]
+EVERY_CLAIM = ["claim", "place", "published", "here", "verdict", "criterion"]
 
 
 def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
@@ -66,12 +70,19 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
 
 
 def committed() -> dict[str, dict[str, Any]]:
-    """Return the committed tables of results by the experiments' names, in the papers' order."""
+    """Return the committed tables of results by the experiments' names, in the papers' order, with reasons."""
     return {
-        name: json.loads(path.read_text(encoding="utf-8"))
+        name: with_reasons(json.loads(path.read_text(encoding="utf-8")))
         for name in MODULES
         if (path := COMMITTED / f"{name}.json").exists()
     }
+
+
+def with_reasons(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return results whose claims tell why they do not hold, as their experiment says it today."""
+    reasons = {claim.says: claim.why for claim in experiment(content["name"]).claims}
+    claims = [{**claim, "why": reasons.get(claim["says"], "")} for claim in content["claims"]]
+    return {**content, "claims": claims}
 
 
 def with_blocks(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
@@ -80,7 +91,7 @@ def with_blocks(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def block(what: Sequence[str], results: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return what a document quotes: `NAME`, `NAME NUMBER` of a table, or `claims PAPER`."""
+    """Return what a document quotes: `NAME`, `NAME NUMBER` of a table, `claims PAPER`, or `claims beyond`."""
     if what[0] == "claims":
         return _claims(what[1], results)
     content = results.get(what[0])
@@ -111,12 +122,13 @@ def _row(claim: Mapping[str, str]) -> list[str]:
 
 
 def _claims(paper: str, results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return every claim of a paper, or every one that stands in none."""
     rows = [
-        [claim["says"], claim["place"], claim["published"], claim["measured"], claim["verdict"]]
+        [*(claim[part] for part in ("says", "place", "published", "measured", "verdict", "criterion"))]
         for content in results.values()
-        if content["paper"] == paper
         for claim in content["claims"]
+        if paper == (BEYOND if claim["place"].startswith(BEYOND) else content["paper"])
     ]
     if not rows:
         return "*No claim of this paper has been judged yet.*"
-    return markdown({"header": ["claim", "place", "published", "here", "verdict"], "rows": rows})
+    return markdown({"header": EVERY_CLAIM, "rows": rows})

@@ -74,7 +74,6 @@ def summary(
                 "criterion": claim.criterion,
                 "measured": found.measured,
                 "verdict": found.verdict,
-                "why": claim.why,
             }
             for claim, found in claims
         ],

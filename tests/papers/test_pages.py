@@ -58,6 +58,21 @@ def test_numbers_in_prose_stand_in_a_committed_table_or_are_the_papers(page: Pat
     assert sorted(set(re.findall(NUMBER, prose)) - known) == []
 
 
+@pytest.mark.parametrize("name", sorted(path.stem for path in pages.COMMITTED.glob("*.json")))
+def test_committed_claims_are_those_that_the_experiment_makes(name: str) -> None:
+    judged = json.loads((pages.COMMITTED / f"{name}.json").read_text())["claims"]
+    kept = [tuple(claim[part] for part in ("says", "place", "published", "criterion")) for claim in judged]
+    made = [(one.says, one.place, one.published, one.criterion) for one in catalog.experiment(name).claims]
+    assert kept == made, f"a claim has changed since it was judged: run {name} again, then publish"
+
+
+def test_reasons_are_those_that_the_experiment_gives_today() -> None:
+    claims = catalog.experiment("calibration-table-1").claims
+    judged = [{"says": one.says, "verdict": "reproduced"} for one in reversed(claims)]
+    told = pages.with_reasons({"name": "calibration-table-1", "claims": judged})["claims"]
+    assert [(one["says"], one["why"]) for one in told] == [(one.says, one.why) for one in reversed(claims)]
+
+
 @pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
 def test_every_block_names_an_experiment_or_the_claims_of_a_paper(page: Path) -> None:
     for found in pages.BLOCK.finditer(page.read_text()):
@@ -78,7 +93,20 @@ def test_a_block_holds_picture_table_claims_and_what_they_were_made_with() -> No
         assert part in text
     assert block(["calibration-table-1", "1"], RESULTS) == "| a | b |\n|---|---|\n| x\\|y | 0.1 |"
     assert "1 > 2" in block(["claims", "calibration"], RESULTS)
+    assert block(["claims", "calibration"], RESULTS).endswith("| not reproduced | holds |")
     assert "No result is committed" in block(["calibration-table-9"], RESULTS)
+
+
+def test_a_claim_that_no_paper_makes_is_none_of_its_claims() -> None:
+    (claim,) = RESULTS["calibration-table-1"]["claims"]
+    own = {
+        "calibration-table-1": {
+            **RESULTS["calibration-table-1"],
+            "claims": [claim | {"place": "beyond II-E"}],
+        }
+    }
+    assert "1 > 2" not in block(["claims", "calibration"], own)
+    assert "1 > 2" in block(["claims", "beyond"], own)
 
 
 def test_writing_blocks_twice_changes_nothing_more() -> None:
