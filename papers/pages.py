@@ -4,7 +4,8 @@ A document quotes an experiment between `<!-- papers NAME -->` and `<!-- end -->
 `<!-- papers NAME TABLE -->`, and every claim of a paper by `<!-- papers claims PAPER -->`. What stands between is
 written by `python -m papers publish`, and a test holds it against the committed tables.
 
-What was measured comes from the committed tables; reasons come from the experiments, so that a better one needs no run.
+What was measured comes from the committed tables. Reasons, and which numbers the robot was fitted to, come from the
+experiments, so that telling them better needs no run.
 """
 
 import json
@@ -17,7 +18,7 @@ from catenary.errors import InputError
 from catenary.files import write_atomically
 from papers.catalog import MODULES, experiment
 from papers.experiment import BEYOND
-from papers.results_files import markdown, told_of
+from papers.results_files import markdown, shown_verdict, told_of
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "papers" / "results"
@@ -70,18 +71,22 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
 
 
 def committed() -> dict[str, dict[str, Any]]:
-    """Return the committed tables of results by the experiments' names, in the papers' order, with reasons."""
+    """Return committed tables of results by experiment, in the papers' order, claims as the code tells them."""
     return {
-        name: with_reasons(json.loads(path.read_text(encoding="utf-8")))
+        name: as_told_today(json.loads(path.read_text(encoding="utf-8")))
         for name in MODULES
         if (path := COMMITTED / f"{name}.json").exists()
     }
 
 
-def with_reasons(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return results whose claims tell why they do not hold, as their experiment says it today."""
-    reasons = {claim.says: claim.why for claim in experiment(content["name"]).claims}
-    claims = [{**claim, "why": reasons.get(claim["says"], "")} for claim in content["claims"]]
+def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return results with those claims that their experiment makes today, `why` and `fitted` as it says them."""
+    made = {claim.says: claim for claim in experiment(content["name"]).claims}
+    claims = [
+        {**claim, "why": made[says].why, "fitted": made[says].fitted}
+        for claim in content["claims"]
+        if (says := claim["says"]) in made
+    ]
     return {**content, "claims": claims}
 
 
@@ -112,19 +117,23 @@ def block(what: Sequence[str], results: Mapping[str, Mapping[str, Any]]) -> str:
     return "\n\n".join(parts)
 
 
-def _row(claim: Mapping[str, str]) -> list[str]:
+def _row(claim: Mapping[str, Any]) -> list[str]:
     return [
         f"{claim['says']} ({claim['place']}). Criterion: {claim['criterion']}",
         claim["published"],
         claim["measured"],
-        claim["verdict"],
+        shown_verdict(claim["verdict"], fitted=claim["fitted"]),
     ]
 
 
 def _claims(paper: str, results: Mapping[str, Mapping[str, Any]]) -> str:
     """Return every claim of a paper, or every one that stands in none."""
     rows = [
-        [*(claim[part] for part in ("says", "place", "published", "measured", "verdict", "criterion"))]
+        [
+            *(claim[part] for part in ("says", "place", "published", "measured")),
+            shown_verdict(claim["verdict"], fitted=claim["fitted"]),
+            claim["criterion"],
+        ]
         for content in results.values()
         for claim in content["claims"]
         if paper == (BEYOND if claim["place"].startswith(BEYOND) else content["paper"])

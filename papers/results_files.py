@@ -12,6 +12,7 @@ from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture,
 from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, Scope
 from papers.store import Finished, source_digest
 
+FITTED = "Fitted: the simulated robot was fitted to this number, or to one that implies it."
 VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
 
 
@@ -20,12 +21,23 @@ def judged(experiment: Experiment, outcomes: Outcomes) -> list[tuple[Claim, Judg
     return [(claim, claim.judge(outcomes)) for claim in experiment.claims]
 
 
+def shown_verdict(verdict: str, *, fitted: bool) -> str:
+    """Return a verdict as pages show it: with the mark of those claims whose number the robot was fitted to."""
+    return f"{verdict} (fitted)" if fitted else verdict
+
+
 def verdict_table(claims: Sequence[tuple[Claim, Judgement]]) -> Table:
     """Return claims beside what came out of them."""
     return Table(
         VERDICTS,
         [
-            [f"{claim.says} ({claim.place})", claim.published, found.measured, found.verdict, claim.criterion]
+            [
+                f"{claim.says} ({claim.place})",
+                claim.published,
+                found.measured,
+                shown_verdict(found.verdict, fitted=claim.fitted),
+                claim.criterion,
+            ]
             for claim, found in claims
         ],
     )
@@ -109,7 +121,8 @@ def write_results(
         blocks.append(Remarks(report.remarks))
     if claims:
         blocks += [Heading("Claims"), verdict_table(claims)]
-        blocks.append(Remarks([f"{claim.says}: {claim.why}" for claim, _ in claims if claim.why]))
+        reasons = [f"{claim.says}: {claim.why}" for claim, _ in claims if claim.why]
+        blocks.append(Remarks([FITTED, *reasons] if any(claim.fitted for claim, _ in claims) else reasons))
     blocks.append(Text(told_of(content)))
     title = f"{experiment.title}{', simulated' if experiment.simulated else ''}"
     write_page(

@@ -53,7 +53,16 @@ SQUARES = Experiment(
     cases=cases,
     report=report,
     minutes=0.1,
-    claims=[Claim("They grow", "I", "1 < 4", "each larger", lambda _: Judgement("reproduced", "0 < 1"), "")],
+    claims=[
+        Claim(
+            "They grow",
+            "I",
+            "1 < 4",
+            "each larger",
+            lambda _: Judgement("reproduced", "0 < 1"),
+            fitted=True,
+        )
+    ],
     drawn=2,
 )
 
@@ -75,7 +84,10 @@ def test_an_experiment_writes_table_page_picture_and_verdicts(
     assert content["cases"] == 3
     assert (content["missing"], content["tables"][0]["rows"]) == (0, [["0", "0"], ["1", "1"], ["2", "4"]])
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", content["date"])
-    assert "They grow" in (tmp_path / "beyond-squares.html").read_text()
+    page = (tmp_path / "beyond-squares.html").read_text()
+    assert "They grow" in page
+    assert "reproduced (fitted)" in page
+    assert "the simulated robot was fitted to this number" in page
     assert (tmp_path / "beyond-squares-1.svg").read_text().startswith("<?xml")
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,7 @@ RESULTS = {
                 "measured": "1 > 2",
                 "verdict": "not reproduced",
                 "why": "since",
+                "fitted": True,
             }
         ],
     }
@@ -66,11 +68,17 @@ def test_committed_claims_are_those_that_the_experiment_makes(name: str) -> None
     assert kept == made, f"a claim has changed since it was judged: run {name} again, then publish"
 
 
-def test_reasons_are_those_that_the_experiment_gives_today() -> None:
-    claims = catalog.experiment("calibration-table-1").claims
-    judged = [{"says": one.says, "verdict": "reproduced"} for one in reversed(claims)]
-    told = pages.with_reasons({"name": "calibration-table-1", "claims": judged})["claims"]
-    assert [(one["says"], one["why"]) for one in told] == [(one.says, one.why) for one in reversed(claims)]
+def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one = catalog.experiment("calibration-table-1")
+    claims = [replace(claim, why=f"since {n}", fitted=n == 0) for n, claim in enumerate(one.claims)]
+    monkeypatch.setattr(pages, "experiment", lambda _: replace(one, claims=claims))
+    judged = [{"says": claim.says, "why": "older"} for claim in reversed(claims)]
+    told = pages.as_told_today({"name": one.name, "claims": judged})["claims"]
+    assert [(each["says"], each["why"], each["fitted"]) for each in told] == [
+        (claim.says, claim.why, claim.fitted) for claim in reversed(claims)
+    ]
 
 
 @pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
@@ -86,14 +94,14 @@ def test_a_block_holds_picture_table_claims_and_what_they_were_made_with() -> No
         "images/papers/calibration-table-1-1.svg",
         "x\\|y",
         "A > B",
-        "not reproduced",
+        "not reproduced (fitted)",
         "since",
         "nominal, 1",
     ):
         assert part in text
     assert block(["calibration-table-1", "1"], RESULTS) == "| a | b |\n|---|---|\n| x\\|y | 0.1 |"
     assert "1 > 2" in block(["claims", "calibration"], RESULTS)
-    assert block(["claims", "calibration"], RESULTS).endswith("| not reproduced | holds |")
+    assert block(["claims", "calibration"], RESULTS).endswith("| not reproduced (fitted) | holds |")
     assert "No result is committed" in block(["calibration-table-9"], RESULTS)
 
 
