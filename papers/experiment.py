@@ -155,9 +155,19 @@ class Outcomes:
         return len(self._results)
 
     @property
-    def trains_networks(self) -> bool:
-        """Say whether a case trains networks several times: with the seeds in its argument `networks`."""
-        return any(len(case.arguments.get("networks", ())) > 1 for case in self._results)
+    def trainings(self) -> list[int]:
+        """Return how often cases train a network, each number once; its errors are averaged.
+
+        It is how many seeds the arguments `networks` and `trainings` hold, and one where `network` is a seed.
+        """
+        counts = set()
+        for case in self._results:
+            told = case.arguments
+            counts |= {
+                len(told[name]) for name in ("networks", "trainings") if isinstance(told.get(name), list)
+            }
+            counts |= {1} if type(told.get("network")) is int else set()
+        return sorted(counts - {0})
 
     def of(self, function: Run, **arguments: Plain) -> list[Result]:
         """Return the results of a function's cases that have these arguments, in the cases' order."""

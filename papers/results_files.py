@@ -51,7 +51,7 @@ def summary(
     finished: Sequence[Finished],
     missing: int,
     *,
-    networks: int,
+    networks: Sequence[int],
 ) -> dict[str, Any]:
     """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
     return {
@@ -64,7 +64,7 @@ def summary(
         "source": sorted({one.source for one in finished} or {source_digest()}),
         "date": datetime.now(UTC).date().isoformat(),
         "robots": ["nominal" if robot is None else robot for robot in scope.robots],
-        "networks": networks,
+        "networks": list(networks),  # how often each was trained
         "cases": len(finished),
         "missing": missing,
         "processor_minutes": round(sum(one.seconds for one in finished) / 60.0, 1),
@@ -106,8 +106,7 @@ def write_results(
     """
     report = experiment.report(outcomes)
     claims = judged(experiment, outcomes) if not (scope.quick or missing) else []
-    networks = scope.networks if outcomes.trains_networks else 1
-    content = summary(experiment, scope, report, claims, finished, missing, networks=networks)
+    content = summary(experiment, scope, report, claims, finished, missing, networks=outcomes.trainings)
     folder.mkdir(parents=True, exist_ok=True)
     for number, drawn in enumerate(report.pictures, 1):
         write_atomically(folder / f"{experiment.name}-{number}.svg", svg(drawn.figure))
@@ -135,7 +134,8 @@ def write_results(
 def told_of(content: Mapping[str, Any]) -> str:
     """Say in a sentence what results were made with."""
     robots = ", ".join(str(robot) for robot in content["robots"])
-    trained = f", networks the mean of {content['networks']}" if content["networks"] > 1 else ""
+    times = " or ".join(str(count) for count in content["networks"])
+    trained = f", each network trained {times} times and errors averaged" if times not in ("", "1") else ""
     kind = f"Simulated robots {robots}{trained}" if content["simulated"] else "Measured on real arms"
     return f"{kind}; {content['cases']} cases; catenary {content['version']}, {content['date']}."
 

@@ -21,7 +21,7 @@ RESULTS = {
         "paper": "calibration",
         "simulated": True,
         "robots": ["nominal", 1],
-        "networks": 5,
+        "networks": [3, 5],
         "cases": 2,
         "missing": 0,
         "version": "0.1.0",
@@ -96,7 +96,7 @@ def test_a_block_holds_picture_table_claims_and_what_they_were_made_with() -> No
         "A > B",
         "not reproduced (fitted)",
         "since",
-        "nominal, 1",
+        "nominal, 1, each network trained 3 or 5 times",
     ):
         assert part in text
     assert block(["calibration-table-1", "1"], RESULTS) == "| a | b |\n|---|---|\n| x\\|y | 0.1 |"
