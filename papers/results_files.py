@@ -2,15 +2,13 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from catenary import __version__
 from catenary.files import json_text, write_atomically
 from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
 from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, Scope
-from papers.store import Finished, source_digest
+from papers.store import Finished
 
 FITTED = "Fitted: the simulated robot was fitted to this number, or to one that implies it."
 VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
@@ -60,14 +58,14 @@ def summary(
         "place": experiment.place,
         "title": experiment.title,
         "simulated": experiment.simulated,
-        "version": __version__,
-        "source": sorted({one.source for one in finished} or {source_digest()}),
-        "date": datetime.now(UTC).date().isoformat(),
+        "version": ", ".join(sorted({one.version for one in finished})),
+        "source": sorted({one.source for one in finished}),
+        "date": _days([one.date for one in finished]),
         "robots": ["nominal" if robot is None else robot for robot in scope.robots],
         "networks": list(networks),  # how often each was trained
         "cases": len(finished),
         "missing": missing,
-        "processor_minutes": round(sum(one.seconds for one in finished) / 60.0, 1),
+        "processor_minutes": round(sum(one.processor_seconds for one in finished) / 60.0, 1),
         "tables": [
             {
                 "title": one.title,
@@ -90,6 +88,12 @@ def summary(
             for claim, found in claims
         ],
     }
+
+
+def _days(dates: Sequence[str]) -> str:
+    """Return the day on which cases ended, or the first and the last where they are several."""
+    first, last = min(dates)[:10], max(dates)[:10]
+    return first if first == last else f"{first} to {last}"
 
 
 def write_results(

@@ -9,6 +9,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -66,11 +67,13 @@ def execute(case: Case, data: Path | None, source: str) -> Finished:
     arguments = case.arguments
     if function.needs_data:
         arguments["data"] = data
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     with threadpool_limits(limits=1):
         result = function(**arguments)
+    seconds, processor_seconds = time.perf_counter() - begin, time.process_time() - busy
     json_text(result)  # what cannot be kept is this case's failure, and nobody else's
-    return Finished(result, time.perf_counter() - begin, __version__, source_digest())
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return Finished(result, seconds, processor_seconds, __version__, source_digest(), date)
 
 
 def run_cases(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from catenary import __version__
 from catenary.reports.page import Table
 from papers import __main__ as command
 from papers.experiment import (
@@ -22,6 +23,7 @@ from papers.experiment import (
     run,
 )
 from papers.figures import panels
+from papers.store import Finished, Store
 
 
 @run(revision=1)
@@ -84,11 +86,23 @@ def test_an_experiment_writes_table_page_picture_and_verdicts(
     assert content["cases"] == 3
     assert (content["missing"], content["tables"][0]["rows"]) == (0, [["0", "0"], ["1", "1"], ["2", "4"]])
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", content["date"])
+    assert content["version"] == __version__
     page = (tmp_path / "beyond-squares.html").read_text()
     assert "They grow" in page
     assert "reproduced (fitted)" in page
     assert "the simulated robot was fitted to this number" in page
     assert (tmp_path / "beyond-squares-1.svg").read_text().startswith("<?xml")
+
+
+def test_the_date_and_the_minutes_are_those_of_the_cases_whenever_they_are_shown(tmp_path: Path) -> None:
+    ended = ["2026-11-20T23:59:59+00:00", "2026-11-22T00:00:00+00:00", "2026-11-21T12:00:00+00:00"]
+    store = Store(tmp_path)
+    for case, date in zip(cases(Scope((None, 1, 2))), ended, strict=True):
+        store.write(case, Finished({"square": 1}, 60.0, 30.0, "0.0.9", "abc", date))
+    command.main(["calibration-table-1", "--out", str(tmp_path)])
+    content = json.loads((tmp_path / "beyond-squares.json").read_text())
+    assert (content["version"], content["date"]) == ("0.0.9", "2026-11-20 to 2026-11-22")
+    assert content["processor_minutes"] == 1.5
 
 
 def test_quick_results_hold_no_verdict_and_stand_apart(

@@ -102,6 +102,13 @@ def test_another_version_is_refused_and_named(begun: Path, monkeypatch: pytest.M
     assert calls(begun, 1) == 0
 
 
+def test_processor_time_is_told_beside_that_of_the_clock(begun: Path) -> None:
+    waiting = execute(deadly.case(number=1, folder=str(begun), deaths=0), None, fingerprint())
+    working = execute(summed.case(number=2, folder=str(begun)), None, fingerprint())
+    assert waiting.processor_seconds < 0.1 < 0.2 <= waiting.seconds  # it sleeps for 0.2 s
+    assert 0.0 < working.processor_seconds < working.seconds + 0.1  # one thread; 0.1 s for coarse clocks
+
+
 def test_two_workers_give_the_numbers_of_this_process_to_the_last_bit(tmp_path: Path, begun: Path) -> None:
     cases, bad = sums(begun, 4), failing.case(number=9, folder=str(begun))
     here, there = Store(tmp_path / "here"), Store(tmp_path / "there")
