@@ -80,9 +80,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _list() -> None:
-    for name in MODULES:
-        one = experiment(name)
-        print(f"{name:28} {one.place}: {one.title} ({one.minutes:.0f} processor minutes)")
+    every = [experiment(name) for name in MODULES]
+    for one in every:
+        print(f"{one.name:28} {one.place}: {one.title} ({one.minutes:.0f} processor minutes)")
+    print(f"all: {sum(one.minutes for one in every) / 2 / 60:.1f} hours on two cores")
 
 
 if __name__ == "__main__":

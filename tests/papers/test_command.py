@@ -9,6 +9,7 @@ import pytest
 from catenary import __version__
 from catenary.reports.page import Table
 from papers import __main__ as command
+from papers import catalog
 from papers.experiment import (
     Case,
     Claim,
@@ -178,6 +179,14 @@ def test_workers_without_dask_say_what_to_install(
     assert "pip install" in capsys.readouterr().err
 
 
-def test_list_names_every_experiment(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_names_every_experiment_and_the_hours_of_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["list"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == len(command.MODULES)
+    *listed, total = capsys.readouterr().out.splitlines()
+    assert len(listed) == len(command.MODULES)
+    assert total == f"all: {0.1 * len(command.MODULES) / 120:.1f} hours on two cores"  # 0.1 minutes each
+
+
+def test_all_takes_half_a_day_at_most_on_two_cores_in_parts_of_two_hours() -> None:
+    minutes = {name: catalog.experiment(name).minutes / 2 for name in catalog.MODULES}  # on two cores
+    assert sum(minutes.values()) <= 12 * 60
+    assert {name for name, taken in minutes.items() if taken >= 120} == set()
