@@ -1,5 +1,8 @@
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,11 +11,21 @@ from typing import Any
 import pytest
 
 from catenary.errors import InputError
-from oracles.sweep_cases import become_older, calls, deadly, failing, not_plain, quick, summed
+from oracles.sweep_cases import (
+    become_older,
+    calls,
+    deadly,
+    failing,
+    not_plain,
+    quick,
+    summed,
+)
 from papers import runner
 from papers.experiment import Case, Result
 from papers.runner import Failure, execute, fingerprint, run_cases
 from papers.store import Finished, Store
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -160,6 +173,60 @@ def test_killed_workers_cost_no_case_but_those_that_kill_again(tmp_path: Path, b
     kept = store.read(once)
     assert kept is not None
     assert kept.result["calls"] == 2
+
+
+def test_killed_workers_of_a_cluster_by_address_cost_no_more_and_its_scheduler_is_left_as_it_was(
+    cluster: Any, tmp_path: Path, begun: Path
+) -> None:
+    scheduler = cluster.scheduler
+    before = (scheduler.allowed_failures, scheduler.worker_ttl)
+    assert before[0] > 0
+    always = deadly.case(number=103, folder=str(begun), deaths=99)
+    others = [summed.case(number=k, folder=str(begun)) for k in range(4)]
+    store = Store(tmp_path / "out")
+    failures = run_cases([always, *others], store, cluster=cluster.scheduler_address)
+    assert [failure.case for failure in failures] == [always]
+    assert "KilledWorker" in failures[0].told
+    assert calls(begun, 103) == 2
+    assert len(results(store, others)) == 4
+    assert (scheduler.allowed_failures, scheduler.worker_ttl) == before
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
+    tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from distributed import Client, LocalCluster
+
+    monkeypatch.setattr(runner, "PATIENCE", 1.0)
+    last = deadly.case(number=104, folder=str(begun), deaths=99)
+    waiting = [quick.case(number=k, folder=str(begun)) for k in range(2)]
+    store = Store(tmp_path / "out")
+    with (
+        LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as local,
+        Client(local) as client,
+        # no nanny starts another in its place
+        subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "dask",
+                "worker",
+                local.scheduler_address,
+                "--no-nanny",
+                "--nthreads",
+                "1",
+            ],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            stderr=subprocess.DEVNULL,
+        ),
+    ):
+        client.wait_for_workers(1, timeout=60)
+        with pytest.raises(InputError, match=r"no worker is left: [12] cases wait"):
+            run_cases([last, *waiting], store, cluster=local.scheduler_address)
+    # and maybe what the worker had been given beside it
+    assert last.key in [path.stem for path in store.failures.iterdir()]
 
 
 @pytest.mark.slow
