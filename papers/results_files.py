@@ -60,6 +60,7 @@ def summary(
         "simulated": experiment.simulated,
         "version": ", ".join(sorted({one.version for one in finished})),
         "source": sorted({one.source for one in finished}),
+        "environments": sorted({one.environment for one in finished} - {""}),
         "date": _days([one.date for one in finished]),
         "robots": ["nominal" if robot is None else robot for robot in scope.robots],
         "networks": list(networks),  # how often each was trained

@@ -4,6 +4,7 @@ Every result is kept as it comes, so that what is interrupted resumes. A case th
 the others alone.
 """
 
+import logging
 import math
 import os
 import time
@@ -20,6 +21,7 @@ from catenary import __version__
 from catenary.errors import InputError
 from catenary.files import json_text
 from catenary.robots.catalog import robot_names
+from papers.environment import environment, processor, versions
 from papers.experiment import Case, robots_digest
 from papers.store import Finished, Store, source_digest
 
@@ -27,6 +29,7 @@ from papers.store import Finished, Store, source_digest
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 PATIENCE = 30.0  # [s] for a cluster's worker, the first one or one that comes back
 AGAIN = "-again"  # key of a case's second try
+LOGGER = logging.getLogger(__name__)
 
 
 class NoWorkerError(InputError):
@@ -44,8 +47,8 @@ Told = Callable[[Case, Finished | Failure], None]
 
 
 def fingerprint() -> str:
-    """Return what has to be the same wherever cases of a sweep run: the package's source, and its robots' data."""
-    return f"{source_digest()}+{robots_digest(frozenset(robot_names()))[:16]}"
+    """Return what has to be the same wherever cases of a sweep run: source, robots' data, and libraries' versions."""
+    return f"{source_digest()}+{robots_digest(frozenset(robot_names()))[:16]}, {versions()}"
 
 
 def execute(case: Case, data: Path | None, source: str) -> Finished:
@@ -57,12 +60,13 @@ def execute(case: Case, data: Path | None, source: str) -> Finished:
         source: `fingerprint` of the process where the results are kept.
 
     Raises:
-        RuntimeError: This process has another version of the package, of its robots' data, or of the function.
+        RuntimeError: This process has another version of the package, of its robots' data, of the function, or of a
+            library.
         TypeError: The result is no plain data.
     """
     if source != fingerprint():
         raise RuntimeError(
-            f"this worker has another catenary ({__version__}, {fingerprint()}) than asks ({source})"
+            f"this worker has another catenary or library ({__version__}, {fingerprint()}) than asks ({source})"
         )
     function = case.load()
     if function.revision != case.revision:
@@ -78,7 +82,7 @@ def execute(case: Case, data: Path | None, source: str) -> Finished:
     seconds, processor_seconds = time.perf_counter() - begin, time.process_time() - busy
     json_text(result)  # what cannot be kept is this case's failure, and nobody else's
     date = datetime.now(UTC).isoformat(timespec="seconds")
-    return Finished(result, seconds, processor_seconds, __version__, source_digest(), date)
+    return Finished(result, seconds, processor_seconds, __version__, source_digest(), date, environment())
 
 
 def run_cases(
@@ -212,8 +216,17 @@ def _require_same(client: Any, cluster: str) -> None:
         raise InputError(f"cluster {cluster}: {error} on its workers; start them beside papers/") from error
     if others := [f"{address} ({one})" for address, one in found.items() if one != fingerprint()]:
         raise InputError(
-            f"cluster {cluster}: workers with another catenary than here ({__version__}, {fingerprint()}): "
+            f"cluster {cluster}: workers with another catenary or library than here ({__version__}, {fingerprint()}): "
             f"{', '.join(others)}"
+        )
+    unlike = {address: one for address, one in client.run(processor).items() if one != processor()}
+    if unlike:
+        told = "; ".join(f"{address}: {one}" for address, one in unlike.items())
+        LOGGER.warning(
+            "cluster %s: last digits will differ, as docs/papers.md says: other processors than here (%s): %s",
+            cluster,
+            processor(),
+            told,
         )
 
 

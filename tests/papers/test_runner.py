@@ -12,6 +12,7 @@ import pytest
 
 from catenary.errors import InputError
 from oracles.sweep_cases import (
+    become_another_processor,
     become_older,
     calls,
     deadly,
@@ -105,13 +106,15 @@ def test_a_failed_case_runs_again_the_next_time_and_its_failure_is_forgotten(
 def test_another_version_is_refused_and_named(begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case = quick.case(number=1, folder=str(begun))
     with pytest.raises(
-        RuntimeError, match=f"another catenary .*{re.escape(fingerprint())}.* than asks .older"
+        RuntimeError, match=f"another catenary or library .*{re.escape(fingerprint())}.* than asks .older"
     ):
         execute(case, None, "older")
     with pytest.raises(RuntimeError, match="quick: this worker has revision 1, and 2 is asked for"):
         execute(replace(case, revision=2), None, fingerprint())
     monkeypatch.setattr(runner, "robots_digest", lambda _: "0" * 64)
-    assert fingerprint().endswith("+0000000000000000")
+    assert "+0000000000000000, Python 3" in fingerprint()
+    monkeypatch.setattr(runner, "versions", lambda: "numpy 1")
+    assert fingerprint().endswith(", numpy 1")
     assert calls(begun, 1) == 0
 
 
@@ -230,6 +233,25 @@ def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
 
 
 @pytest.mark.slow
+def test_a_worker_on_another_processor_is_told_and_taken(
+    tmp_path: Path, begun: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
+        ) as unlike,
+        Client(unlike) as client,
+    ):
+        client.run(become_another_processor)
+        assert run_cases(sums(begun, 1), Store(tmp_path / "out"), cluster=unlike.scheduler_address) == []
+    (told,) = [record.getMessage() for record in caplog.records if record.name == "papers.runner"]
+    assert "last digits" in told
+    assert told.endswith(": another processor")
+
+
+@pytest.mark.slow
 def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: Path, begun: Path) -> None:
     from distributed import Client, LocalCluster
 
@@ -241,7 +263,7 @@ def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: 
     ):
         aged = next(iter(client.scheduler_info()["workers"]))
         client.run(become_older, workers=[aged])
-        refused = f"workers with another catenary than here .*{re.escape(fingerprint())}.*: {aged} .older"
+        refused = f"workers with another catenary or library than here .*{re.escape(fingerprint())}.*: {aged} .older"
         with pytest.raises(InputError, match=refused):
             run_cases(sums(begun, 2), Store(tmp_path / "out"), cluster=mixed.scheduler_address)
     assert list(begun.iterdir()) == []

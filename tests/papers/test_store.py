@@ -17,6 +17,7 @@ DONE = Finished(
     "0.1.0",
     "abc",
     "2026-11-23T12:00:00+00:00",
+    "numpy 2",
 )
 
 
@@ -29,14 +30,14 @@ def test_what_is_kept_comes_back_whole(tmp_path: Path) -> None:
     assert (content["function"], content["arguments"]) == (CASE.function, {"folder": "here", "number": 3})
 
 
-def test_a_file_that_knows_no_processor_time_tells_that_of_the_clock(tmp_path: Path) -> None:
+def test_a_file_of_before_processor_time_and_environment_were_told_is_read(tmp_path: Path) -> None:
     kept = Store(tmp_path)
     kept.write(CASE, DONE)
     path = tmp_path / "cases" / f"{CASE.key}.json"
     older = json.loads(path.read_text())
-    del older["processor_seconds"]
+    del older["processor_seconds"], older["environment"]
     path.write_text(json.dumps(older))
-    assert kept.read(CASE) == DONE._replace(processor_seconds=DONE.seconds)
+    assert kept.read(CASE) == DONE._replace(processor_seconds=DONE.seconds, environment="")
 
 
 @pytest.mark.parametrize(
