@@ -26,7 +26,13 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     made.add_argument("names", nargs="+", metavar="NAME", help="list, publish, all, or names of experiments")
-    made.add_argument("--seeds", type=_count, metavar="N", help="robots drawn beside the nominal one (5)")
+    made.add_argument(
+        "--seeds",
+        type=_count,
+        metavar="N",
+        help="robots drawn beside the nominal one, where any are (each experiment's own number: five, one or two of "
+        "those that take long)",
+    )
     made.add_argument("--workers", type=_count, default=1, metavar="N", help="processes on this machine (1)")
     made.add_argument(
         "--cluster", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, in their place"
