@@ -201,15 +201,11 @@ def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
 ) -> None:
     from distributed import Client, LocalCluster
 
-    monkeypatch.setattr(runner, "PATIENCE", 1.0)
     last = deadly.case(number=104, folder=str(begun), deaths=99)
     waiting = [quick.case(number=k, folder=str(begun)) for k in range(2)]
     store = Store(tmp_path / "out")
-    with (
-        LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as local,
-        Client(local) as client,
-        # no nanny starts another in its place
-        subprocess.Popen(
+    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as local, Client(local) as client:
+        worker = subprocess.Popen(  # no nanny starts another in its place
             [
                 sys.executable,
                 "-m",
@@ -223,11 +219,15 @@ def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
             cwd=ROOT,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
             stderr=subprocess.DEVNULL,
-        ),
-    ):
-        client.wait_for_workers(1, timeout=60)
-        with pytest.raises(InputError, match=r"no worker is left: [12] cases wait"):
-            run_cases([last, *waiting], store, cluster=local.scheduler_address)
+        )
+        try:
+            client.wait_for_workers(1, timeout=60)
+            monkeypatch.setattr(runner, "PATIENCE", 5.0)
+            with pytest.raises(InputError, match=r"no worker is left: [12] cases wait"):
+                run_cases([last, *waiting], store, cluster=local.scheduler_address)
+        finally:
+            worker.kill()
+            worker.wait()
     # and maybe what the worker had been given beside it
     assert last.key in [path.stem for path in store.failures.iterdir()]
 
