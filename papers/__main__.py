@@ -26,7 +26,13 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     made.add_argument("names", nargs="+", metavar="NAME", help="list, publish, all, or names of experiments")
-    made.add_argument("--seeds", type=_count, metavar="N", help="robots drawn beside the nominal one (5)")
+    made.add_argument(
+        "--seeds",
+        type=_count,
+        metavar="N",
+        help="robots drawn beside the nominal one, where any are (each experiment's own number: five, one or two of "
+        "those that take long)",
+    )
     made.add_argument("--workers", type=_count, default=1, metavar="N", help="processes on this machine (1)")
     made.add_argument(
         "--cluster", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, in their place"
@@ -80,9 +86,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _list() -> None:
-    for name in MODULES:
-        one = experiment(name)
-        print(f"{name:28} {one.place}: {one.title} ({one.minutes:.0f} processor minutes)")
+    every = [experiment(name) for name in MODULES]
+    for one in every:
+        print(f"{one.name:28} {one.place}: {one.title} ({one.minutes:.0f} processor minutes)")
+    print(f"all: {sum(one.minutes for one in every) / 2 / 60:.1f} hours on two cores")
 
 
 if __name__ == "__main__":

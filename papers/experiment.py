@@ -24,6 +24,7 @@ Plain = Any  # None, bool, int, float, str, lists and mappings of these
 Result = Mapping[str, Plain]
 Paper = Literal["calibration", "gravity", "regressor", "tutorial", "plant", "beyond"]
 Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
+BEYOND = "beyond"  # how the place of a claim begins that stands in no paper
 NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a seed
 
 
@@ -154,9 +155,19 @@ class Outcomes:
         return len(self._results)
 
     @property
-    def trains_networks(self) -> bool:
-        """Say whether a case trains networks several times: with the seeds in its argument `networks`."""
-        return any(len(case.arguments.get("networks", ())) > 1 for case in self._results)
+    def trainings(self) -> list[int]:
+        """Return how often cases train a network, each number once; its errors are averaged.
+
+        It is how many seeds the arguments `networks` and `trainings` hold, and one where `network` is a seed.
+        """
+        counts = set()
+        for case in self._results:
+            told = case.arguments
+            counts |= {
+                len(told[name]) for name in ("networks", "trainings") if isinstance(told.get(name), list)
+            }
+            counts |= {1} if type(told.get("network")) is int else set()
+        return sorted(counts - {0})
 
     def of(self, function: Run, **arguments: Plain) -> list[Result]:
         """Return the results of a function's cases that have these arguments, in the cases' order."""
@@ -186,11 +197,12 @@ class Claim:
     """
 
     says: str
-    place: str  # in the paper: section, table, figure
+    place: str  # in the paper: section, table, figure; "beyond ..." where no paper claims it
     published: str  # the paper's own numbers
     criterion: str
     judge: Callable[[Outcomes], Judgement]
     why: str = ""
+    fitted: bool = False  # the simulated robot was fitted to this number, or to one that implies it
 
 
 class TitledTable(NamedTuple):

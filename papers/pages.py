@@ -3,6 +3,9 @@
 A document quotes an experiment between `<!-- papers NAME -->` and `<!-- end -->`, one table of it by
 `<!-- papers NAME TABLE -->`, and every claim of a paper by `<!-- papers claims PAPER -->`. What stands between is
 written by `python -m papers publish`, and a test holds it against the committed tables.
+
+What was measured comes from the committed tables. Reasons, and which numbers the robot was fitted to, come from the
+experiments, so that telling them better needs no run.
 """
 
 import json
@@ -13,8 +16,9 @@ from typing import Any
 
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from papers.catalog import MODULES
-from papers.results_files import markdown, told_of
+from papers.catalog import MODULES, experiment
+from papers.experiment import BEYOND
+from papers.results_files import markdown, shown_verdict, told_of
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "papers" / "results"
@@ -22,6 +26,7 @@ PICTURES = ROOT / "docs" / "images" / "papers"
 PAGES = ROOT / "docs"
 BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", re.DOTALL)
 CLAIMS = ["claim", "published", "here", "verdict"]
+EVERY_CLAIM = ["claim", "place", "published", "here", "verdict", "criterion"]
 
 
 def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
@@ -66,12 +71,23 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
 
 
 def committed() -> dict[str, dict[str, Any]]:
-    """Return the committed tables of results by the experiments' names, in the papers' order."""
+    """Return committed tables of results by experiment, in the papers' order, claims as the code tells them."""
     return {
-        name: json.loads(path.read_text(encoding="utf-8"))
+        name: as_told_today(json.loads(path.read_text(encoding="utf-8")))
         for name in MODULES
         if (path := COMMITTED / f"{name}.json").exists()
     }
+
+
+def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return results with those claims that their experiment makes today, `why` and `fitted` as it says them."""
+    made = {claim.says: claim for claim in experiment(content["name"]).claims}
+    claims = [
+        {**claim, "why": made[says].why, "fitted": made[says].fitted}
+        for claim in content["claims"]
+        if (says := claim["says"]) in made
+    ]
+    return {**content, "claims": claims}
 
 
 def with_blocks(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
@@ -80,7 +96,7 @@ def with_blocks(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def block(what: Sequence[str], results: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return what a document quotes: `NAME`, `NAME NUMBER` of a table, or `claims PAPER`."""
+    """Return what a document quotes: `NAME`, `NAME NUMBER` of a table, `claims PAPER`, or `claims beyond`."""
     if what[0] == "claims":
         return _claims(what[1], results)
     content = results.get(what[0])
@@ -101,22 +117,27 @@ def block(what: Sequence[str], results: Mapping[str, Mapping[str, Any]]) -> str:
     return "\n\n".join(parts)
 
 
-def _row(claim: Mapping[str, str]) -> list[str]:
+def _row(claim: Mapping[str, Any]) -> list[str]:
     return [
         f"{claim['says']} ({claim['place']}). Criterion: {claim['criterion']}",
         claim["published"],
         claim["measured"],
-        claim["verdict"],
+        shown_verdict(claim["verdict"], fitted=claim["fitted"]),
     ]
 
 
 def _claims(paper: str, results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return every claim of a paper, or every one that stands in none."""
     rows = [
-        [claim["says"], claim["place"], claim["published"], claim["measured"], claim["verdict"]]
+        [
+            *(claim[part] for part in ("says", "place", "published", "measured")),
+            shown_verdict(claim["verdict"], fitted=claim["fitted"]),
+            claim["criterion"],
+        ]
         for content in results.values()
-        if content["paper"] == paper
         for claim in content["claims"]
+        if paper == (BEYOND if claim["place"].startswith(BEYOND) else content["paper"])
     ]
     if not rows:
         return "*No claim of this paper has been judged yet.*"
-    return markdown({"header": ["claim", "place", "published", "here", "verdict"], "rows": rows})
+    return markdown({"header": EVERY_CLAIM, "rows": rows})

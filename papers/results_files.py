@@ -2,16 +2,15 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from catenary import __version__
 from catenary.files import json_text, write_atomically
 from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
 from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, Scope
-from papers.store import Finished, source_digest
+from papers.store import Finished
 
+FITTED = "Fitted: the simulated robot was fitted to this number, or to one that implies it."
 VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
 
 
@@ -20,12 +19,23 @@ def judged(experiment: Experiment, outcomes: Outcomes) -> list[tuple[Claim, Judg
     return [(claim, claim.judge(outcomes)) for claim in experiment.claims]
 
 
+def shown_verdict(verdict: str, *, fitted: bool) -> str:
+    """Return a verdict as pages show it: with the mark of those claims whose number the robot was fitted to."""
+    return f"{verdict} (fitted)" if fitted else verdict
+
+
 def verdict_table(claims: Sequence[tuple[Claim, Judgement]]) -> Table:
     """Return claims beside what came out of them."""
     return Table(
         VERDICTS,
         [
-            [f"{claim.says} ({claim.place})", claim.published, found.measured, found.verdict, claim.criterion]
+            [
+                f"{claim.says} ({claim.place})",
+                claim.published,
+                found.measured,
+                shown_verdict(found.verdict, fitted=claim.fitted),
+                claim.criterion,
+            ]
             for claim, found in claims
         ],
     )
@@ -39,7 +49,7 @@ def summary(
     finished: Sequence[Finished],
     missing: int,
     *,
-    networks: int,
+    networks: Sequence[int],
 ) -> dict[str, Any]:
     """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
     return {
@@ -48,14 +58,15 @@ def summary(
         "place": experiment.place,
         "title": experiment.title,
         "simulated": experiment.simulated,
-        "version": __version__,
-        "source": sorted({one.source for one in finished} or {source_digest()}),
-        "date": datetime.now(UTC).date().isoformat(),
+        "version": ", ".join(sorted({one.version for one in finished})),
+        "source": sorted({one.source for one in finished}),
+        "environments": sorted({one.environment for one in finished} - {""}),
+        "date": _days([one.date for one in finished]),
         "robots": ["nominal" if robot is None else robot for robot in scope.robots],
-        "networks": networks,
+        "networks": list(networks),  # how often each was trained
         "cases": len(finished),
         "missing": missing,
-        "processor_minutes": round(sum(one.seconds for one in finished) / 60.0, 1),
+        "processor_minutes": round(sum(one.processor_seconds for one in finished) / 60.0, 1),
         "tables": [
             {
                 "title": one.title,
@@ -74,11 +85,16 @@ def summary(
                 "criterion": claim.criterion,
                 "measured": found.measured,
                 "verdict": found.verdict,
-                "why": claim.why,
             }
             for claim, found in claims
         ],
     }
+
+
+def _days(dates: Sequence[str]) -> str:
+    """Return the day on which cases ended, or the first and the last where they are several."""
+    first, last = min(dates)[:10], max(dates)[:10]
+    return first if first == last else f"{first} to {last}"
 
 
 def write_results(
@@ -95,8 +111,7 @@ def write_results(
     """
     report = experiment.report(outcomes)
     claims = judged(experiment, outcomes) if not (scope.quick or missing) else []
-    networks = scope.networks if outcomes.trains_networks else 1
-    content = summary(experiment, scope, report, claims, finished, missing, networks=networks)
+    content = summary(experiment, scope, report, claims, finished, missing, networks=outcomes.trainings)
     folder.mkdir(parents=True, exist_ok=True)
     for number, drawn in enumerate(report.pictures, 1):
         write_atomically(folder / f"{experiment.name}-{number}.svg", svg(drawn.figure))
@@ -110,7 +125,8 @@ def write_results(
         blocks.append(Remarks(report.remarks))
     if claims:
         blocks += [Heading("Claims"), verdict_table(claims)]
-        blocks.append(Remarks([f"{claim.says}: {claim.why}" for claim, _ in claims if claim.why]))
+        reasons = [f"{claim.says}: {claim.why}" for claim, _ in claims if claim.why]
+        blocks.append(Remarks([FITTED, *reasons] if any(claim.fitted for claim, _ in claims) else reasons))
     blocks.append(Text(told_of(content)))
     title = f"{experiment.title}{', simulated' if experiment.simulated else ''}"
     write_page(
@@ -123,7 +139,8 @@ def write_results(
 def told_of(content: Mapping[str, Any]) -> str:
     """Say in a sentence what results were made with."""
     robots = ", ".join(str(robot) for robot in content["robots"])
-    trained = f", networks the mean of {content['networks']}" if content["networks"] > 1 else ""
+    times = " or ".join(str(count) for count in content["networks"])
+    trained = f", each network trained {times} times and errors averaged" if times not in ("", "1") else ""
     kind = f"Simulated robots {robots}{trained}" if content["simulated"] else "Measured on real arms"
     return f"{kind}; {content['cases']} cases; catenary {content['version']}, {content['date']}."
 

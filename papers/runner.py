@@ -4,11 +4,14 @@ Every result is kept as it comes, so that what is interrupted resumes. A case th
 the others alone.
 """
 
+import logging
+import math
 import os
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,13 +21,19 @@ from catenary import __version__
 from catenary.errors import InputError
 from catenary.files import json_text
 from catenary.robots.catalog import robot_names
+from papers.environment import environment, processor, versions
 from papers.experiment import Case, robots_digest
 from papers.store import Finished, Store, source_digest
 
 # two threads on two busy cores are slower than one, and one alone gives the same sums everywhere
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-PATIENCE = 30.0  # [s] for a cluster's first worker
+PATIENCE = 30.0  # [s] for a cluster's worker, the first one or one that comes back
 AGAIN = "-again"  # key of a case's second try
+LOGGER = logging.getLogger(__name__)
+
+
+class NoWorkerError(InputError):
+    """A cluster whose workers have all gone."""
 
 
 class Failure(NamedTuple):
@@ -38,8 +47,8 @@ Told = Callable[[Case, Finished | Failure], None]
 
 
 def fingerprint() -> str:
-    """Return what has to be the same wherever cases of a sweep run: the package's source, and its robots' data."""
-    return f"{source_digest()}+{robots_digest(frozenset(robot_names()))[:16]}"
+    """Return what has to be the same wherever cases of a sweep run: source, robots' data, and libraries' versions."""
+    return f"{source_digest()}+{robots_digest(frozenset(robot_names()))[:16]}, {versions()}"
 
 
 def execute(case: Case, data: Path | None, source: str) -> Finished:
@@ -51,12 +60,13 @@ def execute(case: Case, data: Path | None, source: str) -> Finished:
         source: `fingerprint` of the process where the results are kept.
 
     Raises:
-        RuntimeError: This process has another version of the package, of its robots' data, or of the function.
+        RuntimeError: This process has another version of the package, of its robots' data, of the function, or of a
+            library.
         TypeError: The result is no plain data.
     """
     if source != fingerprint():
         raise RuntimeError(
-            f"this worker has another catenary ({__version__}, {fingerprint()}) than asks ({source})"
+            f"this worker has another catenary or library ({__version__}, {fingerprint()}) than asks ({source})"
         )
     function = case.load()
     if function.revision != case.revision:
@@ -66,11 +76,13 @@ def execute(case: Case, data: Path | None, source: str) -> Finished:
     arguments = case.arguments
     if function.needs_data:
         arguments["data"] = data
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     with threadpool_limits(limits=1):
         result = function(**arguments)
+    seconds, processor_seconds = time.perf_counter() - begin, time.process_time() - busy
     json_text(result)  # what cannot be kept is this case's failure, and nobody else's
-    return Finished(result, time.perf_counter() - begin, __version__, source_digest())
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return Finished(result, seconds, processor_seconds, __version__, source_digest(), date, environment())
 
 
 def run_cases(
@@ -97,7 +109,7 @@ def run_cases(
 
     Raises:
         InputError: Dask is not installed, or the cluster is not reached, has no worker, or one with another version
-            of the package.
+            of the package; or no worker is left.
     """
     missing = [case for case in dict.fromkeys(cases) if store.read(case) is None]
     failures: list[Failure] = []
@@ -148,7 +160,8 @@ def _client(workers: int, cluster: str | None) -> Iterator[Any]:
             ) from error
         with connected as client:
             _require_same(client, cluster)
-            yield client
+            with _patient(client):
+                yield client
         return
     os.environ.update(ONE_THREAD)  # read by BLAS when a worker imports it
     settings = {
@@ -172,6 +185,26 @@ def _client(workers: int, cluster: str | None) -> Iterator[Any]:
         yield client
 
 
+@contextmanager
+def _patient(client: Any) -> Iterator[None]:
+    """Let a cluster that somebody else started treat cases as one of ours does, while they run.
+
+    A case whose worker dies fails at once, where a scheduler would give it to three workers more; and compiled code may
+    keep a worker from answering.
+    """
+
+    def exchange(wanted: tuple[int, float | None], dask_scheduler: Any) -> tuple[int, float | None]:
+        before = dask_scheduler.allowed_failures, dask_scheduler.worker_ttl
+        dask_scheduler.allowed_failures, dask_scheduler.worker_ttl = wanted
+        return before
+
+    before = client.run_on_scheduler(exchange, (0, math.inf))
+    try:
+        yield
+    finally:
+        client.run_on_scheduler(exchange, before)
+
+
 def _require_same(client: Any, cluster: str) -> None:
     """Refuse a cluster whose workers would give other numbers than this process."""
     try:
@@ -183,8 +216,17 @@ def _require_same(client: Any, cluster: str) -> None:
         raise InputError(f"cluster {cluster}: {error} on its workers; start them beside papers/") from error
     if others := [f"{address} ({one})" for address, one in found.items() if one != fingerprint()]:
         raise InputError(
-            f"cluster {cluster}: workers with another catenary than here ({__version__}, {fingerprint()}): "
+            f"cluster {cluster}: workers with another catenary or library than here ({__version__}, {fingerprint()}): "
             f"{', '.join(others)}"
+        )
+    unlike = {address: one for address, one in client.run(processor).items() if one != processor()}
+    if unlike:
+        told = "; ".join(f"{address}: {one}" for address, one in unlike.items())
+        LOGGER.warning(
+            "cluster %s: last digits will differ, as docs/papers.md says: other processors than here (%s): %s",
+            cluster,
+            processor(),
+            told,
         )
 
 
@@ -192,18 +234,26 @@ def _on(client: Any, cases: Sequence[Case], data: Path | None) -> Iterator[tuple
     """Run cases at once; those whose worker died are tried once more at the end, one by one.
 
     A worker that dies takes along whatever had been given to it; a case that kills its worker alone costs no other.
+
+    Raises:
+        InputError: No worker is left. Cases whose worker died have been yielded as failures by then.
     """
     from distributed import KilledWorker
 
-    dead: list[Case] = []
-    for case, ended, error in _ended(client, cases, data):
-        if isinstance(error, KilledWorker):
-            dead.append(case)
-        else:
-            yield case, ended
-    for case in dead:
-        for _, ended, _ in _ended(client, [case], data, AGAIN):
-            yield case, ended
+    dead: dict[Case, Finished | Failure] = {}
+    try:
+        for case, ended, error in _ended(client, cases, data):
+            if isinstance(error, KilledWorker):
+                dead[case] = ended
+            else:
+                yield case, ended
+        for case in tuple(dead):
+            for _, ended, _ in _ended(client, [case], data, AGAIN):
+                del dead[case]
+                yield case, ended
+    except NoWorkerError:
+        yield from dead.items()
+        raise
 
 
 def _ended(
@@ -213,18 +263,31 @@ def _ended(
     from distributed import as_completed
 
     source = fingerprint()
-    futures = {
+    running = {
         client.submit(
             execute, case, data, source, key=f"{case.key}{suffix}", retries=0, priority=-number
         ): case
         for number, case in enumerate(cases)
     }
-    for future in as_completed(futures):
-        case = futures[future]
-        if future.status == "finished":
-            yield case, future.result(), None
-        else:
-            error = future.exception()
-            told = "".join(traceback.format_exception(error))
-            yield case, Failure(case, told or f"{future.status}"), error
-        future.release()
+    while running:
+        try:
+            for future in as_completed(list(running), timeout=PATIENCE):
+                case = running.pop(future)
+                if future.status == "finished":
+                    yield case, future.result(), None
+                else:
+                    error = future.exception()
+                    told = "".join(traceback.format_exception(error))
+                    yield case, Failure(case, told or f"{future.status}"), error
+                future.release()
+        except TimeoutError:  # a long case, or nobody is there to run any
+            _require_worker(client, len(running))
+
+
+def _require_worker(client: Any, waiting: int) -> None:
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError as error:
+        raise NoWorkerError(
+            f"no worker is left: {waiting} cases wait; start workers again, and the sweep goes on where it is"
+        ) from error

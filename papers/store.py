@@ -3,7 +3,6 @@
 import functools
 import hashlib
 import json
-from datetime import UTC, datetime
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,9 +17,12 @@ class Finished(NamedTuple):
     """What a run leaves: its result, and what it was made with."""
 
     result: Result
-    seconds: float
+    seconds: float  # by the clock
+    processor_seconds: float
     version: str
     source: str  # digest of the package's files
+    date: str  # when it ended, UTC
+    environment: str = ""  # versions and processor, on which last digits depend
 
 
 @functools.cache
@@ -55,7 +57,9 @@ class Store:
         """Return what a case left; None where it has not run, or its file is damaged: it runs again then."""
         try:
             content = json.loads((self.folder / f"{case.key}.json").read_text(encoding="utf-8"))
-            kept = Finished(content["result"], content["seconds"], content["version"], content["source"])
+            # older files hold the clock's seconds alone, and no environment
+            content = {"processor_seconds": content["seconds"], "environment": "", **content}
+            kept = Finished(**{part: content[part] for part in Finished._fields})
         except (FileNotFoundError, ValueError, KeyError, TypeError):  # not JSON, not UTF-8, not of this form
             return None
         return kept if isinstance(kept.result, dict) else None
@@ -67,7 +71,6 @@ class Store:
             "revision": case.revision,
             "arguments": case.arguments,
             "robots": case.robots,
-            "date": datetime.now(UTC).isoformat(timespec="seconds"),
             **finished._asdict(),
         }
         write_atomically(self.folder / f"{case.key}.json", json_text(content).encode())

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from catenary import __version__
 from catenary.reports.page import Table
 from papers import __main__ as command
+from papers import catalog
 from papers.experiment import (
     Case,
     Claim,
@@ -22,6 +24,7 @@ from papers.experiment import (
     run,
 )
 from papers.figures import panels
+from papers.store import Finished, Store
 
 
 @run(revision=1)
@@ -53,7 +56,16 @@ SQUARES = Experiment(
     cases=cases,
     report=report,
     minutes=0.1,
-    claims=[Claim("They grow", "I", "1 < 4", "each larger", lambda _: Judgement("reproduced", "0 < 1"), "")],
+    claims=[
+        Claim(
+            "They grow",
+            "I",
+            "1 < 4",
+            "each larger",
+            lambda _: Judgement("reproduced", "0 < 1"),
+            fitted=True,
+        )
+    ],
     drawn=2,
 )
 
@@ -75,8 +87,23 @@ def test_an_experiment_writes_table_page_picture_and_verdicts(
     assert content["cases"] == 3
     assert (content["missing"], content["tables"][0]["rows"]) == (0, [["0", "0"], ["1", "1"], ["2", "4"]])
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", content["date"])
-    assert "They grow" in (tmp_path / "beyond-squares.html").read_text()
+    assert content["version"] == __version__
+    page = (tmp_path / "beyond-squares.html").read_text()
+    assert "They grow" in page
+    assert "reproduced (fitted)" in page
+    assert "the simulated robot was fitted to this number" in page
     assert (tmp_path / "beyond-squares-1.svg").read_text().startswith("<?xml")
+
+
+def test_the_date_and_the_minutes_are_those_of_the_cases_whenever_they_are_shown(tmp_path: Path) -> None:
+    ended = ["2026-11-20T23:59:59+00:00", "2026-11-22T00:00:00+00:00", "2026-11-21T12:00:00+00:00"]
+    store = Store(tmp_path)
+    for case, date in zip(cases(Scope((None, 1, 2))), ended, strict=True):
+        store.write(case, Finished({"square": 1}, 60.0, 30.0, "0.0.9", "abc", date))
+    command.main(["calibration-table-1", "--out", str(tmp_path)])
+    content = json.loads((tmp_path / "beyond-squares.json").read_text())
+    assert (content["version"], content["date"]) == ("0.0.9", "2026-11-20 to 2026-11-22")
+    assert content["processor_minutes"] == 1.5
 
 
 def test_quick_results_hold_no_verdict_and_stand_apart(
@@ -152,6 +179,14 @@ def test_workers_without_dask_say_what_to_install(
     assert "pip install" in capsys.readouterr().err
 
 
-def test_list_names_every_experiment(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_names_every_experiment_and_the_hours_of_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["list"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == len(command.MODULES)
+    *listed, total = capsys.readouterr().out.splitlines()
+    assert len(listed) == len(command.MODULES)
+    assert total == f"all: {0.1 * len(command.MODULES) / 120:.1f} hours on two cores"  # 0.1 minutes each
+
+
+def test_all_takes_half_a_day_at_most_on_two_cores_in_parts_of_two_hours() -> None:
+    minutes = {name: catalog.experiment(name).minutes / 2 for name in catalog.MODULES}  # on two cores
+    assert sum(minutes.values()) <= 12 * 60
+    assert {name for name, taken in minutes.items() if taken >= 120} == set()

@@ -1,7 +1,9 @@
 import pytest
 
+from oracles.sweep_cases import summed
 from papers import catalog
 from papers.calibration.table_1 import direction_errors
+from papers.calibration.table_2 import more_epochs
 from papers.catalog import MODULES, experiment, named
 from papers.claims import by_count, mean_and_spread, within
 from papers.experiment import Case, Experiment, Outcomes, Scope
@@ -31,6 +33,15 @@ def test_outcomes_are_found_by_function_and_arguments() -> None:
     assert outcomes.of(direction_errors) == [{"raw": 0}, {"raw": 1}]
     assert outcomes.of(direction_errors, seed=2) == [{"raw": 1}]
     assert outcomes.of(direction_errors, direction="J2") == []
+
+
+def test_how_often_networks_are_trained_is_what_cases_are_called_with() -> None:
+    assert Outcomes({summed.case(number=1, folder="here"): {}}).trainings == []
+    five = direction_errors.case(**ARGUMENTS | {"networks": [0, 1, 2, 3, 4]})
+    none = direction_errors.case(**ARGUMENTS | {"networks": []})
+    assert Outcomes({five: {}, none: {}}).trainings == [5]
+    one = more_epochs.case(seed=1, training_set="1/2", epochs=[2], network=0)
+    assert Outcomes({one: {}, five: {}}).trainings == [1, 5]
 
 
 @pytest.mark.parametrize(

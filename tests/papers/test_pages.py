@@ -2,17 +2,28 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from catenary.errors import InputError
+from catenary.spatial import STANDARD_GRAVITY
 from papers import catalog, pages
 from papers.pages import ROOT, block, committed, publish, with_blocks
 
 QUOTING = sorted(page for page in pages.PAGES.glob("*.md") if "<!-- papers " in page.read_text())
-OF_PAPERS = [page for page in QUOTING if page.stem.startswith("paper-") or page.stem == "beyond"]
-NUMBER = r"(?<![\w.])\d+\.\d+(?![\w.]|\.\d)"
+OF_PAPERS = [
+    page
+    for page in QUOTING
+    if page.stem.startswith("paper-") or page.stem in ("beyond", "papers", "tutorial-two-link")
+]
+NUMBER = r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+UNIT = r"(?:deg|degrees|rad|mm|m|Nm|N|us|ms|s|min|minutes|hours|Hz|kg|g|times)\b|%"
+# decimals, and integers with a unit
+TOLD = rf"(?<![\w.])\d+\.\d+(?:e[+-]?\d+)?(?![\w.]|\.\d)|(?<![\w.,/-])\d+(?= ?(?:{UNIT}))"
+PUBLISHED = (ROOT / "papers" / "calibration" / "published.py").read_text()
 
 RESULTS = {
     "calibration-table-1": {
@@ -20,7 +31,7 @@ RESULTS = {
         "paper": "calibration",
         "simulated": True,
         "robots": ["nominal", 1],
-        "networks": 5,
+        "networks": [3, 5],
         "cases": 2,
         "missing": 0,
         "version": "0.1.0",
@@ -37,6 +48,7 @@ RESULTS = {
                 "measured": "1 > 2",
                 "verdict": "not reproduced",
                 "why": "since",
+                "fitted": True,
             }
         ],
     }
@@ -49,13 +61,65 @@ def test_blocks_of_a_document_are_what_the_committed_tables_say(page: Path) -> N
     assert with_blocks(text, committed()) == text, "run `python -m papers publish`"
 
 
+def without_source(text: str, results: dict[str, Any]) -> list[str]:
+    """Return the numbers of a page, outside blocks and in reasons, that nothing on it gives.
+
+    What gives a number: tables, remarks, captions, and claims with their published values and criteria, as far as a
+    block shows them; conditions of the experiments so quoted; published.py; and standard gravity.
+    """
+    quoted = [found["what"].split() for found in pages.BLOCK.finditer(text)]
+    told = [re.sub(pages.BLOCK, "", text)]
+    known = [PUBLISHED, f"{STANDARD_GRAVITY:.2f}"]
+    unreasoned = {
+        name: {**content, "claims": [{**claim, "why": ""} for claim in content["claims"]]}
+        for name, content in results.items()
+    }
+    for what in quoted:
+        known.append(block(what, unreasoned))
+        if what[0] in results:
+            known.append(catalog.experiment(what[0]).about)
+            told += [claim["why"] for claim in results[what[0]]["claims"]]
+    prose = re.sub(r"^```.*?^```|`[^`\n]*`", "", "\n".join(told), flags=re.MULTILINE | re.DOTALL)
+    return sorted(set(re.findall(TOLD, prose)) - set(re.findall(NUMBER, "\n".join(known))))
+
+
 @pytest.mark.parametrize("page", OF_PAPERS, ids=lambda page: page.stem)
-def test_numbers_in_prose_stand_in_a_committed_table_or_are_the_papers(page: Path) -> None:
-    sources = [*pages.COMMITTED.glob("*.json"), *(ROOT / "papers").rglob("*.py")]
-    known = {number for path in sources for number in re.findall(NUMBER, path.read_text())}
-    prose = re.sub(pages.BLOCK, "", page.read_text())
-    prose = re.sub(r"^```.*?^```|`[^`\n]*`", "", prose, flags=re.MULTILINE | re.DOTALL)
-    assert sorted(set(re.findall(NUMBER, prose)) - known) == []
+def test_numbers_in_prose_and_reasons_stand_in_a_block_of_the_page_or_are_the_papers(page: Path) -> None:
+    assert without_source(page.read_text(), committed()) == []
+
+
+def test_a_number_that_no_block_of_its_page_shows_is_found() -> None:
+    quoting = "\n<!-- papers calibration-table-1 1 -->\n<!-- end -->\n"
+    assert without_source("At 0.1 deg and 43 Hz, `1.234`." + quoting, RESULTS) == ["43"]
+    typed = "It was 0.777 deg and 41 mm after 4321 turns"
+    assert without_source(typed + quoting, RESULTS) == ["0.777", "41"]
+    whole = quoting.replace("table-1 1", "table-1")
+    (claim,) = RESULTS["calibration-table-1"]["claims"]
+    reasoned = [claim | {"why": "since 0.777 is so"}]
+    assert without_source(
+        whole, {"calibration-table-1": {**RESULTS["calibration-table-1"], "claims": reasoned}}
+    ) == ["0.777"]
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in pages.COMMITTED.glob("*.json")))
+def test_committed_claims_are_those_that_the_experiment_makes(name: str) -> None:
+    judged = json.loads((pages.COMMITTED / f"{name}.json").read_text())["claims"]
+    kept = [tuple(claim[part] for part in ("says", "place", "published", "criterion")) for claim in judged]
+    made = [(one.says, one.place, one.published, one.criterion) for one in catalog.experiment(name).claims]
+    assert kept == made, f"a claim has changed since it was judged: run {name} again, then publish"
+
+
+def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one = catalog.experiment("calibration-table-1")
+    claims = [replace(claim, why=f"since {n}", fitted=n == 0) for n, claim in enumerate(one.claims)]
+    monkeypatch.setattr(pages, "experiment", lambda _: replace(one, claims=claims))
+    judged = [{"says": claim.says, "why": "older"} for claim in reversed(claims)]
+    told = pages.as_told_today({"name": one.name, "claims": judged})["claims"]
+    assert [(each["says"], each["why"], each["fitted"]) for each in told] == [
+        (claim.says, claim.why, claim.fitted) for claim in reversed(claims)
+    ]
 
 
 @pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
@@ -71,14 +135,27 @@ def test_a_block_holds_picture_table_claims_and_what_they_were_made_with() -> No
         "images/papers/calibration-table-1-1.svg",
         "x\\|y",
         "A > B",
-        "not reproduced",
+        "not reproduced (fitted)",
         "since",
-        "nominal, 1",
+        "nominal, 1, each network trained 3 or 5 times",
     ):
         assert part in text
     assert block(["calibration-table-1", "1"], RESULTS) == "| a | b |\n|---|---|\n| x\\|y | 0.1 |"
     assert "1 > 2" in block(["claims", "calibration"], RESULTS)
+    assert block(["claims", "calibration"], RESULTS).endswith("| not reproduced (fitted) | holds |")
     assert "No result is committed" in block(["calibration-table-9"], RESULTS)
+
+
+def test_a_claim_that_no_paper_makes_is_none_of_its_claims() -> None:
+    (claim,) = RESULTS["calibration-table-1"]["claims"]
+    own = {
+        "calibration-table-1": {
+            **RESULTS["calibration-table-1"],
+            "claims": [claim | {"place": "beyond II-E"}],
+        }
+    }
+    assert "1 > 2" not in block(["claims", "calibration"], own)
+    assert "1 > 2" in block(["claims", "beyond"], own)
 
 
 def test_writing_blocks_twice_changes_nothing_more() -> None:

@@ -1,5 +1,8 @@
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,11 +11,22 @@ from typing import Any
 import pytest
 
 from catenary.errors import InputError
-from oracles.sweep_cases import become_older, calls, deadly, failing, not_plain, quick, summed
+from oracles.sweep_cases import (
+    become_another_processor,
+    become_older,
+    calls,
+    deadly,
+    failing,
+    not_plain,
+    quick,
+    summed,
+)
 from papers import runner
 from papers.experiment import Case, Result
 from papers.runner import Failure, execute, fingerprint, run_cases
 from papers.store import Finished, Store
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -92,14 +106,23 @@ def test_a_failed_case_runs_again_the_next_time_and_its_failure_is_forgotten(
 def test_another_version_is_refused_and_named(begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case = quick.case(number=1, folder=str(begun))
     with pytest.raises(
-        RuntimeError, match=f"another catenary .*{re.escape(fingerprint())}.* than asks .older"
+        RuntimeError, match=f"another catenary or library .*{re.escape(fingerprint())}.* than asks .older"
     ):
         execute(case, None, "older")
     with pytest.raises(RuntimeError, match="quick: this worker has revision 1, and 2 is asked for"):
         execute(replace(case, revision=2), None, fingerprint())
     monkeypatch.setattr(runner, "robots_digest", lambda _: "0" * 64)
-    assert fingerprint().endswith("+0000000000000000")
+    assert "+0000000000000000, Python 3" in fingerprint()
+    monkeypatch.setattr(runner, "versions", lambda: "numpy 1")
+    assert fingerprint().endswith(", numpy 1")
     assert calls(begun, 1) == 0
+
+
+def test_processor_time_is_told_beside_that_of_the_clock(begun: Path) -> None:
+    waiting = execute(deadly.case(number=1, folder=str(begun), deaths=0), None, fingerprint())
+    working = execute(summed.case(number=2, folder=str(begun)), None, fingerprint())
+    assert waiting.processor_seconds < 0.1 < 0.2 <= waiting.seconds  # it sleeps for 0.2 s
+    assert 0.0 < working.processor_seconds < working.seconds + 0.1  # one thread; 0.1 s for coarse clocks
 
 
 def test_two_workers_give_the_numbers_of_this_process_to_the_last_bit(tmp_path: Path, begun: Path) -> None:
@@ -155,6 +178,79 @@ def test_killed_workers_cost_no_case_but_those_that_kill_again(tmp_path: Path, b
     assert kept.result["calls"] == 2
 
 
+def test_killed_workers_of_a_cluster_by_address_cost_no_more_and_its_scheduler_is_left_as_it_was(
+    cluster: Any, tmp_path: Path, begun: Path
+) -> None:
+    scheduler = cluster.scheduler
+    before = (scheduler.allowed_failures, scheduler.worker_ttl)
+    assert before[0] > 0
+    always = deadly.case(number=103, folder=str(begun), deaths=99)
+    others = [summed.case(number=k, folder=str(begun)) for k in range(4)]
+    store = Store(tmp_path / "out")
+    failures = run_cases([always, *others], store, cluster=cluster.scheduler_address)
+    assert [failure.case for failure in failures] == [always]
+    assert "KilledWorker" in failures[0].told
+    assert calls(begun, 103) == 2
+    assert len(results(store, others)) == 4
+    assert (scheduler.allowed_failures, scheduler.worker_ttl) == before
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
+    tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from distributed import Client, LocalCluster
+
+    last = deadly.case(number=104, folder=str(begun), deaths=99)
+    waiting = [quick.case(number=k, folder=str(begun)) for k in range(2)]
+    store = Store(tmp_path / "out")
+    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as local, Client(local) as client:
+        worker = subprocess.Popen(  # no nanny starts another in its place
+            [
+                sys.executable,
+                "-m",
+                "dask",
+                "worker",
+                local.scheduler_address,
+                "--no-nanny",
+                "--nthreads",
+                "1",
+            ],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            client.wait_for_workers(1, timeout=60)
+            monkeypatch.setattr(runner, "PATIENCE", 5.0)
+            with pytest.raises(InputError, match=r"no worker is left: [12] cases wait"):
+                run_cases([last, *waiting], store, cluster=local.scheduler_address)
+        finally:
+            worker.kill()
+            worker.wait()
+    # and maybe what the worker had been given beside it
+    assert last.key in [path.stem for path in store.failures.iterdir()]
+
+
+@pytest.mark.slow
+def test_a_worker_on_another_processor_is_told_and_taken(
+    tmp_path: Path, begun: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
+        ) as unlike,
+        Client(unlike) as client,
+    ):
+        client.run(become_another_processor)
+        assert run_cases(sums(begun, 1), Store(tmp_path / "out"), cluster=unlike.scheduler_address) == []
+    (told,) = [record.getMessage() for record in caplog.records if record.name == "papers.runner"]
+    assert "last digits" in told
+    assert told.endswith(": another processor")
+
+
 @pytest.mark.slow
 def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: Path, begun: Path) -> None:
     from distributed import Client, LocalCluster
@@ -167,7 +263,7 @@ def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: 
     ):
         aged = next(iter(client.scheduler_info()["workers"]))
         client.run(become_older, workers=[aged])
-        refused = f"workers with another catenary than here .*{re.escape(fingerprint())}.*: {aged} .older"
+        refused = f"workers with another catenary or library than here .*{re.escape(fingerprint())}.*: {aged} .older"
         with pytest.raises(InputError, match=refused):
             run_cases(sums(begun, 2), Store(tmp_path / "out"), cluster=mixed.scheduler_address)
     assert list(begun.iterdir()) == []

@@ -11,7 +11,13 @@ from papers.store import Finished, Store, source_digest
 
 CASE = quick.case(number=3, folder="here")
 DONE = Finished(
-    {"number": 3, "value": 0.1 + 0.2, "rows": [[1.5, None], []], "name": "Ω"}, 1.25, "0.1.0", "abc"
+    {"number": 3, "value": 0.1 + 0.2, "rows": [[1.5, None], []], "name": "Ω"},
+    1.25,
+    1.0,
+    "0.1.0",
+    "abc",
+    "2026-11-23T12:00:00+00:00",
+    "numpy 2",
 )
 
 
@@ -22,6 +28,16 @@ def test_what_is_kept_comes_back_whole(tmp_path: Path) -> None:
     assert Store(tmp_path).read(CASE) == DONE
     content = json.loads((tmp_path / "cases" / f"{CASE.key}.json").read_text())
     assert (content["function"], content["arguments"]) == (CASE.function, {"folder": "here", "number": 3})
+
+
+def test_a_file_of_before_processor_time_and_environment_were_told_is_read(tmp_path: Path) -> None:
+    kept = Store(tmp_path)
+    kept.write(CASE, DONE)
+    path = tmp_path / "cases" / f"{CASE.key}.json"
+    older = json.loads(path.read_text())
+    del older["processor_seconds"], older["environment"]
+    path.write_text(json.dumps(older))
+    assert kept.read(CASE) == DONE._replace(processor_seconds=DONE.seconds, environment="")
 
 
 @pytest.mark.parametrize(
