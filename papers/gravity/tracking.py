@@ -136,8 +136,8 @@ class LastSample:
         )
 
 
-def gravity_source(name: str, plant: CablePlant) -> GravitySource | None:
-    """Return what tells a controller of a name what gravity is; None for the plant's own, ideal and with rates."""
+def gravity_source(name: str, plant: CablePlant) -> GravitySource:
+    """Return what tells a controller of a name what gravity is: a sensor on the plant's base, or a level base."""
     if name in ("adaptive", "recursive"):
         return FixedGravity()
     if name == "dg-imu":

@@ -65,5 +65,5 @@ def test_with_sensed_gravity_every_pose_is_a_neutral_equilibrium(angle_deg: int)
 @pytest.mark.slow
 def test_simulated_raven_holds_upside_down_with_sensed_gravity_alone() -> None:
     held = on_cables(seed=None, angle_deg=180, seconds=1.0)
-    assert max(held["dg"][:2]) < 0.1
+    assert max(held["dg"][:2]) < 0.1  # the accelerometer's noise moves nothing that friction holds
     assert held["sg"][0] > 5.0

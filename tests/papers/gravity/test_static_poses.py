@@ -77,8 +77,10 @@ def test_placed_arm_needs_no_pd_with_sensed_gravity_and_much_with_nominal_one() 
 @pytest.mark.slow
 def test_on_a_level_base_nominal_gravity_is_the_sensed_one() -> None:
     level = run("placed", 0, [37.0])
-    assert_allclose(level["sg"]["torque"], level["dg"]["torque"], atol=1e-12)
-    assert_allclose(level["pd"]["sg"], level["pd"]["dg"], atol=1e-12)
+    # 50 samples of 150 ug/sqrt(Hz) over 50 Hz, counts of 0.25 mg: 0.003 m/s2 at most in the mean, on 1.5 kg
+    assert_allclose(level["sg"]["torque"], level["dg"]["torque"], atol=0.01)
+    assert_allclose(level["pd"]["sg"], level["pd"]["dg"], atol=0.01)
+    assert np.abs(np.subtract(level["pd"]["sg"], level["pd"]["dg"])).max() > 0.0  # a sensor has noise
 
 
 @pytest.mark.slow
