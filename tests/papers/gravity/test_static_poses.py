@@ -61,6 +61,20 @@ def test_reports_have_a_row_for_every_base_and_stand_without_any_case() -> None:
         assert verdicts(figure.CLAIMS, Outcomes({})) == ["not measured"] * 3
 
 
+def test_claims_are_of_joint_1_told_with_their_spread_and_what_friction_does_to_others() -> None:
+    seventh, eighth = figure_7.report(made_up()), figure_8.report(made_up())
+    assert "joint 2 by 0.0 ± 0.0 %" in seventh.remarks[0]
+    assert "placed: joint 1 5.0 ± 0.0 %, joint 2 50.0 ± 0.0 %" in eighth.remarks[0]
+    assert (
+        figure_7.CLAIMS[2]
+        .judge(made_up())
+        .measured.startswith("SG off: 0 deg 5.0 ± 0.0 %, 5 deg 10.0 ± 0.0 %")
+    )
+    assert figure_8.CLAIMS[0].judge(made_up()).measured.startswith("PD+DG: 0 deg 5.0 ± 0.0 %")
+    assert [claim.fitted for claim in (*figure_7.CLAIMS, *figure_8.CLAIMS)] == [True, False, False] * 2
+    assert figure_7.report(Outcomes({})).remarks == figure_8.report(Outcomes({})).remarks == []
+
+
 def run(approach: str, angle_deg: float, poses_deg: list[float]) -> Result:
     return static(seed=None, angle_deg=angle_deg, approach=approach, poses_deg=poses_deg)
 
