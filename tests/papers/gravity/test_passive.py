@@ -1,14 +1,24 @@
 import pytest
 
 from papers.experiment import NOMINAL, Outcomes, Result, Scope
-from papers.gravity.passive import ANGLES_DEG, CLAIMS, as_rigid_bodies, cases, neutral, on_cables, report
+from papers.gravity.passive import (
+    ANGLES_DEG,
+    CLAIMS,
+    as_rigid_bodies,
+    cases,
+    neutral,
+    on_cables,
+    report,
+    rocked,
+)
 
 
 def made_one(told: dict[str, float], dg: float = 0.0, sg_per_deg: float = 1.0) -> Result:
     """Drift of every joint: with DG the same at each base, with SG by the base's angle."""
     return {
         "dg": [dg] * 3,
-        "sg": [sg_per_deg * abs(told["angle_deg"])] * 3,
+        "dg-imu": [0.5 * dg] * 3,
+        "sg": [sg_per_deg * abs(told.get("angle_deg", 15.0))] * 3,
         "missing": [0.0] * 3,
         "distance": 1e-9,
         "energy": 1.0,
@@ -62,7 +72,8 @@ def test_drift_is_told_with_its_spread_over_robots() -> None:
 
 def test_report_has_a_row_for_every_base() -> None:
     shown = report(made_up(0.0, 1.0))
-    assert [len(table.rows) for _, table in shown.tables] == [len(ANGLES_DEG)] * 3
+    assert [len(table.rows) for _, table in shown.tables] == [*[len(ANGLES_DEG)] * 3, 6]
+    assert shown.tables[3].table.rows[-1] == ["1 Hz", "level base", *["15.0 ± 0.0"] * 3]
     assert shown.tables[0].table.rows[-1][:5] == ["180", *["0.000 ± 0.000"] * 3, "180.0 ± 0.0"]
     assert report(Outcomes({})).tables == []
     assert [claim.judge(Outcomes({})).verdict for claim in CLAIMS] == ["not measured"] * 2
@@ -86,6 +97,12 @@ def test_with_sensed_gravity_every_pose_is_a_neutral_equilibrium(angle_deg: int)
     assert at["distance"] < 1e-3
     # torques are held for a millisecond, and their changes late by that
     assert at["energy"] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.slow
+def test_on_a_rocking_base_rates_keep_what_gravity_alone_lets_creep() -> None:
+    crept = {name: drift[0] for name, drift in rocked(seed=None, hz=1.0, seconds=1.5).items()}
+    assert crept["dg-imu"] < crept["dg"] < crept["sg"]
 
 
 @pytest.mark.slow
