@@ -3,6 +3,10 @@
 As in section IV-B the terms are calculated while PD alone holds the arm, where it reports to stand: SG by the gravity
 of a level base, DG by the sensed one. They differ from PD's torque by friction, and by what the robot's reported
 positions are off. The poses, and the two ways in which the arm comes to them: `static_poses.py`.
+
+Joints 2 and 3 carry little gravity against their friction, so claims are judged on joint 1, about which the base is
+turned. The friction of the simulated robot was fitted so that PD has little to give beside sensed gravity (figure 8),
+from which it follows that the terms match PD's torque on a level base. How they part on tilted ones was not fitted.
 """
 
 from collections.abc import Sequence
@@ -67,7 +71,19 @@ def report(outcomes: Outcomes) -> Report:
         "Joint 1: calculated gravity terms beside the torque that PD alone holds with, nominal robot; "
         "driven to each pose from below, and placed there"
     )
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))])
+    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _of_joints_2_and_3(outcomes))
+
+
+def _of_joints_2_and_3(outcomes: Outcomes) -> list[str]:
+    """Say how far the terms are off where friction is most of what holds a joint."""
+    level = differences(outcomes, "dg", LEVEL_DEG)
+    if not len(level):
+        return []
+    told = ", ".join(f"joint {joint + 1} by {mean_and_spread(level[:, joint], 1)} %" for joint in range(3))
+    return [
+        f"Claims are of joint 1. On a level base, driven, the DG term is off PD's torque on {told}: joints 2 and 3 "
+        "carry little gravity against their friction."
+    ]
 
 
 def _table(outcomes: Outcomes, approach: Approach) -> Table:
@@ -136,22 +152,24 @@ def _diverge(outcomes: Outcomes) -> Judgement:
 
 
 def _less_accurate(outcomes: Outcomes) -> Judgement:
-    means = [float(differences(outcomes, "sg", angle)[:, 0].mean()) for angle in angles_of(outcomes)]
-    told = "joint 1, SG [%]: " + ", ".join(f"{mean:.1f}" for mean in means)
-    return by_count([late > early for early, late in pairwise(means)], told)
+    found = {angle: differences(outcomes, "sg", angle)[:, 0] for angle in angles_of(outcomes)}
+    told = ", ".join(f"{angle} deg {mean_and_spread(off, 1)} %" for angle, off in found.items())
+    means = [float(off.mean()) for off in found.values()]
+    return by_count([late > early for early, late in pairwise(means)], f"SG off: {told}")
 
 
 CLAIMS = (
     Claim(
-        "On a level base both calculated terms match the PD torques",
+        "On a level base both calculated terms match the PD torques of joint 1",
         "V-A, figure 7",
         "matched, no number",
         f"joint 1, driven, mean over robots: both terms within {MATCHED:.0f} % of PD's torque (RMS over the poses); "
         f"same direction: within {NEAR:.0f} %",
         _match,
+        fitted=True,
     ),
     Claim(
-        f"At {TILTED_DEG} deg the SG term diverges, the DG term does not",
+        f"At {TILTED_DEG} deg the SG term of joint 1 diverges, the DG term does not",
         "V-A, figure 7",
         "drawn, no number",
         f"joint 1, driven, mean over robots: SG off by three times as much as on a level base and as DG, DG within "
@@ -159,7 +177,7 @@ CLAIMS = (
         _diverge,
     ),
     Claim(
-        "The SG term becomes less accurate at increasing base angles",
+        "The SG term of joint 1 becomes less accurate at increasing base angles",
         "V-A",
         "as expected, no number",
         "joint 1, driven, mean over robots: further off at every step of the base's angle; same direction: at more "

@@ -48,6 +48,7 @@ ALL_OTHERS = (
     *((name, "relative") for name in (*CONTROLLERS, *OTHERS)),
 )
 CLOSE = 3.0  # percentage points within which a gain is the paper's
+SIGNIFICANT = 1.0  # percent of PD's error that could be told in a bar of the figure
 NO_GAIN = 2.0  # percent of PD's error below which a gain counts as lost
 
 
@@ -188,7 +189,32 @@ def report(outcomes: Outcomes) -> Report:
     )
     drawn = picture(outcomes, bases, CONTROLLERS)
     caption = "RMS of desired minus reported position by base angle; bars are means, dots are robots"
-    return Report([one for one in tables if one.table.rows], [TitledPicture(caption, drawn)])
+    return Report(
+        [one for one in tables if one.table.rows], [TitledPicture(caption, drawn)], _efforts_told(outcomes)
+    )
+
+
+def efforts(outcomes: Outcomes, base: str, controller: str, joint: int) -> Floats:
+    """Return the RMS of a controller's PD term on a joint, robot by robot [Nm|N]."""
+    key = f"{controller} absolute"
+    found = [one[key] for one in outcomes.of(follow_sinusoids, base=base, way="increments") if key in one]
+    return np.array([one["pd_share"][joint] * one["rms_torque"][joint] for one in found])
+
+
+def _efforts_told(outcomes: Outcomes) -> list[str]:
+    """Say what PD still gives to joints 1 and 3: how much of gravity SG lacks, and what gravity is to joint 3."""
+    first = {name: efforts(outcomes, LAST, name, 0) for name in CONTROLLERS}
+    third = {name: efforts(outcomes, LAST, name, 2) for name in CONTROLLERS}
+    if not all(len(found) for found in first.values()):
+        return []
+    one, three = (
+        ", ".join(f"{CALLED[name]} {mean_and_spread(found, 2)} {unit}" for name, found in by_name.items())
+        for by_name, unit in ((first, "Nm"), (third, "N"))
+    )
+    return [
+        f"RMS of the PD term at {LAST} deg, joint 1: {one}; joint 3, nearly all of it to overcome its own damping: "
+        f"{three}."
+    ]
 
 
 def gain_of_dg(outcomes: Outcomes, base: str) -> Judgement:
@@ -214,15 +240,47 @@ def _order(outcomes: Outcomes) -> Judgement:
     if not all(len(each) for each in means):
         return NOT_MEASURED
     pd, sg, dg = (float(each[:, 0].mean()) for each in means)
-    return by_count([pd > sg, sg > dg], f"{pd:.3f}, {sg:.3f}, {dg:.3f} deg")
+    told = ", ".join(mean_and_spread(each[:, 0]) for each in means)
+    return by_count([pd > sg, sg > dg], f"{told} deg")
+
+
+def _static_increases(outcomes: Outcomes) -> Judgement:
+    found = {str(angle): errors(outcomes, str(angle), "increments", "sg")[:, 0] for angle in ANGLES_DEG}
+    if not all(len(each) for each in found.values()):
+        return NOT_MEASURED
+    told = ", ".join(f"{angle} deg {mean_and_spread(each)}" for angle, each in found.items())
+    last = float(found[LAST].mean())
+    rises = [last > float(each.mean()) for angle, each in found.items() if angle != LAST]
+    return graded(all(rises), rises[0], f"joint 1, {CALLED['sg']}: {told} deg")
+
+
+def _less_effort(outcomes: Outcomes) -> Judgement:
+    pairs = {
+        angle: [efforts(outcomes, str(angle), name, 0) for name in ("sg", "dg")] for angle in ANGLES_DEG[1:]
+    }
+    if not all(len(each) for pair in pairs.values() for each in pair):
+        return NOT_MEASURED
+    told = ", ".join(
+        f"{angle} deg {mean_and_spread(sg, 2)} to {mean_and_spread(dg, 2)}"
+        for angle, (sg, dg) in pairs.items()
+    )
+    return by_count([dg.mean() < sg.mean() for sg, dg in pairs.values()], f"SG to DG: {told} Nm")
 
 
 def _joint_3_worse(outcomes: Outcomes) -> Judgement:
     parts = {name: -gains(outcomes, LAST, name, 2) for name in ("sg", "dg")}
     if not all(len(each) for each in parts.values()):
         return NOT_MEASURED
-    told = ", ".join(f"{CALLED[name]} {each.mean():+.2f} %" for name, each in parts.items())
-    return by_count([each.mean() > 0.0 for each in parts.values()], told)
+    told = ", ".join(f"{CALLED[name]} {mean_and_spread(each, 2)} %" for name, each in parts.items())
+    return by_count([each.mean() > 0.0 for each in parts.values()], f"against PD: {told}")
+
+
+def _joint_3_not_better(outcomes: Outcomes) -> Judgement:
+    parts = {name: gains(outcomes, LAST, name, 2) for name in ("sg", "dg")}
+    if not all(len(each) for each in parts.values()):
+        return NOT_MEASURED
+    told = ", ".join(f"{CALLED[name]} {mean_and_spread(each, 2)} %" for name, each in parts.items())
+    return by_count([each.mean() < SIGNIFICANT for each in parts.values()], f"below PD: {told}")
 
 
 CLAIMS = (
@@ -239,9 +297,8 @@ CLAIMS = (
         "no improvement",
         f"less than {NO_GAIN:.0f} % below PD in the mean over robots; same direction: a smaller gain than DG's",
         _no_gain_of_sg,
-        "On this robot SG lacks less than 1 Nm of the 2 Nm that PD alone lacks at 20 deg, so it still helps; to lose "
-        "all gain the nominal vector would have to be as wrong as none. The paper's robot may have been off level at "
-        "its 0 deg.",
+        "SG lacks a part of gravity, PD alone all of it (remark), so SG must still help; to lose all gain the nominal "
+        "vector would have to be as wrong as none. The paper's robot may have been off level at its 0 deg.",
     ),
     Claim(
         "Joint 1's tracking error at 20 deg: PD > SG > DG",
@@ -251,13 +308,37 @@ CLAIMS = (
         _order,
     ),
     Claim(
+        "The error of joint 1 with SG increases at 20 deg",
+        "V-B, figure 9",
+        "increased; no number",
+        "joint 1's RMS error with SG is larger at 20 deg than at every smaller angle, mean over robots; same "
+        "direction: than at 0 deg",
+        _static_increases,
+    ),
+    Claim(
+        "Sensed gravity decreases the PD term's effort in tracking",
+        "VI",
+        "decreased; no number",
+        "RMS of joint 1's PD term smaller with DG than with SG on every tilted base, mean over robots; same "
+        "direction: on more than half of them",
+        _less_effort,
+    ),
+    Claim(
         "Joint 3 has higher errors with compensation",
         "V-B, figure 9",
         "higher; no number",
         "higher than PD's with SG and with DG at 20 deg, mean over robots",
         _joint_3_worse,
-        "Joint 3's error is the lag of its own damping, beside which gravity is a hundredth: no gravity model, right "
-        "or wrong, shows in it (experiment gravity-joint-3).",
+        "Joint 3's error is the lag of its own damping: its PD term has that to overcome with every controller "
+        "(remark), and no gravity model, right or wrong, shows in it. Other friction and another coupling do not "
+        "change that: experiment gravity-joint-3.",
+    ),
+    Claim(
+        "Joint 3 does not improve significantly",
+        "VI",
+        "not significantly; no number",
+        f"less than {SIGNIFICANT:g} % below PD's with SG and with DG at 20 deg, mean over robots",
+        _joint_3_not_better,
     ),
 )
 

@@ -1,11 +1,11 @@
 """Joint 3 with and without compensation, on robots whose insertion has other friction and another coupling.
 
 Lewis and Hannaford 2014, section V-B: "Joint 3 had higher errors with gravity compensated control over PD-only
-control". Joint 3's numbers are taken far to either side, to see whether it is a matter of these: the Cartesian
-sinusoids of figure 9, one cycle along each axis, sent as joint references, base at 20 degrees, an
-accelerometer in the loop, with either damping.
-With absolute damping, the robot's own, nearly all of joint 3's error is the lag kd / kp times its speed, which no
-gravity term touches; with damping relative to the reference there is none.
+control". Whether it has is judged by figure 9's own runs; here is looked into why not. Joint 3's numbers are taken far
+to either side, to see whether it is a matter of these: the Cartesian sinusoids of figure 9, one cycle along each axis,
+sent as joint references, base at 20 degrees, an accelerometer in the loop, with either damping. With absolute damping,
+the robot's own, nearly all of joint 3's error is the lag kd / kp times its speed, which no gravity term touches; with
+damping relative to the reference there is none.
 """
 
 from collections.abc import Sequence
@@ -17,12 +17,10 @@ from catenary.arrays import Floats
 from catenary.control.pd import Damping
 from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from papers.claims import NOT_MEASURED, graded, mean_and_spread
+from papers.claims import mean_and_spread
 from papers.experiment import (
     Case,
-    Claim,
     Experiment,
-    Judgement,
     Outcomes,
     Report,
     Result,
@@ -53,7 +51,6 @@ class Variation(NamedTuple):
 
 
 COMPENSATED = CONTROLLERS[1:]
-HIGHER = 1.0  # [%] that could be told from PD's error in a bar of the paper's figure
 
 VARIATIONS = (
     Variation("as it is"),
@@ -149,6 +146,29 @@ def report(outcomes: Outcomes) -> Report:
     return Report(
         [TitledTable(f"RMS error of joint 3, base at {BASE_DEG:g} deg", Table(header, rows))],
         [TitledPicture(caption, _picture(outcomes))],
+        _highest(outcomes),
+    )
+
+
+def _highest(outcomes: Outcomes) -> list[str]:
+    """Say how far compensation raises joint 3's error at most, of all variations."""
+    remarks = []
+    for damping in get_args(Damping):
+        found = {
+            (variation.name, name): changes(outcomes, name, variation, damping)
+            for variation in VARIATIONS
+            for name in COMPENSATED
+        }
+        found = {key: values for key, values in found.items() if len(values)}
+        if found:
+            variation, name = max(found, key=lambda key: float(found[key].mean()))
+            values = found[variation, name]
+            remarks.append(f"{damping} damping {mean_and_spread(values, 2)} % ({variation}, {LABELS[name]})")
+    told = "; ".join(remarks)
+    return (
+        [f"Joint 3's error with compensation against PD alone, where it comes out highest: {told}."]
+        if told
+        else []
     )
 
 
@@ -175,28 +195,6 @@ def _picture(outcomes: Outcomes) -> "Figure":
     return figure
 
 
-def _higher(outcomes: Outcomes) -> Judgement:
-    by_name = {name: changes(outcomes, name) for name in COMPENSATED}
-    if not all(len(found) for found in by_name.values()):
-        return NOT_MEASURED
-    told = ", ".join(f"{LABELS[name]} {mean_and_spread(found, 2)} %" for name, found in by_name.items())
-    least = min(float(found.mean()) for found in by_name.values())
-    return graded(least >= HIGHER, least > 0.0, told)
-
-
-CLAIMS = (
-    Claim(
-        "Joint 3 has higher errors with gravity compensation than with PD alone",
-        "V-B, figure 9",
-        "higher, no number",
-        f"robot as it is, base at {BASE_DEG:g} deg, absolute damping, mean over robots: joint 3's RMS error at least "
-        f"{HIGHER:g} % above PD's with SG and with DG; same direction: above at all",
-        _higher,
-        why="The error of joint 3 at the motors is lag of the robot's own damping, which no gravity term changes, and "
-        "neither more or less friction of joint 3 nor another coupling brings a higher error about (table).",
-    ),
-)
-
 EXPERIMENT = Experiment(
     name="gravity-joint-3",
     paper="gravity",
@@ -206,6 +204,5 @@ EXPERIMENT = Experiment(
     cases=cases,
     report=report,
     minutes=24.0,
-    claims=CLAIMS,
     drawn=2,
 )

@@ -11,6 +11,11 @@ from catenary.simulation.base_motion import RockingBase
 
 SHOWN = frozen(np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0]))  # rad, rad, m to deg, deg, mm
 Z0 = frozen(np.array([0.0, -1.0, 0.0]))  # in base axes, whose z is up
+ASIDE = (
+    0.0,
+    0.1,
+    0.3,
+)  # [m] the base's origin seen from an axis that it is rocked about: the base accelerates too
 
 
 def turned_base(angle_deg: float) -> FixedBase:
@@ -18,11 +23,12 @@ def turned_base(angle_deg: float) -> FixedBase:
     return FixedBase(0.0, float(-np.deg2rad(angle_deg)))
 
 
-def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> RockingBase:
-    """Return the base of figure 10, rocked about Z0 between 10 and 20 deg at 1 Hz.
+def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0), hz: float = 1.0) -> RockingBase:
+    """Return the base of figure 10, rocked about Z0 between 10 and 20 deg, there at 1 Hz.
 
     Args:
         lever: The base's origin seen from a point of the axis [m], base axes.
+        hz: How often [Hz].
     """
     x, y, z = Z0.tolist()
-    return RockingBase(float(np.deg2rad(15.0)), float(np.deg2rad(5.0)), 1.0, (x, y, z), lever)
+    return RockingBase(float(np.deg2rad(15.0)), float(np.deg2rad(5.0)), hz, (x, y, z), lever)

@@ -39,9 +39,11 @@ from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.track import track
 from papers.experiment import Result, run
-from papers.gravity.raven_base import SHOWN, rocking_base, turned_base
+from papers.gravity.events import TrueAttitude
+from papers.gravity.raven_base import ASIDE, SHOWN, rocking_base, turned_base
 
-ROCKING = "rocking"  # the base of figure 10; others are angles about Z0 [deg]
+# the base of figure 10, and one that is rocked alike about an axis 0.32 m away; others are angles about Z0 [deg]
+ROCKING, ROCKING_ASIDE = "rocking", "rocking aside"
 CONTROLLERS = ("pd", "sg", "dg")
 Way = Literal["increments", "joints"]  # how the motion is sent
 INCREMENT = 1e-6  # [m] the robot counts its tip's position in micrometres [RAVEN-II source]
@@ -65,14 +67,19 @@ CALLED = {
     "dg-filter": "PD+DG, our estimator",
     "dg-imu": "PD+DG, inertial unit",
     "dg-ideal": "PD+DG, ideal sensor",
+    "dg-attitude": "PD+DG, orientation sensor",
     "adaptive": "PD+adaptive, no sensor",
     "adaptive-dg": "PD+adaptive",
+    "adaptive-attitude": "PD+adaptive, orientation sensor",
     "recursive": "PD+least squares, no sensor",
     "recursive-dg": "PD+least squares",
+    "recursive-attitude": "PD+least squares, orientation sensor",
 }
 # how gravity is learnt on the way, from nothing: by the pseudo-inverse law, or by recursive least squares; with
 # gravity's direction from the paper's accelerometer, or as of a level base
 ADAPTIVE = ("adaptive", "adaptive-dg", "recursive", "recursive-dg")
+# the same terms by an orientation sensor alone: the true attitude, which knows nothing of the base's accelerations
+BY_ORIENTATION = ("dg-attitude", "adaptive-attitude", "recursive-attitude")
 # the laws are for arms at rest; here they learn in motion too, as adaptive control does [rad/s, rad/s, m/s]
 ANY_SPEED = 10.0
 FRICTION = (
@@ -136,10 +143,12 @@ class LastSample:
         )
 
 
-def gravity_source(name: str, plant: CablePlant) -> GravitySource | None:
-    """Return what tells a controller of a name what gravity is; None for the plant's own, ideal and with rates."""
+def gravity_source(name: str, plant: CablePlant) -> GravitySource:
+    """Return what tells a controller of a name what gravity is: a sensor on the plant's base, or a level base."""
     if name in ("adaptive", "recursive"):
         return FixedGravity()
+    if name in BY_ORIENTATION:
+        return TrueAttitude(plant.base)
     if name == "dg-imu":
         model = SensorModel()
     elif name == "dg-ideal":
@@ -191,7 +200,7 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
         seen.append((tick.reference.q, tick.state.q, arm.q_true()))
 
     controller = _controller(name, arm, damping)
-    source = gravity_source(name, plant) if name in (*SENSORS, *ADAPTIVE) else None
+    source = gravity_source(name, plant) if name in (*SENSORS, *ADAPTIVE, *BY_ORIENTATION) else None
     result = track(arm, controller, motion, gravity=source, observers=[observe])
     wanted, reported, true = (frame_poses(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
     off = 1000.0 * (wanted - reported)
@@ -207,9 +216,9 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
 
 
 def _controller(name: str, arm: SimulatedArm, damping: Damping) -> SplitController:
-    if name in ADAPTIVE:
+    if name.startswith(("adaptive", "recursive")):
         return _adaptive(name, arm, damping)
-    return make_controller("dg" if name in SENSORS else name, arm, damping=damping)
+    return make_controller("dg" if name.startswith("dg") else name, arm, damping=damping)
 
 
 def _adaptive(name: str, arm: SimulatedArm, damping: Damping) -> EstimatedGravityPD:
@@ -231,16 +240,21 @@ def follow_sinusoids(
     cycles: int = CYCLES,
     axes: Sequence[str] = ("x", "y", "z"),
 ) -> Result:
-    """Follow the sinusoids on a base, an angle about Z0 in degrees or "rocking", with controllers and their damping.
+    """Follow the sinusoids on a base, an angle about Z0 in degrees or one that is rocked, with controllers and damping.
 
     Returns:
         For each "controller damping": RMS of the joint errors [deg, deg, mm], share of the PD term, torques, and the
         tip's errors [mm].
     """
-    stand = rocking_base() if base == ROCKING else turned_base(float(base))
     wanted: list[tuple[str, Damping]] = [(name, _damping(damping)) for name, damping in controllers]
-    runs = run_controllers(seed, stand, wanted, cycles=cycles, axes=axes, way=way)
+    runs = run_controllers(seed, _base(base), wanted, cycles=cycles, axes=axes, way=way)
     return {f"{one.controller} {one.damping}": one._asdict() for one in runs}
+
+
+def _base(name: str) -> MovingBase:
+    if name in (ROCKING, ROCKING_ASIDE):
+        return rocking_base() if name == ROCKING else rocking_base(lever=ASIDE)
+    return turned_base(float(name))
 
 
 def _damping(name: str) -> Damping:

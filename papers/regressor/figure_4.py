@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -67,8 +67,8 @@ def _stays(outcomes: Outcomes) -> Judgement:
         return NOT_MEASURED
     kept = end.mean(axis=0) / begin.mean(axis=0)
     told = ", ".join(
-        f"{limb} {a:.2f} to {b:.2f} deg"
-        for limb, a, b in zip(LIMBS, begin.mean(axis=0), end.mean(axis=0), strict=True)
+        f"{limb} {mean_and_spread(a, 2)} to {mean_and_spread(b, 2)} deg"
+        for limb, a, b in zip(LIMBS, begin.T, end.T, strict=True)
     )
     return by_count(kept >= STAYS, told)
 
@@ -77,7 +77,9 @@ def _small(outcomes: Outcomes) -> Judgement:
     held = rms(outcomes, PRINTED, LEARNT)
     if not len(held):
         return NOT_MEASURED
-    return by_count([float(held.max()) < 1.0], f"at most {np.max(held):.2f} deg RMS of a limb at rest")
+    worst = held.max(axis=1)  # limb of each robot
+    told = f"worst limb at rest {mean_and_spread(worst, 2)} deg RMS, at most {np.max(worst):.2f} deg"
+    return by_count([float(worst.max()) < 1.0], told)
 
 
 CLAIMS = (

@@ -15,7 +15,7 @@ spread is over robots whose masses differ by up to 30 % and centres of mass by u
 
 from collections.abc import Sequence
 
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -111,9 +111,9 @@ def _parts(
     ]
 
 
-def _means(outcomes: Outcomes, condition: Condition, window: str) -> str:
-    values = rms(outcomes, condition, window).mean(axis=0)
-    return " ".join(f"{value:.3f}" for value in values)
+def _limbs_mean(outcomes: Outcomes, condition: Condition, window: str) -> str:
+    """Return the mean of the limbs' errors, and its spread over robots, as text."""
+    return mean_and_spread(rms(outcomes, condition, window).mean(axis=1))
 
 
 def _shrinks(outcomes: Outcomes) -> Judgement:
@@ -123,9 +123,10 @@ def _shrinks(outcomes: Outcomes) -> Judgement:
         before, after = (rms(outcomes, condition, window).mean(axis=0) for window in (BEFORE, LEARNT))
         holds += list(after < HALF * before)
         told.append(
-            f"{condition.label}: {_means(outcomes, condition, BEFORE)} to {_means(outcomes, condition, LEARNT)} deg"
+            f"{condition.label}: {_limbs_mean(outcomes, condition, BEFORE)} to "
+            f"{_limbs_mean(outcomes, condition, LEARNT)} deg"
         )
-    return by_count(holds, "; ".join(told)) if holds else NOT_MEASURED
+    return by_count(holds, f"mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
 
 
 def _some_error(outcomes: Outcomes) -> Judgement:
@@ -134,21 +135,21 @@ def _some_error(outcomes: Outcomes) -> Judgement:
     for condition, window in _parts(outcomes, (COMPACT, FULL), RESTS):
         there, learnt = (rms(outcomes, condition, name).mean(axis=0) for name in (window, LEARNT))
         holds += list(there > learnt)
-        told.append(f"{condition.label}, {window}: {_means(outcomes, condition, window)} deg")
-    return by_count(holds, "; ".join(told)) if holds else NOT_MEASURED
+        told.append(f"{condition.label}, {window}: {_limbs_mean(outcomes, condition, window)} deg")
+    return by_count(holds, f"mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
 
 
 def _beside_none(outcomes: Outcomes) -> Judgement:
     holds: list[bool] = []
     told = []
     for condition, window in _parts(outcomes, (COMPACT, FULL), RESTS):
-        own = rms(outcomes, condition, window).mean(axis=0)
-        alone = rms(outcomes, condition.reference, window).mean(axis=0)
-        holds += list(own < alone)
-        told.append(
-            f"{condition.label}, {window}: {' '.join(f'{100 * each:.0f} %' for each in own / alone)} of PD alone"
-        )
-    return by_count(holds, "; ".join(told)) if holds else NOT_MEASURED
+        own, alone = (rms(outcomes, each, window) for each in (condition, condition.reference))
+        if len(own) != len(alone):
+            continue
+        holds += list(own.mean(axis=0) < alone.mean(axis=0))
+        left = (100.0 * own / alone).mean(axis=1)
+        told.append(f"{condition.label}, {window}: {mean_and_spread(left, 0)} %")
+    return by_count(holds, f"of PD alone, mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
 
 
 def _longer_is_better(outcomes: Outcomes) -> Judgement:
@@ -159,9 +160,10 @@ def _longer_is_better(outcomes: Outcomes) -> Judgement:
         if len(short):
             holds += list(longer < short)
             told.append(
-                f"{window}: {_means(outcomes, COMPACT, window)} to {_means(outcomes, condition, window)} deg"
+                f"{window}: {_limbs_mean(outcomes, COMPACT, window)} to "
+                f"{_limbs_mean(outcomes, condition, window)} deg"
             )
-    return by_count(holds, "; ".join(told)) if holds else NOT_MEASURED
+    return by_count(holds, f"mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
 
 
 LIMB_WORDS = ", ".join(LIMBS)

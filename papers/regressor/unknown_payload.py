@@ -101,7 +101,7 @@ def trial(
     }
 
 
-@run(revision=2)
+@run(revision=3)
 def payload_trials(seed: int | None, noise_ratio: float, told_sizes: bool, trials: int) -> Result:
     """Try loads on an arm, every fourth time none.
 

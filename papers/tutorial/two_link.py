@@ -235,8 +235,8 @@ CLAIMS = (
         "no numbers",
         "at most 1 deg on both joints in both motions; same direction: in more than half of the four",
         _coriolis,
-        why="This arm swings at 6 rad/s, and the loop is 5 Hz stiff: the error that the velocity terms make is their "
-        "acceleration over the square of that frequency, whatever the rate of the loop.",
+        why=f"This arm swings at up to {FASTEST:g} rad/s, and the loop is {FREQUENCY_HZ:g} Hz stiff: the error that "
+        "the velocity terms make is their acceleration over the square of that frequency, whatever the loop's rate.",
     ),
 )
 

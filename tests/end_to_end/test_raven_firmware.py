@@ -1,5 +1,6 @@
 """examples/raven_firmware: the exported model in the place of the RAVEN-II's own gravity compensation."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
+from catenary.simulation.firmware import ControlState
+from catenary.simulation.own_gravity import NOMINAL, gravity_of, own_gravity, weigh
 from catenary.workflows.c_header import c_header, write_header
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "raven_firmware"
@@ -65,6 +68,24 @@ def test_torques_are_pythons_for_both_arms_whatever_the_gravity(
         # tau_g is a float, and the ratios of the stand-in have seven digits
         motors = expected / firmware.ratio[:3] * firmware.gearbox[:3]
         assert_allclose(given[:, arm, 3:], motors, rtol=0.0, atol=1e-6 * np.abs(motors).max())
+
+
+def test_page_has_the_torques_that_the_file_and_the_robots_own_compensation_give_at_home(
+    program: Path,
+) -> None:
+    page = (EXAMPLE.parents[1] / "docs" / "how-to-raven-firmware.md").read_text()
+    (told,) = re.findall(r"the same numbers: (-?\+?[\d.]+), (-?\+?[\d.]+), ([-+]?[\d.]+) Nm", page)
+    home = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
+    row = " ".join(f"{number:.9g}" for number in (*home, *NOMINAL))
+    ran = subprocess.run([program], input=row, capture_output=True, text=True, check=True)
+    by_file = np.array(ran.stdout.split(), dtype=float).reshape(2, 6)[:, 3:]
+    firmware = load_cable_arm().firmware
+    for arm, name in enumerate(FRAME_0):
+        own, control = own_gravity(load_robot(name).tree), ControlState()
+        own.gravity, control.joint[:3] = gravity_of(NOMINAL), home
+        weigh(firmware, own, control)
+        for given in (by_file[arm], control.gravity_torque[:3]):
+            assert_allclose(given, np.array(told, dtype=float), rtol=0.0, atol=0.5e-4)  # four digits
 
 
 def test_the_file_is_of_a_size_to_be_read_at_once() -> None:

@@ -74,7 +74,8 @@ def test_spread_is_that_of_a_sample() -> None:
 def test_every_experiment_says_what_it_is_and_what_it_would_run(name: str) -> None:
     one: Experiment = experiment(name)
     assert one.name == name
-    assert name.startswith(f"{one.paper}-")
+    # regressor-payload stands on the regressor's page and claims nothing of the paper's
+    assert name.startswith(f"{one.paper}-") or one.paper == "beyond"
     assert one.about
     assert one.minutes > 0.0
     for claim in one.claims:

@@ -9,6 +9,10 @@ log p(y | k) = log p(y | no load) + 1/2 b^T (1 + J)^-1 b - 1/2 log det(1 + J)
 J = V_k^T (A - A (A + K)^-1 A) V_k,   b = V_k^T (a - A (A + K)^-1 a),   A = sum Z^T Z,   a = sum Z^T y
 
 [a Bayes factor of nested linear models: MacKay 2003, Information theory, inference and learning algorithms, ch. 28].
+How large a load is nobody knows beforehand, and a standard deviation of kilograms calls a wrong link surely the right
+one where the load is a small one: of two frames that explain it alike, that one wins whose load is thought larger. So
+its size is unknown too: x has the given standard deviations, or a half, a quarter ... of them, each as likely, and
+p(y | k) is the mean over these.
 Where the columns of two frames coincide in all poses seen, Z V_j = Z V_k X, both explain the torques as well and share
 the probability: such as two links with a joint between that stands upright and has not moved, or a load near that
 joint's axis, which the joint does not feel. Beyond the gravity-regressor paper.
@@ -30,8 +34,9 @@ from catenary.robots.model import RobotModel
 SURELY = 0.95  # what the carriers that are named together hold of all probability
 TELLING = 3.0  # standard deviations of torque by which carriers must differ for a pose to tell between them
 STEPS = (-0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far a joint is thought to move
-# standard deviations of a load's mass [kg] and of its moment about the frame's origin [kg m]
+# standard deviations of a large load's mass [kg] and of its moment about the frame's origin [kg m]
 LOAD = (2.0, 0.3)
+OCTAVES = 0.5 ** np.arange(7.0)  # sizes of loads over that, each as likely beforehand: down to 30 g
 
 
 class CarrierBelief(NamedTuple):
@@ -67,7 +72,7 @@ class LoadHypotheses:
     def __init__(
         self, regressor: CompactRegressor, frames: Sequence[str], load: tuple[float, float] = LOAD
     ) -> None:
-        """Take the frames, and the standard deviations of a load's mass [kg] and moment [kg m].
+        """Take the frames, and the standard deviations of a large load's mass [kg] and moment [kg m].
 
         Raises:
             InputError: No such frame, one of the base, or a standard deviation that is not positive.
@@ -103,9 +108,9 @@ class LoadHypotheses:
         """
         bodies = []
         for J, b in self._tests():
-            covariance = np.linalg.inv(np.eye(PER_LOAD) + J)
-            body, deviation = self._sizes * (covariance @ b), self._sizes[0] * np.sqrt(covariance[0, 0])
-            bodies.append((float(body[0]), float(deviation), body[1:]))
+            body, deviation = _body(J, b)
+            body = self._sizes * body
+            bodies.append((float(body[0]), float(self._sizes[0] * deviation), body[1:]))
         none, *shares = self.shares(beforehand)
         carriers = [
             CarrierBelief(frame, share, *body)
@@ -122,7 +127,7 @@ class LoadHypotheses:
         """Return the probability of no load, and of a load on each frame; see `beliefs`."""
         count = len(self.frames)
         prior = count / (count + 1.0) if beforehand is None else beforehand
-        found = [float(np.log(prior / count)) + log_evidence(J, b) for J, b in self._tests()]
+        found = [float(np.log(prior / count)) + _over_sizes(J, b)[0] for J, b in self._tests()]
         return probabilities([float(np.log(1.0 - prior)), *found])
 
     def _tests(self) -> Iterator[tuple[Floats, Floats]]:
@@ -154,7 +159,8 @@ def locate_load(
         gravity: (3,) or (N, 3) [m/s2].
         noise: Standard deviation of torques, one for all or (n,) [Nm|N].
         frames: That may carry it; every moving link that is not massless when none are named.
-        load: Standard deviations of its mass [kg], and of its moment about the frame's origin [kg m].
+        load: Standard deviations of a large load's mass [kg], and of its moment about the frame's origin [kg m];
+            smaller ones, down to a 64th, are as likely.
 
     Raises:
         InputError: Another shape, not finite, no such frame, or one of the base.
@@ -175,16 +181,35 @@ def locate_load(
     return hypotheses.beliefs(rows[-1], gravities[-1], spread)
 
 
-def log_evidence(information: Floats, score: Floats) -> float:
-    """Return log p(y | load) - log p(y | no load), for unknowns in units of their own standard deviations.
+def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
+    """Return the log evidence of a load whose size is one of OCTAVES, and the probability of each of them."""
+    each = log_evidence(OCTAVES[:, None, None] ** 2 * information, OCTAVES[:, None] * score)
+    whole = float(np.logaddexp.reduce(each))
+    return whole - float(np.log(len(each))), np.exp(each - whole)
+
+
+def _body(information: Floats, score: Floats) -> tuple[Floats, float]:
+    """Return the mean (4,) of a load in standard deviations of a large one, and the deviation of its mass."""
+    _, weights = _over_sizes(information, score)
+    covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in OCTAVES])
+    means = covariances @ score
+    mean: Floats = weights @ means
+    variance = weights @ (covariances[:, 0, 0] + (means[:, 0] - mean[0]) ** 2)
+    return mean, float(np.sqrt(variance))
+
+
+def log_evidence(information: Floats, score: Floats) -> Floats:
+    """Return log p(y | load) - log p(y | no load), for unknowns in units of their own standard deviations, (N,).
 
     Args:
-        information: (k, k) J of the unknowns.
-        score: (k,) b.
+        information: (N, k, k) J of the unknowns.
+        score: (N, k) b.
     """
-    whole = np.eye(len(score)) + information
+    whole = np.eye(score.shape[1]) + information
     _, log_determinant = np.linalg.slogdet(whole)
-    return float(0.5 * score @ np.linalg.solve(whole, score) - 0.5 * log_determinant)
+    explained = np.einsum("ni,ni->n", score, np.linalg.solve(whole, score[..., None])[..., 0])
+    evidence: Floats = 0.5 * explained - 0.5 * log_determinant
+    return evidence
 
 
 def probabilities(evidence: Sequence[float]) -> list[float]:

@@ -79,7 +79,8 @@ class RecursiveGravityEstimator(EstimatedGravity):
             interval: [s].
             novelty: In standard deviations of the noise.
             carriers: Frames that may take up or put down a load on the way, such as hands.
-            load: Standard deviations of its mass [kg], and of its moment about the frame's origin [kg m].
+            load: Standard deviations of a large load's mass [kg], and of its moment about the frame's origin [kg m];
+                smaller ones, down to a 64th, are as likely.
 
         Raises:
             InputError: Another shape or range, a carrier that is no moving frame, or a robot on which gravity has no

@@ -4,7 +4,8 @@ from numpy.testing import assert_allclose
 
 from catenary.simulation.cable_parameters import load_cable_arm
 from papers.experiment import NOMINAL, Outcomes, Scope
-from papers.gravity.joint_3 import CLAIMS, VARIATIONS, Variation, cases, errors, report, varied_joint_3
+from papers.gravity import figure_9
+from papers.gravity.joint_3 import EXPERIMENT, VARIATIONS, Variation, cases, errors, report, varied_joint_3
 
 
 def made_up(factor: float) -> Outcomes:
@@ -17,11 +18,20 @@ def made_up(factor: float) -> Outcomes:
     )
 
 
-@pytest.mark.parametrize(
-    ("factor", "verdict"), [(1.05, "reproduced"), (1.005, "same direction"), (0.99, "not reproduced")]
-)
-def test_higher_errors_with_compensation_are_the_papers(factor: float, verdict: str) -> None:
-    assert CLAIMS[0].judge(made_up(factor)).verdict == verdict
+def test_the_highest_error_of_all_variations_is_told() -> None:
+    results = {case: {"pd": 3.0, "sg": 2.97, "dg": 2.97} for case in cases(Scope(robots=(NOMINAL, 1)))}
+    for case in results:
+        told = case.arguments
+        if told["friction"] == 4.0 and told["damping"] == "relative":
+            results[case] = {"pd": 3.0, "sg": 2.97, "dg": 3.06}
+    (remark,) = report(Outcomes(results)).remarks
+    assert "relative damping 2.00 ± 0.00 % (friction times 4, PD+DG)" in remark
+    assert "absolute damping -1.00 ± 0.00 %" in remark
+
+
+def test_the_papers_claim_of_joint_3_is_judged_once_by_figure_9() -> None:
+    assert not EXPERIMENT.claims
+    assert any("Joint 3 has higher errors" in claim.says for claim in figure_9.CLAIMS)
 
 
 def test_report_has_a_row_for_every_variation_and_damping() -> None:
@@ -29,7 +39,6 @@ def test_report_has_a_row_for_every_variation_and_damping() -> None:
     assert len(table.rows) == 2 * len(VARIATIONS)
     assert table.rows[0][1:] == ["3.0000 ± 0.0000", "5.00 ± 0.00", "5.00 ± 0.00"]
     assert report(Outcomes({})).tables == ()
-    assert CLAIMS[0].judge(Outcomes({})).verdict == "not measured"
 
 
 def test_only_joint_3_is_varied() -> None:

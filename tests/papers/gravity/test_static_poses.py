@@ -61,6 +61,20 @@ def test_reports_have_a_row_for_every_base_and_stand_without_any_case() -> None:
         assert verdicts(figure.CLAIMS, Outcomes({})) == ["not measured"] * 3
 
 
+def test_claims_are_of_joint_1_told_with_their_spread_and_what_friction_does_to_others() -> None:
+    seventh, eighth = figure_7.report(made_up()), figure_8.report(made_up())
+    assert "joint 2 by 0.0 ± 0.0 %" in seventh.remarks[0]
+    assert "placed: joint 1 5.0 ± 0.0 %, joint 2 50.0 ± 0.0 %" in eighth.remarks[0]
+    assert (
+        figure_7.CLAIMS[2]
+        .judge(made_up())
+        .measured.startswith("SG off: 0 deg 5.0 ± 0.0 %, 5 deg 10.0 ± 0.0 %")
+    )
+    assert figure_8.CLAIMS[0].judge(made_up()).measured.startswith("PD+DG: 0 deg 5.0 ± 0.0 %")
+    assert [claim.fitted for claim in (*figure_7.CLAIMS, *figure_8.CLAIMS)] == [True, False, False] * 2
+    assert figure_7.report(Outcomes({})).remarks == figure_8.report(Outcomes({})).remarks == []
+
+
 def run(approach: str, angle_deg: float, poses_deg: list[float]) -> Result:
     return static(seed=None, angle_deg=angle_deg, approach=approach, poses_deg=poses_deg)
 
@@ -77,8 +91,10 @@ def test_placed_arm_needs_no_pd_with_sensed_gravity_and_much_with_nominal_one() 
 @pytest.mark.slow
 def test_on_a_level_base_nominal_gravity_is_the_sensed_one() -> None:
     level = run("placed", 0, [37.0])
-    assert_allclose(level["sg"]["torque"], level["dg"]["torque"], atol=1e-12)
-    assert_allclose(level["pd"]["sg"], level["pd"]["dg"], atol=1e-12)
+    # 50 samples of 150 ug/sqrt(Hz) over 50 Hz, counts of 0.25 mg: 0.003 m/s2 at most in the mean, on 1.5 kg
+    assert_allclose(level["sg"]["torque"], level["dg"]["torque"], atol=0.01)
+    assert_allclose(level["pd"]["sg"], level["pd"]["dg"], atol=0.01)
+    assert np.abs(np.subtract(level["pd"]["sg"], level["pd"]["dg"])).max() > 0.0  # a sensor has noise
 
 
 @pytest.mark.slow

@@ -113,3 +113,24 @@ def test_verdicts_of_figures_4_and_5() -> None:
     bad = made_up({"printed-pd": 0.5, "printed-compact": 0.6, "printed-full": 0.6, "printed-longer": 0.7})
     assert {claim.judge(bad).verdict for claim in figure_5.CLAIMS} == {"not reproduced"}
     assert figure_5.CLAIMS[0].judge(Outcomes({})).verdict == "not measured"
+
+
+def test_what_is_measured_has_its_spread_over_robots() -> None:
+    outcomes = made_up(
+        {"printed-pd": 0.5, "printed-compact": 0.1, "printed-full": 0.1, "printed-longer": 0.05}
+    )
+    (case, first), *others = (
+        (case, result)
+        for case in figure_5.cases(Scope(robots=(None, 1)))
+        for result in outcomes.of(dual_arm.dual_arm, **case.arguments)
+    )
+    windows = {name: dict.fromkeys(dual_arm.LIMBS, 0.7) for name in dual_arm.WINDOWS}
+    varied = Outcomes({**dict(others), case: {**first, "rms_deg": windows}})
+    assert case.arguments["controller"] == "printed-pd"
+    stays, _ = (claim.judge(varied).measured for claim in figure_4.CLAIMS)
+    assert stays.startswith("trunk 0.60 ± 0.14 to 0.60 ± 0.14 deg, left arm")
+    shrinks, some, beside, longer = (claim.judge(varied).measured for claim in figure_5.CLAIMS)
+    assert "law on the compact Z, from zero: 0.500 ± 0.000 to 0.100 ± 0.000 deg" in shrinks
+    assert "law on the full Z, from zero, rest in pose two: 0.100 ± 0.000 deg" in some
+    assert "law on the full Z, from zero, rest in pose one: 17 ± 4 %" in beside
+    assert longer.startswith("mean of the limbs, rest in pose one: 0.100 ± 0.000 to 0.050 ± 0.000 deg")

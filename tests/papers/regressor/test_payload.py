@@ -73,6 +73,26 @@ def test_a_remark_says_where_statements_are_overconfident() -> None:
     assert not payload.overconfident(loads(5), "told")
 
 
+def test_each_bin_of_stated_probabilities_counts_not_the_many_that_are_sure() -> None:
+    sure = [{"link": 2, "mass_kg": 1.0, "alarm": False, "seen": seen(1.0, True)} for _ in range(100)]
+    case = payload.cases(Scope(robots=(None,)))[0]
+    judge = payload.CLAIMS[0].judge
+    found = judge(Outcomes({case: {"trials": [*loads(3), *sure]}}))
+    assert found.verdict == "not reproduced"
+    assert found.measured == "stated 95.0 % right 60.0 %, 100.0 % right 100.0 % (1 of 2)"
+    assert judge(Outcomes({case: {"trials": [*loads(5), *sure]}})).verdict == "reproduced"
+
+
+def test_what_a_share_may_lack_is_two_standard_errors() -> None:
+    assert payload.as_stated(0.8, 0.73, 100)  # 2 sqrt(0.8 0.2 / 100) = 0.08
+    assert not payload.as_stated(0.8, 0.71, 100)
+    assert payload.as_stated(0.8, 1.0, 100)
+
+
+def test_statements_of_this_package_are_not_listed_as_a_papers() -> None:
+    assert payload.EXPERIMENT.paper == "beyond"
+
+
 @pytest.mark.parametrize(("right", "verdict"), [(5, "reproduced"), (3, "not reproduced")])
 def test_claims_are_judged_on_the_estimator_as_it_comes(right: int, verdict: str) -> None:
     results = {}
