@@ -191,6 +191,7 @@ class Claim:
     criterion: str
     judge: Callable[[Outcomes], Judgement]
     why: str = ""
+    fitted: bool = False  # the simulated robot was fitted to this number, or to one that implies it
 
 
 class TitledTable(NamedTuple):
