@@ -3,27 +3,26 @@
 Eleven training sets, of 1/2 to 1/6 and their combinations, on each robot and in each condition; every model is tested
 in every hour. The paper's numbers are means over the three longest sets; so are ours. Conditions, what was chosen where
 the paper is silent, and what the simulated robot lacks for the loaded hours: papers/calibration/six_hours.py.
+
+One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio; a
+loss, by the spread of their difference. That margin was added after a first run, in which differences of the third
+digit had counted.
 """
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
 from papers.calibration import published
-from papers.calibration.recordings import BEST, JOINTS, NETWORK, SETS, UNITS, draws, homed, random_log
+from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS, draws, homed, random_log
 from papers.calibration.sessions import CONDITIONS, HOUR, HOURS, PAYLOAD, Condition
-from papers.calibration.six_hours import (
-    LONG,
-    LONGEST,
-    OFFSET,
-    SHORT,
-    SHORTEST,
-    cases_of,
-    measured,
-)
+from papers.calibration.six_hours import LONG, LONGEST, OFFSET, SHORTEST, cases_of, measured
 from papers.calibration.six_hours_claims import CLAIMS
+from papers.calibration.six_hours_training import CLAIMS as OF_TRAINING
+from papers.calibration.six_hours_training import WIDE, considerably_better
 from papers.claims import mean_and_spread
 from papers.experiment import (
     NOMINAL,
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = (OFFSET, "linear", "polynomial", NETWORK, BEST)
-CONSIDERABLE, WIDE = 0.8, 0.2  # the paper's arrows: long over short, and the box's height [deg|mm]
+TRAINED = {"3 longest": LONGEST, "3 shortest": SHORTEST}
 
 
 @run(revision=1)
@@ -64,7 +63,7 @@ def cases(scope: Scope) -> list[Case]:
 
 
 def report(outcomes: Outcomes) -> Report:
-    """Return errors of the first and the last hour by joint, and the paper's picture."""
+    """Return errors of the first and the last hour by joint, of every hour, and the paper's picture."""
     tables = [
         TitledTable(f"{joint} [{unit}], RMSE in hours 0 and 5", _table(outcomes, j))
         for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True))
@@ -77,6 +76,13 @@ def report(outcomes: Outcomes) -> Report:
     tables.append(
         TitledTable("Torque that drives the nominal robot, RMS in random motion", Table(header, rows))
     )
+    tables += [
+        TitledTable(
+            f"{joint} [{unit}], RMSE in every hour, after the three longest and the three shortest training sets",
+            _every_hour(outcomes, j),
+        )
+        for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True))
+    ]
     caption = (
         "RMSE by hour; boxes are training sets, each the mean over robots; an arrow where sets over 800 s are 20 % "
         "better than those under 500 s and the box is higher than 0.2. Idle hours 1 to 4 are joined by lines. Boxes "
@@ -87,7 +93,6 @@ def report(outcomes: Outcomes) -> Report:
 
 def _table(outcomes: Outcomes, j: int) -> Table:
     header = ["condition, model", "hour 0", "paper", "hour 5", "paper", "hour 5, guarded"]
-    header += ["3 shortest, hour 0", "3 shortest, hour 5"]
     rows = []
     for condition in CONDITIONS:
         for model in SHOWN:
@@ -96,7 +101,6 @@ def _table(outcomes: Outcomes, j: int) -> Table:
             if not found.size:
                 continue
             guarded = measured(outcomes, condition, model, LONGEST, kind="guarded")
-            short = measured(outcomes, condition, model, SHORTEST)
             print_first, print_last = paper_numbers(condition, model, j)
             rows.append(
                 [
@@ -106,10 +110,24 @@ def _table(outcomes: Outcomes, j: int) -> Table:
                     _over_robots(found[:, :, -1, j]),
                     print_last,
                     _over_robots(guarded[:, :, -1, j]) if guarded.size else "-",
-                    *(_over_robots(short[:, :, hour, j]) if short.size else "-" for hour in (0, -1)),
                 ]
             )
     return Table(header, rows)
+
+
+def _every_hour(outcomes: Outcomes, j: int) -> Table:
+    """Return a joint's errors by condition, model and training, a column for each hour; idle hours are two."""
+    hours = range(6)
+    rows = []
+    for condition in CONDITIONS:
+        for model in SHOWN:
+            for told, sets in TRAINED.items():
+                found = measured(outcomes, condition, model, sets)
+                if not found.size:
+                    continue
+                cells = {hour: _over_robots(found[:, :, k, j]) for k, hour in enumerate(HOURS[condition])}
+                rows.append([f"{condition}, {model}", told, *(cells.get(hour, "-") for hour in hours)])
+    return Table(["condition, model", "training", *(f"hour {hour}" for hour in hours)], rows)
 
 
 def paper_numbers(condition: Condition, model: str, j: int) -> tuple[str, str]:
@@ -144,7 +162,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
             top = max(top, np.quantile(boxes, 0.75) if model != "polynomial" else 0.0)
             if condition == "idle":
                 panel.plot(at, np.median(boxes, axis=0), color=METHOD_COLORS[model], linewidth=0.8)
-            _arrows(panel, measured(outcomes, condition, model, SHORT), found, j, at)
+            _arrows(panel, considerably_better(outcomes, condition, model), boxes, j, at)
         if (top > 0.0 and place % 3 == 0) or top > panel.get_ylim()[1] / 1.35:
             panel.set_ylim(0.0, 1.35 * top)
         panel.set_xticks(range(6))
@@ -176,15 +194,12 @@ def _boxes(panel: Any, boxes: Floats, at: Floats, model: str) -> None:
     )
 
 
-def _arrows(panel: Any, short: Floats, found: Floats, j: int, at: Floats) -> None:
+def _arrows(panel: Any, better: NDArray[np.bool_], boxes: Floats, j: int, at: Floats) -> None:
     """Mark hours in which long training is considerably better, as the paper does."""
-    if found.shape[1] != len(SETS):
-        return
-    boxes = found[..., j].mean(axis=0)
-    height = np.quantile(boxes, 0.75, axis=0) - np.quantile(boxes, 0.25, axis=0)
-    long = boxes[len(SETS) - len(LONG) :].mean(axis=0)
-    better = (long < CONSIDERABLE * short[..., j].mean(axis=(0, 1))) & (height > WIDE)
-    panel.plot(at[better], long[better], "v", color="black", markersize=4)
+    if len(better):
+        height = np.quantile(boxes, 0.75, axis=0) - np.quantile(boxes, 0.25, axis=0)
+        marked = better[:, j] & (height > WIDE)
+        panel.plot(at[marked], boxes[-len(LONG) :].mean(axis=0)[marked], "v", color="black", markersize=4)
 
 
 EXPERIMENT = Experiment(
@@ -196,6 +211,6 @@ EXPERIMENT = Experiment(
     cases=cases,
     report=report,
     minutes=125.0,
-    claims=CLAIMS,
+    claims=(*CLAIMS, *OF_TRAINING),
     drawn=2,
 )

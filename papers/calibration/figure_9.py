@@ -9,12 +9,16 @@ errors averaged, as the paper does without naming its combinations; the shade is
 Network and linear model take all 16 inputs and are asked wherever the robot is, as the paper's are. Beside them stand
 the same with our valid range, outside which the fixed offset is taken, a linear model of the positioning joints alone,
 and our network, which takes no tool position.
+
+One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
+That margin was added after a first run.
 """
 
 from typing import Any
 
 import numpy as np
 
+from catenary.arrays import Floats
 from catenary.reports.page import Table
 from papers.calibration import published
 from papers.calibration.homings import (
@@ -24,10 +28,11 @@ from papers.calibration.homings import (
     MODELS,
     NONE,
     ONE,
-    curve,
     errors,
     homing_errors,
+    per_robot,
 )
+from papers.calibration.judging import CLEARLY, CONSIDERABLE, by_joint, less, statement
 from papers.calibration.recordings import JOINTS, TEST_SECONDS, UNITS
 from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
 from papers.experiment import (
@@ -59,6 +64,7 @@ TOOL = (
     "homing moves them, and the model goes where their weights point. The linear model without them does not. How far "
     "the paper's tool moved is not printed"
 )
+AS_ON_JOINT_1 = "the linear model's errors after homings are made by the tool's positions, as on joint 1"
 DRAWN_ANEW = (
     "A homing shifts joint 2's registration only where joint 2 meets its stop before joint 1 (beyond-rehoming), from a "
     "minority of the poses where a motion ends, and every homing draws it anew: errors come and go, they do not add "
@@ -180,10 +186,11 @@ def _flat(outcomes: Outcomes, joint: int, *, outliers: int) -> Judgement:
     holds, told = [], []
     for method in MODELS:
         for chain in (NONE, ONE):
-            values = np.sort(curve(outcomes, chain, method)[:, joint])
-            values = values[: len(values) - outliers]
-            holds.append(bool(values[-1] <= FLAT * values[0]))
-            told.append(f"{method}, {chain} {values[0]:.3f}-{values[-1]:.3f}")
+            found = per_robot(outcomes, chain, method)[..., joint]
+            order = np.argsort(found.mean(axis=0))
+            least, greatest = found[:, order[0]], found[:, order[-1 - outliers]]
+            holds.append(bool(greatest.mean() <= FLAT * least.mean()))
+            told.append(f"{method}, {chain} {mean_and_spread(least)} to {mean_and_spread(greatest)}")
     return by_count(holds, "; ".join(told))
 
 
@@ -198,30 +205,55 @@ def _joint_3(outcomes: Outcomes) -> Judgement:
 def _joint_2(outcomes: Outcomes) -> Judgement:
     if not _measured(outcomes):
         return NOT_MEASURED
-    ends = {method: curve(outcomes, NONE, method)[[0, -1], 1] for method in MODELS}
-    told = "; ".join(f"{method} {first:.3f} to {last:.3f}" for method, (first, last) in ends.items())
-    ratio = min(last / first for first, last in ends.values())
-    return graded(ratio >= WORSE, ratio > 1.0, told)
+    ends = {method: per_robot(outcomes, NONE, method)[:, [0, -1], 1].T for method in MODELS}
+    told = "; ".join(
+        f"{method} {mean_and_spread(first)} to {mean_and_spread(last)}"
+        for method, (first, last) in ends.items()
+    )
+    worse = all(last.mean() >= WORSE * first.mean() for first, last in ends.values())
+    risen = all(less(first, last) for first, last in ends.values())
+    return graded(worse and risen, risen, told)
+
+
+def _greatest(outcomes: Outcomes, chain: str, method: str) -> Floats:
+    """Return joint 2's errors (robots,) after that homing after which their mean is the greatest."""
+    found = per_robot(outcomes, chain, method)[:, 1:, 1]
+    return np.asarray(found[:, found.mean(axis=0).argmax()])
 
 
 def _one_seen(outcomes: Outcomes) -> Judgement:
     if not _measured(outcomes):
         return NOT_MEASURED
-    greatest = {m: [curve(outcomes, chain, m)[1:, 1].max() for chain in (NONE, ONE)] for m in MODELS}
-    told = "; ".join(f"{method} {none:.3f}, {one:.3f}" for method, (none, one) in greatest.items())
-    ratio = max(one / none for none, one in greatest.values())
-    return graded(ratio <= BETTER, ratio < 1.0, f"greatest of five with none seen, one seen: {told}")
+    greatest = {m: [_greatest(outcomes, chain, m) for chain in (NONE, ONE)] for m in MODELS}
+    told = "; ".join(
+        f"{method} {mean_and_spread(none)}, {mean_and_spread(one)}"
+        for method, (none, one) in greatest.items()
+    )
+    better = all(one.mean() <= BETTER * none.mean() for none, one in greatest.values())
+    lower = all(less(one, none) for none, one in greatest.values())
+    return graded(better and lower, lower, f"greatest of five with none seen, one seen: {told}")
+
+
+def _one_seen_within(outcomes: Outcomes) -> Judgement:
+    if not _measured(outcomes):
+        return NOT_MEASURED
+    greatest = {method: _greatest(outcomes, ONE, method) for method in MODELS}
+    told = ", ".join(f"{method} {mean_and_spread(each)}" for method, each in greatest.items())
+    holds = [each.mean() <= published.HOMINGS_J2_SEEN[method] for method, each in greatest.items()]
+    return by_count(holds, told)
 
 
 def _joint_2_most(outcomes: Outcomes) -> Judgement:
     if not _measured(outcomes):
         return NOT_MEASURED
-    holds, told = [], []
+    hurt, spared, told = [], [], []
     for method in MODELS:
-        ratio = (curve(outcomes, NONE, method) / curve(outcomes, BASELINE, method))[1:].mean(axis=0)
-        holds.append(bool(ratio.argmax() == 1))
-        told.append(f"{method} {', '.join(f'{j} {r:.2f}' for j, r in zip(JOINTS, ratio, strict=True))}")
-    return by_count(holds, "error over that without homing: " + "; ".join(told))
+        homed, stayed = (per_robot(outcomes, chain, method)[:, 1:].mean(axis=1) for chain in (NONE, BASELINE))
+        grown = homed / stayed
+        hurt.append(bool(less(stayed, homed, CONSIDERABLE)[1] and grown.mean(axis=0).argmax() == 1))
+        spared += [ratio < 1.0 + CONSIDERABLE for ratio in grown.mean(axis=0)[[0, 2]]]
+        told.append(f"{method} {by_joint(grown, digits=2)}")
+    return statement(hurt, spared, "error over that without homing: " + "; ".join(told))
 
 
 CLAIMS = (
@@ -238,8 +270,8 @@ CLAIMS = (
         "Joint 2: accuracy drops significantly over five homings that training did not see",
         "II-I, figure 9",
         "network 0.255 to 0.627, linear 0.317 to 0.712 deg",
-        f"error after five homings at least {WORSE} times that before, mean over robots, for both models; same "
-        "direction: greater for both",
+        f"error after five homings at least {WORSE} times that before, mean over robots, and more, {CLEARLY}, for both "
+        "models; same direction: the latter for both",
         _joint_2,
         DRAWN_ANEW,
     ),
@@ -247,11 +279,20 @@ CLAIMS = (
         "Joint 2: one homing in the training data keeps errors lower",
         "II-I, figure 9",
         "greatest of five: network 0.627, 0.413; linear 0.712, 0.493 deg",
-        f"greatest error after a homing at most {BETTER} times that with none seen, mean over robots, for both models; "
-        "same direction: less for both",
+        f"greatest error after a homing at most {BETTER} times that with none seen, mean over robots, and less, "
+        f"{CLEARLY}, for both models; same direction: the latter for both",
         _one_seen,
-        why="the network's greatest error falls, as the paper's does, but by less. The linear model's is made by the "
-        "tool's positions, as on joint 1: without them it gains as well",
+        why="which robots are hit, and after which homing, is drawn anew every time: the greatest error is that of one "
+        "or two robots of six, and seeing another homing says little about it; "
+        f"{AS_ON_JOINT_1}",
+    ),
+    Claim(
+        "Joint 2: with one homing seen, errors stay within 0.413 deg and 0.493 deg",
+        "II-I",
+        "network 0.413, linear 0.493 deg",
+        "greatest error of five, mean over robots, no larger for both models",
+        _one_seen_within,
+        AS_ON_JOINT_1,
     ),
     Claim(
         "Joint 3: close accuracy whether homing was seen or not, but for an outlier",
@@ -260,14 +301,17 @@ CLAIMS = (
         f"without the greatest of six, greatest over least at most {FLAT}, mean over robots, for both models and "
         "datasets; same direction: for more than half",
         _joint_3,
+        AS_ON_JOINT_1,
     ),
     Claim(
-        "Homing hurts joint 2 most",
-        "II-I, figure 9",
+        "Homing hurts joint 2 considerably, joints 1 and 3 not",
+        "II-I, III, figure 9",
         "joint 2 by 2.2 to 2.5 times, joints 1 and 3 not obviously",
-        "error after homings over that of the same motions without, mean over homings and robots, is greatest on joint "
-        "2 for both models",
+        "of errors after homings over those of the same motions without, mean over homings, joint 2's is the greatest, "
+        f"and more by {100.0 * CONSIDERABLE:.0f} % and the spread over robots, for both models; beside it, those of "
+        f"joints 1 and 3 are less than {1.0 + CONSIDERABLE}; same direction cannot be for one model alone",
         _joint_2_most,
+        f"the network's joint 2 is hit on one robot or two of six, and hardly on the others; {AS_ON_JOINT_1}",
     ),
 )
 

@@ -176,6 +176,6 @@ def errors(outcomes: Outcomes, chain: str, method: str) -> Floats:
     return np.array(found) if found else np.zeros((0, 1, 1, 3))
 
 
-def curve(outcomes: Outcomes, chain: str, method: str) -> Floats:
-    """Return the RMSE after 0, 1 ... homings, mean over robots and combinations, (1 + homings, 3)."""
-    return np.asarray(errors(outcomes, chain, method).mean(axis=(0, 1)))
+def per_robot(outcomes: Outcomes, chain: str, method: str) -> Floats:
+    """Return RMSE (robots, 1 + homings, 3) of a method along a chain of tests, the mean over combinations."""
+    return np.asarray(errors(outcomes, chain, method).mean(axis=1))

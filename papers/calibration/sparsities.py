@@ -144,12 +144,17 @@ def middle(outcomes: Outcomes, name: str, method: str) -> Floats:
 
 def deviation(outcomes: Outcomes, name: str, method: str) -> Floats:
     """Return the standard deviation (3,) over repetitions, mean over robots."""
-    return np.asarray(repetitions(outcomes, name, method).std(axis=1, ddof=1).mean(axis=0))
+    return np.asarray(deviations(outcomes, name, method).mean(axis=0))
 
 
-def mean_of(outcomes: Outcomes, names: Sequence[str], method: str) -> Floats:
-    """Return the RMSE (3,) of a method, mean over combinations, robots and repetitions."""
-    return np.asarray(np.mean([middle(outcomes, name, method) for name in names], axis=0))
+def by_robot(outcomes: Outcomes, names: Sequence[str], method: str) -> Floats:
+    """Return the RMSE (robots, 3) of a method, mean over combinations and their repetitions."""
+    return np.asarray(np.mean([repetitions(outcomes, name, method).mean(axis=1) for name in names], axis=0))
+
+
+def deviations(outcomes: Outcomes, name: str, method: str) -> Floats:
+    """Return the standard deviation (robots, 3) over repetitions."""
+    return np.asarray(repetitions(outcomes, name, method).std(axis=1, ddof=1))
 
 
 def short_and_long(outcomes: Outcomes) -> tuple[list[str], list[str]]:

@@ -4,6 +4,9 @@ Each direction's zig-zags at 1/2, 1/3 and 1/4 train every model; an independent 
 Each direction starts from the robot just homed: the paper's came one after another on a robot that
 wears. The paper's network is the mean of five trainings, as there; ours is trained once. The paper's models are asked
 wherever the robot goes, as there; ours leaves joints at the fixed offset outside its valid range, as it ships.
+
+One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
+That margin was added after a first run.
 """
 
 from collections.abc import Sequence
@@ -15,6 +18,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.reports.page import Table
 from catenary.trajectories.zigzag import DIRECTIONS, Direction
+from papers.calibration.judging import CLEARLY, by_joint, less
 from papers.calibration.published import TABLE_1
 from papers.calibration.recordings import (
     BEST,
@@ -55,9 +59,13 @@ from papers.figures import METHOD_COLORS, legend_below, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAPERS = (NETWORK, "polynomial", "linear", "fixed offset", "raw")
+MODELS = (NETWORK, "polynomial", "linear")
+PAPERS = (*MODELS, "fixed offset", "raw")
+PAPERS_CHOICE: Direction = "J2-J3"
 SHOWN = (BEST, *PAPERS)
 BEST_TWO = 2  # directions of each joint and model that the paper marks bold
+# shares of the fixed offset's error: what the network removes, and what any of nine entries
+MOST_REMOVED, LEAST_REMOVED = 0.76, 0.649
 
 
 @run(revision=2)
@@ -96,7 +104,7 @@ def cases(scope: Scope) -> list[Case]:
             test_seconds=seconds,
         )
         for seed in scope.robots
-        for direction in (("J2-J3",) if scope.quick else DIRECTIONS)
+        for direction in ((PAPERS_CHOICE,) if scope.quick else DIRECTIONS)
     ]
 
 
@@ -130,7 +138,7 @@ def report(outcomes: Outcomes) -> Report:
 def _picture(outcomes: Outcomes, directions: Sequence[str]) -> "Figure":
     figure, axes = panels(3, 3.0)
     places = np.arange(len(directions))
-    methods = (*PAPERS[:3], BEST)
+    methods = (*MODELS, BEST)
     for j, panel in enumerate(axes):
         for k, method in enumerate(methods):
             reached = np.array([errors(outcomes, direction, method)[:, j] for direction in directions])
@@ -145,42 +153,78 @@ def _picture(outcomes: Outcomes, directions: Sequence[str]) -> "Figure":
     return figure
 
 
+def _measured(outcomes: Outcomes, direction: str = PAPERS_CHOICE) -> bool:
+    return len(errors(outcomes, direction, NETWORK)) > 0
+
+
+def removed(outcomes: Outcomes, method: str) -> Floats:
+    """Return the share of the fixed offset's error that a model removes in direction J2-J3, (robots, 3)."""
+    left, offset = (errors(outcomes, PAPERS_CHOICE, each) for each in (method, "fixed offset"))
+    shares: Floats = 1.0 - left / offset
+    return shares
+
+
 def _order(outcomes: Outcomes) -> Judgement:
-    offset, linear, network = (
-        errors(outcomes, "J2-J3", method) for method in ("fixed offset", "linear", NETWORK)
-    )
-    if not len(offset):
+    if not _measured(outcomes):
         return NOT_MEASURED
-    means = [each.mean(axis=0) for each in (offset, linear, network)]
-    told = "; ".join(f"{joint} {' > '.join(f'{m[j]:.3f}' for m in means)}" for j, joint in enumerate(JOINTS))
-    return by_count([means[0][j] > means[1][j] > means[2][j] for j in range(3)], told)
+    offset, linear, network = (
+        errors(outcomes, PAPERS_CHOICE, method) for method in ("fixed offset", "linear", NETWORK)
+    )
+    holds = less(linear, offset) & less(network, linear)
+    return by_count(holds, f"fixed offset, linear, network: {by_joint(offset, linear, network)}")
 
 
 def _best_direction(outcomes: Outcomes) -> Judgement:
+    if not all(_measured(outcomes, direction) for direction in DIRECTIONS):
+        return NOT_MEASURED
     ranks, told = [], []
-    for method in PAPERS[:3]:
+    for method in MODELS:
+        of_method = []
         for j, joint in enumerate(JOINTS):
             means = {each: float(errors(outcomes, each, method)[:, j].mean()) for each in DIRECTIONS}
             order = sorted(means, key=means.__getitem__)
-            ranks.append(order.index("J2-J3") < BEST_TWO)
-            told.append(f"{method} {joint} {order.index('J2-J3') + 1}")
-    return by_count(ranks, "rank of J2-J3: " + ", ".join(told))
+            ranks.append(order.index(PAPERS_CHOICE) < BEST_TWO)
+            over = errors(outcomes, PAPERS_CHOICE, method)[:, j] / errors(outcomes, order[0], method)[:, j]
+            of_method.append(f"{joint} {order.index(PAPERS_CHOICE) + 1} (times {mean_and_spread(over, 2)})")
+        told.append(f"{method} {', '.join(of_method)}")
+    return by_count(ranks, "rank of J2-J3, and its error in times the best direction's: " + "; ".join(told))
 
 
-def _share_removed(outcomes: Outcomes) -> Judgement:
-    removed = 1.0 - errors(outcomes, "J2-J3", NETWORK).mean(axis=0) / errors(
-        outcomes, "J2-J3", "fixed offset"
-    ).mean(axis=0)
-    told = ", ".join(f"{joint} {100.0 * share:.0f} %" for joint, share in zip(JOINTS, removed, strict=True))
-    return by_count(removed >= 0.76, told)
+def _share_removed(outcomes: Outcomes, methods: Sequence[str], share: float) -> Judgement:
+    if not _measured(outcomes):
+        return NOT_MEASURED
+    shares = {method: removed(outcomes, method) for method in methods}
+    told = "; ".join(
+        f"{method} {by_joint(100.0 * each, digits=0, unit=' %')}" for method, each in shares.items()
+    )
+    # to a per cent: the paper's own shares do not follow from its rounded errors more closely
+    return by_count(
+        [each >= share for one in shares.values() for each in np.round(one.mean(axis=0), 2)], told
+    )
 
+
+def _joint_3_least(outcomes: Outcomes) -> Judgement:
+    if not _measured(outcomes):
+        return NOT_MEASURED
+    holds, told = [], []
+    for method in (NETWORK, "linear"):
+        shares = removed(outcomes, method)
+        holds += [bool(less(shares[:, 2], shares[:, j])) for j in (0, 1)]
+        told.append(f"{method} {by_joint(100.0 * shares, digits=0, unit=' %')}")
+    return by_count(holds, "; ".join(told))
+
+
+FITTED_PART = (
+    "the linear model's and the fixed offset's errors are among what the simulated robot was fitted to"
+)
 
 CLAIMS = (
     Claim(
         "Offset > linear > network on every joint, direction J2-J3",
         "II-E, table I",
         "0.859 > 0.174 > 0.104 deg; 1.095 > 0.186 > 0.120 deg; 0.492 > 0.166 > 0.118 mm",
-        "holds in the mean over robots on all three joints; same direction: on two",
+        f"each less than the one before, {CLEARLY}, on all three joints; same direction: on two. The first "
+        f"step is no test: {FITTED_PART}",
         _order,
         "On joints 2 and 3 the paper's network stays at the linear model's error. Our network, which takes fewer "
         "inputs and chooses how much its weights are held back, does far better on the same recordings: there is "
@@ -194,13 +238,35 @@ CLAIMS = (
         "J2-J3 ranks first or second of seven, mean over robots, for every joint and model; same direction: for more "
         "than half",
         _best_direction,
+        why="on joint 1 all seven directions come close to each other (its table): its error hardly depends on where "
+        "joints 2 and 3 stand (the ablation's shuffled signals), so that no path is much better than another",
     ),
     Claim(
         "Beyond the fixed offset the network removes more than 76 % of the error",
         "abstract, II-E",
         "87.9 %, 89.1 %, 76.0 %",
         "at least 76 % on all three joints, mean over robots; same direction: on two",
-        _share_removed,
+        lambda outcomes: _share_removed(outcomes, (NETWORK,), MOST_REMOVED),
+        why="on joint 3 the paper's network stays at the linear model's error; ours, on the same recordings, leaves "
+        "half of it (the table of joint 3)",
+    ),
+    Claim(
+        "With direction J2-J3 all three models remove more than 64.9 % on all three joints",
+        "II-E, table I",
+        "64.9 % to 89.1 %",
+        "at least 64.9 % in all nine entries, mean over robots; same direction: in more than half. Three of them are "
+        f"no test: {FITTED_PART}",
+        lambda outcomes: _share_removed(outcomes, MODELS, LEAST_REMOVED),
+        why="the polynomial has most to learn: on joint 3 its error falls with recording time (figure 5), and has not "
+        "come down to the others' after 1/2 + 1/3 + 1/4",
+    ),
+    Claim(
+        "Joint 3 improves least on the fixed offset, for network and linear model",
+        "III",
+        "network 76.0 % against 87.9 and 89.1 %, linear 66.3 % against 79.8 and 83.0 %",
+        f"share removed on joint 3 less than on joints 1 and 2, {CLEARLY}, for both; same direction: in more than half "
+        f"of the four. The linear model's two are no test: {FITTED_PART}",
+        _joint_3_least,
     ),
 )
 

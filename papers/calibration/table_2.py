@@ -3,6 +3,9 @@
 The unloaded six hours of figure 6: errors are means over eleven training sets and six hours, of the network over five
 trainings. The paper says that more epochs help the network end to end, not how many it tried: here 200, as everywhere,
 600 and 2000, on 1/2 + 1/3 + 1/4, trained once.
+
+One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
+That margin, and that a gain by more epochs has to be one on most joints, were added after a first run.
 """
 
 from collections.abc import Sequence
@@ -16,6 +19,7 @@ from catenary.calibration.neural import PAPER
 from catenary.reports.page import Table
 from papers.calibration import published
 from papers.calibration.inputs import SIXTEEN
+from papers.calibration.judging import CLEARLY, by_joint, less, statement
 from papers.calibration.networks import network_model
 from papers.calibration.recordings import JOINTS, NETWORK, SETS, UNITS
 from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
@@ -143,7 +147,7 @@ def _no_difference(outcomes: Outcomes) -> Judgement:
             return NOT_MEASURED
         difference = np.abs(end_to_end.mean(axis=0) - on_error.mean(axis=0))
         parts += list(difference < ALIKE)
-        told.append(f"{model}: largest difference {difference.max():.1e}")
+        told.append(f"{model}: largest difference {difference.max():.4f}")
     return by_count(parts, "; ".join(told))
 
 
@@ -151,10 +155,10 @@ def _network_worse(outcomes: Outcomes) -> Judgement:
     on_error, end_to_end = (errors(outcomes, NETWORK, target) for target in TARGETS)
     if not len(on_error) or not len(end_to_end):
         return NOT_MEASURED
-    ratios = end_to_end.mean(axis=0) / on_error.mean(axis=0)
-    told = ", ".join(f"{joint} {ratio:.2f} times" for joint, ratio in zip(JOINTS, ratios, strict=True))
-    judged = by_count(ratios >= WORSE, told)
-    if judged.verdict == "not reproduced" and (ratios > 1.0).all():
+    ratios = end_to_end / on_error
+    told = f"in times the error: {by_joint(ratios, digits=2)}"
+    judged = by_count(ratios.mean(axis=0) >= WORSE, told)
+    if judged.verdict == "not reproduced" and less(on_error, end_to_end).all():
         return Judgement("same direction", told)
     return judged
 
@@ -163,27 +167,31 @@ def _best_on_error(outcomes: Outcomes) -> Judgement:
     found = [errors(outcomes, model, "error") for model in SHOWN]
     if not all(len(each) for each in found):
         return NOT_MEASURED
-    network, linear, polynomial = (each.mean(axis=0) for each in found)
-    told = "; ".join(
-        f"{joint} {network[j]:.3f} < {linear[j]:.3f} < {polynomial[j]:.3f}" for j, joint in enumerate(JOINTS)
-    )
-    return by_count((network < linear) & (linear < polynomial), told)
+    network, linear, polynomial = found
+    holds = less(network, linear) & less(linear, polynomial)
+    return by_count(holds, f"network, linear, polynomial: {by_joint(*found)}")
 
 
 def _epochs_help(outcomes: Outcomes) -> Judgement:
     on_error, end_to_end, epochs = _epochs(outcomes)
     if not len(on_error):
         return NOT_MEASURED
-    reference, few, many = (
-        on_error.mean(axis=0),
-        end_to_end[:, 0].mean(axis=0),
-        end_to_end[:, -1].mean(axis=0),
+    few, many = end_to_end[:, 0], end_to_end[:, -1]
+    told = (
+        f"end to end after {epochs[0]} and {epochs[-1]} epochs, on the error: {by_joint(few, many, on_error)}"
     )
-    told = "; ".join(
-        f"{joint} {few[j]:.3f} to {many[j]:.3f}, on the error {reference[j]:.3f}"
-        for j, joint in enumerate(JOINTS)
-    )
-    return by_count([*(many < few), *(many > reference)], f"{epochs[0]} to {epochs[-1]} epochs: {told}")
+    return statement(less(many, few), less(on_error, many), told)
+
+
+def _faster(outcomes: Outcomes) -> Judgement:
+    on_error, end_to_end, epochs = _epochs(outcomes)
+    if not len(on_error):
+        return NOT_MEASURED
+    holds = [less(on_error, after) for after in np.moveaxis(end_to_end, 1, 0)]
+    least = np.min(end_to_end, axis=1)
+    tried = ", ".join(str(count) for count in epochs)
+    told = f"{epochs[0]} epochs on the error, best of {tried} end to end: {by_joint(on_error, least)}"
+    return by_count(np.ravel(holds), told)
 
 
 CLAIMS = (
@@ -199,7 +207,8 @@ CLAIMS = (
         "The network is much worse end to end",
         "II-J, table II",
         "2.5, 3.3 and 9.5 times the error",
-        f"at least {WORSE} times on every joint; same direction: on two, or worse on all three",
+        f"at least {WORSE} times on every joint, mean over robots; same direction: on two, or on all three the error "
+        f"on the error less, {CLEARLY}",
         _network_worse,
         "an error is a few per cent of a joint's range: what the network leaves of its target weighs so much more end "
         "to end",
@@ -208,18 +217,29 @@ CLAIMS = (
         "Trained on the error, network < linear < polynomial",
         "II-J, table II",
         "0.328 < 0.369 < 1.062 deg, 0.264 < 0.366 < 2.539 deg, 0.167 < 0.176 < 1.766 mm",
-        "on all three joints, mean over robots; same direction: on two",
+        f"each less than the next, {CLEARLY}, on all three joints; same direction: on two",
         _best_on_error,
-        why="on joints 2 and 3 network and linear model are within 2 %: the simulated robot's errors are close to "
-        "linear in the 16 inputs, and most of what six hours leave is drift, which neither model knows",
+        why="on joints 2 and 3 network and linear model are alike: the simulated robot's errors are close to "
+        "linear in the 16 inputs, and most of what six hours leave is drift, which neither model knows. On joint 1 "
+        "both steps are within the spread over robots",
     ),
     Claim(
         "More epochs help the network end to end, but it stays behind",
         "II-J",
         "no numbers",
-        "at ten times the epochs better than before, and still worse than on the error, on every joint; same "
-        "direction: more than half of the six",
+        f"at ten times the epochs its error is less than before, {CLEARLY}, on every joint, and beside it still more "
+        "than on the error; same direction: the former on two",
         _epochs_help,
+        why="ten times the epochs move its error by a few per cent, to either side: it has converged, and to something "
+        "else than what is wanted. Whether its weights' penalty holds it there was not looked into",
+    ),
+    Claim(
+        "The network converges faster when it is trained on the error",
+        "abstract, II-J, III",
+        "no numbers",
+        f"after {EPOCHS[0]} epochs on the error its error is less, {CLEARLY}, than end to end after as many, three and "
+        "ten times as many, on every joint; same direction: in more than half of the nine",
+        _faster,
     ),
 )
 

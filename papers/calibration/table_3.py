@@ -7,6 +7,9 @@ elastic joints that knows nominal links and motors' inertia and identifies stiff
 
 The filter is shown twice: with the stiffness that it identifies, and with the one that the simulated robot really has.
 Gaussian process and two-phase calibration, which the paper has in table IV and in its introduction, stand here, too.
+
+One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
+That margin was added after a first run.
 """
 
 from collections.abc import Sequence
@@ -16,11 +19,13 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
+from papers.calibration.judging import CLEARLY, by_joint, less, near
 from papers.calibration.peer_hours import PEERS, RECURRENT, UKF, UKF_TOLD, peer_cases, peer_errors, peer_hours
+from papers.calibration.peers.elastic_joints import SOFTEST, STIFFEST
 from papers.calibration.published import TABLE_3_OTHERS, TABLE_3_OURS
 from papers.calibration.recordings import BEST, JOINTS, NETWORK, SETS, UNITS
 from papers.calibration.six_hours import MODELS, OFFSET, RAW, cases_of, measured
-from papers.claims import NOT_MEASURED, by_count, within
+from papers.claims import NOT_MEASURED, by_count
 from papers.experiment import (
     Case,
     Claim,
@@ -75,8 +80,14 @@ def hours(outcomes: Outcomes, method: str, kind: str = "errors") -> Floats:
 
 def ends(outcomes: Outcomes, method: str, kind: str = "errors") -> tuple[Floats, Floats]:
     """Return the least and the greatest of six hours, each the mean over robots, (numbers,)."""
-    mean = hours(outcomes, method, kind).mean(axis=0)
-    return mean.min(axis=0), mean.max(axis=0)
+    low, high = extremes(hours(outcomes, method, kind))
+    return low.mean(axis=0), high.mean(axis=0)
+
+
+def extremes(found: Floats) -> tuple[Floats, Floats]:
+    """Return errors in the hour in which their mean over robots is the least, and the greatest, (robots, numbers)."""
+    mean, numbers = found.mean(axis=0), range(found.shape[2])
+    return found[:, mean.argmin(axis=0), numbers], found[:, mean.argmax(axis=0), numbers]
 
 
 def rows_of_ours(outcomes: Outcomes, kind: str) -> list[list[str]]:
@@ -129,10 +140,15 @@ def _remarks(outcomes: Outcomes) -> list[str]:
     if not found.size:
         return []
     told = ", ".join(f"{value:.0f}" for value in found.mean(axis=0))
+    softest, stiffest = (
+        ", ".join(f"{value:.0f}" for value in np.mean(np.isclose(found, end, rtol=1e-2), axis=0) * len(found))
+        for end in (SOFTEST, STIFFEST)
+    )
     return [
-        f"The filter identifies {told} Nm/rad, Nm/rad, N/m in the mean: where this is an end of what it may choose "
-        "from, a soft cable stands in for what its model lacks, such as wrong ratios. With the robots' own stiffness "
-        "it corrects what stretch there is, and no more."
+        f"The filter identifies {told} Nm/rad, Nm/rad, N/m in the mean of {len(found)} robots; on {softest} of them "
+        f"joints 1, 2 and 3 end at the softest cable that it may choose, on {stiffest} at the stiffest. A soft cable "
+        "stands in for what its model lacks, such as wrong ratios. With the robots' own stiffness it corrects what "
+        "stretch there is, and no more."
     ]
 
 
@@ -163,27 +179,31 @@ def _picture(outcomes: Outcomes) -> "Figure":
 def _below_filter(outcomes: Outcomes, method: str) -> Judgement:
     if not (hours(outcomes, method).size and hours(outcomes, UKF).size):
         return NOT_MEASURED
-    worst, best = ends(outcomes, method)[1], ends(outcomes, UKF)[0]
-    told = "; ".join(
-        f"{joint} {a:.3f} against {b:.3f} {unit}"
-        for joint, unit, a, b in zip(JOINTS, UNITS, worst, best, strict=True)
-    )
-    known = ends(outcomes, UKF_TOLD)[0]
-    told += f"; its best with the true stiffness {', '.join(f'{value:.3f}' for value in known)}"
-    return by_count(worst < best, told)
+    (_, worst), (best, _), (known, _) = (extremes(hours(outcomes, each)) for each in (method, UKF, UKF_TOLD))
+    told = f"worst hour, filter's best, its best with the true stiffness: {by_joint(worst, best, known)}"
+    return by_count(less(worst, best), told)
 
 
 def _range(outcomes: Outcomes, method: str) -> Judgement:
     if not hours(outcomes, method).size:
         return NOT_MEASURED
-    low, high = ends(outcomes, method)
-    offset = ends(outcomes, OFFSET)[0]
+    low, high = extremes(hours(outcomes, method))
+    offset, _ = extremes(hours(outcomes, OFFSET))
     reached, published = {}, {}
     for j, joint in enumerate(JOINTS):
         for end, values, place in (("least", low, 0), ("greatest", high, 1)):
-            reached[f"{joint} {end}"] = float(values[j])
+            reached[f"{joint} {end}"] = values[:, j]
             published[f"{joint} {end}"] = TABLE_3_OURS[method][j][place]
-    return within(reached, published, SHARE, direction=high < offset)
+    return near(reached, published, SHARE, direction=less(high, offset))
+
+
+# where the numbers go beyond the share, by the tables of this experiment and of table I
+BEYOND = {
+    NETWORK: "on joint 2 the network begins better than the paper's, and on joint 3 worse: as far as table I has it. "
+    "What six hours add is close to the paper's",
+    "linear": "on joint 2 the paper's hour 0 is worse than its own table I, to which the simulated robot was fitted: "
+    "the linear model begins lower there",
+}
 
 
 def _claims(method: str, name: str) -> tuple[Claim, Claim]:
@@ -196,18 +216,21 @@ def _claims(method: str, name: str) -> tuple[Claim, Claim]:
             "II-K, table III",
             published,
             f"least and greatest hour within {100 * SHARE:.0f} % of the published ends on all joints, mean over "
-            "robots; same direction: the greatest below the fixed offset's least on every joint",
+            f"robots; same direction: the greatest less than the fixed offset's least on every joint, {CLEARLY}",
             lambda outcomes: _range(outcomes, method),
+            why=BEYOND[method],
+            fitted=method == "linear",
         ),
         Claim(
             f"In every hour the {name} is more accurate than an unscented Kalman filter",
             "II-K, table III",
             f"{published}, against 1.195 deg, 1.242 deg, 0.927 mm of [13]",
-            "the worst hour below the filter's best on all three joints, same recordings, mean over robots; same "
+            f"the worst hour less than the filter's best, {CLEARLY}, on all three joints, same recordings; same "
             "direction: on two",
             lambda outcomes: _below_filter(outcomes, method),
-            why="free to choose, the filter takes the softest cable on joint 1, whose stretch under gravity stands in "
-            "for wrong ratios; told the true stiffness it keeps their error",
+            why="on joint 1 the worst hour is drift, which the filter has as well, and its best hour has none. Its "
+            "cable there comes out several times softer than the real one (the remark below the table): its stretch "
+            "under gravity stands in for wrong ratios, whose error the filter keeps when told the true stiffness",
         ),
     )
 

@@ -3,18 +3,25 @@
 Through forward kinematics, with joints 4 to 7 taken as accurate and a tool that does not bend, as the paper estimates
 them; axes are the base's. The cases are table III's: the same models and peers, recordings and robots. The paper's
 distance in hour 0 is the root of the sum of its squares in x, y and z, so RMSE is meant; so it is here.
+
+One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
+That margin was added after a first run.
 """
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from catenary.arrays import Floats
 from catenary.reports.page import Table
+from papers.calibration.judging import CLEARLY, less, near
 from papers.calibration.peer_hours import PEERS, PROCESS
 from papers.calibration.published import TABLE_4_OTHERS, TABLE_4_OURS, TIP_RAW
 from papers.calibration.recordings import BEST, NETWORK
 from papers.calibration.six_hours import OFFSET, RAW
-from papers.calibration.table_3 import COLORS, SHARE, cases, ends, hours, rows_of_ours
-from papers.claims import NOT_MEASURED, by_count, within
+from papers.calibration.table_3 import COLORS, SHARE, cases, extremes, hours, rows_of_ours
+from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
     Claim,
     Experiment,
@@ -31,6 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AXES = ("x", "y", "z", "distance")
+PENG = ("Peng [12]", "RAVEN-II", "DNN")
 RAW_SHARE = 0.25  # of "around 20 mm"
 
 
@@ -79,32 +87,56 @@ def _picture(outcomes: Outcomes) -> "Figure":
 def _range(outcomes: Outcomes, method: str) -> Judgement:
     if not hours(outcomes, method, "tip").size:
         return NOT_MEASURED
-    low, high = ends(outcomes, method, "tip")
-    reached = {"least": float(low[3]), "greatest": float(high[3])}
+    low, high = (each[:, 3] for each in extremes(hours(outcomes, method, "tip")))
+    offset = extremes(hours(outcomes, OFFSET, "tip"))[0][:, 3]
+    reached = {"least": low, "greatest": high}
     published = dict(zip(reached, TABLE_4_OURS[method][3], strict=True))
-    return within(reached, published, SHARE, direction=[high[3] < ends(outcomes, OFFSET, "tip")[0][3]])
+    return near(reached, published, SHARE, direction=[less(high, offset)])
+
+
+def _in_text(values: Floats) -> str:
+    return ", ".join(mean_and_spread(each) for each in values.T)
 
 
 def _below_process(outcomes: Outcomes, methods: Sequence[str]) -> Judgement:
     process = hours(outcomes, PROCESS, "tip")
     if not (process.size and all(hours(outcomes, method, "tip").size for method in methods)):
         return NOT_MEASURED
-    theirs = process.mean(axis=0)[0, :3]
+    theirs = process[:, 0, :3]
     holds, told = [], []
     for method in methods:
-        ours = hours(outcomes, method, "tip").mean(axis=0)[0, :3]
-        holds += list(ours < theirs)
-        told.append(f"{method} {', '.join(f'{value:.3f}' for value in ours)}")
-    return by_count(holds, f"{'; '.join(told)} against {', '.join(f'{value:.3f}' for value in theirs)} mm")
+        ours = hours(outcomes, method, "tip")[:, 0, :3]
+        holds += list(less(ours, theirs))
+        told.append(f"{method} {_in_text(ours)}")
+    return by_count(holds, f"{'; '.join(told)} against {_in_text(theirs)} mm")
+
+
+def _below_peng(outcomes: Outcomes, methods: Sequence[str]) -> Judgement:
+    if not all(hours(outcomes, method, "tip").size for method in methods):
+        return NOT_MEASURED
+    theirs = np.array(TABLE_4_OTHERS[PENG][:3], dtype=float)
+    holds, told = [], []
+    for method in methods:
+        best, _ = extremes(hours(outcomes, method, "tip"))
+        holds += list(less(best[:, :3], np.tile(theirs, (len(best), 1))))
+        told.append(f"{method} {_in_text(best[:, :3])}")
+    return by_count(holds, f"{'; '.join(told)} mm")
 
 
 def _raw(outcomes: Outcomes) -> Judgement:
     found = hours(outcomes, RAW, "tip")
     if not found.size:
         return NOT_MEASURED
-    first = float(found.mean(axis=0)[0, 3])
-    smaller = float(ends(outcomes, OFFSET, "tip")[1][3])
-    return within({"distance": first}, {"distance": TIP_RAW}, RAW_SHARE, direction=[first > 2.0 * smaller])
+    first = found[:, 0, 3]
+    offset = extremes(hours(outcomes, OFFSET, "tip"))[1][:, 3]
+    more = bool(first.mean() > 2.0 * offset.mean())
+    return near({"distance": first}, {"distance": TIP_RAW}, RAW_SHARE, direction=[more])
+
+
+BEGINS = (
+    "it begins lower than the paper's, whose own first hour is less accurate than its table I, to which the simulated "
+    "robot was fitted; and its y stays far lower in later hours, as joint 2 does (table III)"
+)
 
 
 def _range_claim(method: str, name: str) -> Claim:
@@ -114,8 +146,10 @@ def _range_claim(method: str, name: str) -> Claim:
         "II-K, table IV",
         f"{low} to {high} mm",
         f"least and greatest hour within {100 * SHARE:.0f} % of the published ends, mean over robots; same direction: "
-        "the greatest below the fixed offset's least",
+        f"the greatest less than the fixed offset's least, {CLEARLY}",
         lambda outcomes: _range(outcomes, method),
+        why=BEGINS,
+        fitted=method == "linear",
     )
 
 
@@ -127,6 +161,7 @@ CLAIMS = (
         f"RMSE of the distance in hour 0 within {100 * RAW_SHARE:.0f} %, mean over robots; same direction: more than "
         "twice that after a fixed offset",
         _raw,
+        fitted=True,
     ),
     _range_claim(NETWORK, "network"),
     _range_claim("linear", "linear model"),
@@ -135,12 +170,22 @@ CLAIMS = (
         "regression",
         "II-K, table IV",
         "0.362, 0.301, 0.205 mm and 0.389, 0.351, 0.231 mm at best against 1.4, 1.4, 1.1 mm of [42]",
-        "hour 0, same recordings, mean over robots: below on all three axes for both; same direction: on more than "
-        "half of the six",
+        f"hour 0, same recordings: less, {CLEARLY}, on all three axes for both; same direction: on more than half of "
+        "the six",
         lambda outcomes: _below_process(outcomes, (NETWORK, "linear")),
         why="the paper compares with a number from another recording; on the same one the process, which chooses a "
         "length for every input, is held back less than the paper's network by its fixed penalty. Our network, whose "
         "penalty is chosen on the data, is below it on all three axes",
+    ),
+    Claim(
+        "In their best hour network and linear model are more accurate than the network of Peng [12]",
+        "II-K, table IV",
+        "0.362, 0.301, 0.205 mm and 0.389, 0.351, 0.231 mm at best against 0.818, 1.078, 0.518 mm of [12]",
+        f"the least of six hours less than the published numbers of [12], {CLEARLY}, in x, y and z for both; same "
+        "direction: in more than half of the six. That method, which learned from cameras, is not built anew here: a "
+        "simulated robot is held against a real one; the linear model's three are implied by what it was fitted to",
+        lambda outcomes: _below_peng(outcomes, (NETWORK, "linear")),
+        fitted=True,
     ),
 )
 

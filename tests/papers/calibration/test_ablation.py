@@ -33,6 +33,21 @@ def test_the_papers_conclusions_hold_for_errors_that_show_them_and_not_for_their
     assert {claim.judge(Outcomes({})).verdict for claim in ablation.CLAIMS} == {"not measured"}
 
 
+def test_what_holds_on_joints_1_and_2_does_not_carry_what_is_said_of_joint_3() -> None:
+    made = outcomes({**ERRORS, TORQUES: [0.5, 0.5, 0.4]}, 0.1)
+    told = {claim.says: claim.judge(made).verdict for claim in ablation.CLAIMS}
+    assert (
+        told["Joint 3 is the only joint in which torques are more important than positions"]
+        == "not reproduced"
+    )
+
+
+def test_torques_that_add_little_to_positions_are_not_important() -> None:
+    made = outcomes({**ERRORS, POSITIONS: [0.103, 0.103, 0.3]}, 0.1)
+    told = {claim.says: claim.judge(made).verdict for claim in ablation.CLAIMS}
+    assert told["Joint positions and motor torques are important to the calibration"] == "not reproduced"
+
+
 def test_report_has_a_row_per_choice_of_features_and_per_signal_that_is_shuffled() -> None:
     report = ablation.report(outcomes(ERRORS, 0.1))
     assert [len(one.table.rows) for one in report.tables] == [len(FEATURES), len(SHUFFLED)]

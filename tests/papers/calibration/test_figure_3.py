@@ -34,6 +34,16 @@ def test_every_claim_holds_for_paths_that_are_what_the_paper_says() -> None:
     assert {says: verdict for says, verdict in verdicts.items() if verdict != "reproduced"} == {}
 
 
+def test_recording_for_twice_as_long_is_no_calibration_of_the_papers_minutes() -> None:
+    slow = Outcomes(
+        {case: {**result, "seconds": 2.0 * result["seconds"]} for case, result in PUBLISHED._results.items()}
+    )
+    told = {claim.says: claim.judge(slow) for claim in figure_3.CLAIMS}
+    found = told["Calibration takes 8 to 21 minutes, of which recording takes 4 to 17"]
+    assert found.verdict == "not reproduced"
+    assert found.measured.startswith("11.0 to 37.8 min, of which recording 7.0 to 33.8")
+
+
 def test_nothing_is_judged_of_nothing() -> None:
     assert {claim.judge(Outcomes({})).verdict for claim in figure_3.CLAIMS} == {"not measured"}
 

@@ -13,9 +13,9 @@ from papers.calibration.homings import (
     MODELS,
     NONE,
     ONE,
-    curve,
     home_here,
     homing_errors,
+    per_robot,
     random_tests,
     stay,
     tool_shift,
@@ -48,6 +48,10 @@ PAPERS = outcomes(
 SPARED = outcomes({BASELINE: [0.25] * 6, NONE: [0.25] * 6, ONE: [0.25] * 6})
 
 
+def verdicts_of(made: Outcomes) -> dict[str, str]:
+    return {claim.says: claim.judge(made).verdict for claim in figure_9.CLAIMS}
+
+
 def test_all_of_the_papers_claims_hold_for_its_own_numbers() -> None:
     for claim in figure_9.CLAIMS:
         assert claim.judge(PAPERS).verdict == "reproduced", claim.says
@@ -55,7 +59,38 @@ def test_all_of_the_papers_claims_hold_for_its_own_numbers() -> None:
 
 def test_no_effect_of_homing_is_told_from_one() -> None:
     verdicts = [claim.judge(SPARED).verdict for claim in figure_9.CLAIMS]
-    assert verdicts == ["reproduced", "not reproduced", "not reproduced", "reproduced", "not reproduced"]
+    none, all_of_it = "not reproduced", "reproduced"
+    # that errors stay small with a homing seen holds where none does harm
+    assert verdicts == [all_of_it, none, none, all_of_it, all_of_it, none]
+
+
+def test_a_rise_of_three_per_cent_is_no_drop_in_accuracy() -> None:
+    risen = [0.25, 0.25, 0.25, 0.25, 0.25, 0.2575]
+    told = verdicts_of(outcomes({BASELINE: [0.25] * 6, NONE: risen, ONE: [0.25] * 6}))
+    says = "Joint 2: accuracy drops significantly over five homings that training did not see"
+    assert told[says] == "not reproduced"
+
+
+def test_joint_2_is_not_hurt_most_where_joint_1_loses_more() -> None:
+    told = verdicts_of(PAPERS)
+    says = "Homing hurts joint 2 considerably, joints 1 and 3 not"
+    assert told[says] == "reproduced"
+    hurt = {
+        case: {
+            chain: {
+                method: [
+                    [[3.0 * e[0] if chain == NONE and k else e[0], *e[1:]] for k, e in enumerate(c)]
+                    for c in v
+                ]
+                if method in METHODS_SHOWN
+                else v
+                for method, v in found.items()
+            }
+            for chain, found in result.items()
+        }
+        for case, result in PAPERS._results.items()
+    }
+    assert verdicts_of(Outcomes(hurt))[says] == "not reproduced"
 
 
 def test_nothing_is_judged_before_both_datasets_ran() -> None:
@@ -67,7 +102,7 @@ def test_report_has_every_method_of_every_chain_and_a_panel_per_joint_and_model(
     report = figure_9.report(PAPERS)
     assert [len(one.table.rows) for one in report.tables] == [len(CHAINS) * len(METHODS_SHOWN)] * 3
     assert len(report.pictures[0].figure.axes) == 3 * len(MODELS)
-    assert_allclose(curve(PAPERS, NONE, "linear")[:, 1], [0.25, 0.3, 0.4, 0.5, 0.55, 0.63])
+    assert_allclose(per_robot(PAPERS, NONE, "linear")[..., 1], [[0.25, 0.3, 0.4, 0.5, 0.55, 0.63]] * 2)
 
 
 def log_of(tool: float, rng: np.random.Generator) -> MotionLog:
