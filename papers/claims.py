@@ -1,6 +1,6 @@
 """How claims are decided: of statements that hold or not, for each joint, robot or condition, how many do."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -27,26 +27,6 @@ def graded(reproduced: bool | np.bool_, direction: bool | np.bool_, measured: st
     return Judgement(
         "reproduced" if reproduced else "same direction" if direction else "not reproduced", measured
     )
-
-
-def within(
-    reached: Mapping[str, float], published: Mapping[str, float], share: float, *, direction: Iterable[bool]
-) -> Judgement:
-    """Judge numbers: reproduced within a share of the published ones, the same direction where `direction` holds.
-
-    Args:
-        reached: Number by name.
-        published: The paper's, by the same names.
-        share: Largest relative difference that counts as reproduced.
-        direction: Statements that all hold where the numbers go the paper's way.
-    """
-    if not reached:
-        return NOT_MEASURED
-    told = ", ".join(f"{name} {value:.3f}" for name, value in reached.items())
-    close = all(
-        abs(value - published[name]) <= share * abs(published[name]) for name, value in reached.items()
-    )
-    return graded(close, all(direction), told)
 
 
 def mean_and_spread(values: Iterable[float], digits: int = 3) -> str:
