@@ -204,7 +204,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=15.0,
+    minutes=19.0,
     claims=[_judged(later=True), _judged(later=False)],
     drawn=0,
     needs_data=True,

@@ -380,7 +380,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=75.0,
+    minutes=45.0,
     claims=CLAIMS,
     drawn=2,
 )

@@ -385,7 +385,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=6.0,
+    minutes=16.0,
     drawn=0,
     needs_data=True,
 )

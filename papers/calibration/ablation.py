@@ -314,7 +314,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=70.0,
+    minutes=50.0,
     claims=CLAIMS,
     drawn=2,
 )

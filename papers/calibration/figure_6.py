@@ -210,7 +210,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=125.0,
+    minutes=115.0,
     claims=(*CLAIMS, *OF_TRAINING),
     drawn=2,
 )

@@ -333,7 +333,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=220.0,
+    minutes=190.0,
     claims=CLAIMS,
     drawn=1,
 )

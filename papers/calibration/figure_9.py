@@ -323,6 +323,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=75.0,
+    minutes=50.0,
     claims=CLAIMS,
 )

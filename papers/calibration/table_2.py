@@ -251,7 +251,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=90.0,
+    minutes=65.0,
     claims=CLAIMS,
     drawn=2,
 )

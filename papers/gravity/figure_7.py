@@ -194,6 +194,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=20.0,
+    minutes=13.0,
     claims=CLAIMS,
 )

@@ -350,6 +350,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=40.0,
+    minutes=17.0,
     claims=CLAIMS,
 )

@@ -203,6 +203,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=24.0,
+    minutes=6.0,
     drawn=2,
 )

@@ -109,6 +109,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=2.0,
+    minutes=4.0,
     claims=CLAIMS,
 )

@@ -209,6 +209,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=15.0,
+    minutes=20.0,
     claims=CLAIMS,
 )

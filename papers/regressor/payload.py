@@ -284,6 +284,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=15.0,
+    minutes=2.0,
     claims=CLAIMS,
 )
