@@ -1,6 +1,6 @@
 """What the calibration paper claims of recording time (II-F, figure 5), and how each claim is decided."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 
 import numpy as np
@@ -117,16 +117,24 @@ def _network_needs_least(outcomes: Outcomes) -> Judgement:
     return statement(linear, polynomial, "below 500 s: " + told)
 
 
+def _longer_gains(
+    outcomes: Outcomes,
+    joint: int,
+    spans: Mapping[str, Sequence[str]],
+    published: Mapping[str, Mapping[str, float]],
+) -> Judgement:
+    """Judge a joint's errors after shorter and longer recordings, in this order, by the paper's."""
+    found = {span: _of(outcomes, names, PAIR, joint) for span, names in spans.items()}
+    reached = {f"{method} {span}": errors for span, each in found.items() for method, errors in each.items()}
+    papers = {f"{method} {span}": published[span][method] for span in spans for method in PAIR}
+    shorter, longer = found.values()
+    return near(reached, papers, CLOSE, direction=[less(longer[m], shorter[m]) for m in PAIR])
+
+
 @_when_complete
 def _joint_2(outcomes: Outcomes) -> Judgement:
-    reached: dict[str, Floats] = {}
-    published: dict[str, float] = {}
-    for span, names in zip(("short", "long"), short_and_long(outcomes), strict=True):
-        for method, errors in _of(outcomes, names, PAIR, 1).items():
-            reached[f"{method} {span}"] = errors
-            published[f"{method} {span}"] = FIGURE_5_J2[span][method]
-    better = [less(reached[f"{method} long"], reached[f"{method} short"]) for method in PAIR]
-    return near(reached, published, CLOSE, direction=better)
+    short, long = short_and_long(outcomes)
+    return _longer_gains(outcomes, 1, {"short": short, "long": long}, FIGURE_5_J2)
 
 
 @_when_complete
@@ -142,14 +150,7 @@ def _joint_2_polynomial(outcomes: Outcomes) -> Judgement:
 @_when_complete
 def _joint_3(outcomes: Outcomes) -> Judgement:
     short, _ = short_and_long(outcomes)
-    reached: dict[str, Floats] = {}
-    published: dict[str, float] = {}
-    for span, names in (("short", short), (ENOUGH_FOR_J3, [ENOUGH_FOR_J3])):
-        for method, errors in _of(outcomes, names, PAIR, 2).items():
-            reached[f"{method} {span}"] = errors
-            published[f"{method} {span}"] = FIGURE_5_J3[span][method]
-    better = [less(reached[f"{m} {ENOUGH_FOR_J3}"], reached[f"{m} short"]) for m in PAIR]
-    return near(reached, published, CLOSE, direction=better)
+    return _longer_gains(outcomes, 2, {"short": short, ENOUGH_FOR_J3: [ENOUGH_FOR_J3]}, FIGURE_5_J3)
 
 
 @_when_complete
