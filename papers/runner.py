@@ -170,6 +170,8 @@ def _client(workers: int, cluster: str | None) -> Iterator[Any]:
         "distributed.scheduler.worker-saturation": 1.0,
         # compiled code may keep a worker from answering for longer than any time to live
         "distributed.scheduler.worker-ttl": None,
+        # a worker that starts again when this time is over, however long after it died, would be ended for good
+        "distributed.deploy.lost-worker-timeout": "1000 h",
     }
     with (
         dask.config.set(settings),
