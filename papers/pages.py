@@ -80,14 +80,15 @@ def committed() -> dict[str, dict[str, Any]]:
 
 
 def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return results with those claims that their experiment makes today, `why` and `fitted` as it says them."""
-    made = {claim.says: claim for claim in experiment(content["name"]).claims}
+    """Return results with those claims that their experiment makes today, and what it says of them and of its data."""
+    today = experiment(content["name"])
+    made = {claim.says: claim for claim in today.claims}
     claims = [
         {**claim, "why": made[says].why, "fitted": made[says].fitted}
         for claim in content["claims"]
         if (says := claim["says"]) in made
     ]
-    return {**content, "claims": claims}
+    return {**content, "simulated": today.simulated, "recordings": today.needs_data, "claims": claims}
 
 
 def with_blocks(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:

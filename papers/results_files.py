@@ -58,6 +58,7 @@ def summary(
         "place": experiment.place,
         "title": experiment.title,
         "simulated": experiment.simulated,
+        "recordings": experiment.needs_data,
         "version": ", ".join(sorted({one.version for one in finished})),
         "source": sorted({one.source for one in finished}),
         "environments": sorted({one.environment for one in finished} - {""}),
@@ -141,7 +142,10 @@ def told_of(content: Mapping[str, Any]) -> str:
     robots = ", ".join(str(robot) for robot in content["robots"])
     times = " or ".join(str(count) for count in content["networks"])
     trained = f", each network trained {times} times and errors averaged" if times not in ("", "1") else ""
-    kind = f"Simulated robots {robots}{trained}" if content["simulated"] else "Measured on real arms"
+    recorded = ", and recordings of real arms" if content["recordings"] else ""
+    kind = (
+        f"Simulated robots {robots}{recorded}{trained}" if content["simulated"] else "Measured on real arms"
+    )
     return f"{kind}; {content['cases']} cases; catenary {content['version']}, {content['date']}."
 
 

@@ -207,5 +207,6 @@ EXPERIMENT = Experiment(
     minutes=19.0,
     claims=[_judged(later=True), _judged(later=False)],
     drawn=0,
+    simulated=False,
     needs_data=True,
 )

@@ -69,5 +69,6 @@ EXPERIMENT = Experiment(
     report=report,
     minutes=0.5,
     drawn=0,
+    simulated=False,
     needs_data=True,
 )

@@ -387,5 +387,6 @@ EXPERIMENT = Experiment(
     report=report,
     minutes=16.0,
     drawn=0,
+    simulated=False,
     needs_data=True,
 )

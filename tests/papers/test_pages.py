@@ -30,6 +30,7 @@ RESULTS = {
         "name": "calibration-table-1",
         "paper": "calibration",
         "simulated": True,
+        "recordings": False,
         "robots": ["nominal", 1],
         "networks": [3, 5],
         "cases": 2,
@@ -120,6 +121,14 @@ def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(
     assert [(each["says"], each["why"], each["fitted"]) for each in told] == [
         (claim.says, claim.why, claim.fitted) for claim in reversed(claims)
     ]
+
+
+def test_a_footer_tells_recordings_of_real_arms_beside_simulated_robots_and_by_themselves() -> None:
+    content = RESULTS["calibration-table-1"]
+    mixed = block(["calibration-table-1"], {"calibration-table-1": {**content, "recordings": True}})
+    assert "*Simulated robots nominal, 1, and recordings of real arms, each network" in mixed
+    real = {**content, "simulated": False, "recordings": True}
+    assert "*Measured on real arms; 2 cases" in block(["calibration-table-1"], {"calibration-table-1": real})
 
 
 @pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
