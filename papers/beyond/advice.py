@@ -204,7 +204,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=19.0,
+    minutes=2.0,
     claims=[_judged(later=True), _judged(later=False)],
     drawn=0,
     simulated=False,

@@ -301,7 +301,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=33.0,
+    minutes=7.0,
     claims=[_judged(model, stage, other) for stage, other in GOALS for model in MODELS if model != PAPER],
     drawn=5,
     needs_data=True,

@@ -198,7 +198,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=31.0,
+    minutes=2.0,
     drawn=0,
     needs_data=True,
 )

@@ -356,5 +356,5 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=87.0,
+    minutes=27.0,
 )

@@ -258,5 +258,5 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=64.0,
+    minutes=16.0,
 )

@@ -256,7 +256,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=23.0,
+    minutes=5.0,
     claims=CLAIMS,
     drawn=5,
 )

@@ -306,6 +306,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=60.0,
+    minutes=3.0,
     drawn=2,
 )

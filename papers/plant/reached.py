@@ -243,6 +243,6 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=10.0,
+    minutes=5.0,
     drawn=0,
 )
