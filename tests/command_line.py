@@ -1,8 +1,9 @@
-"""The catenary command, run in this process: what it prints, and its exit code."""
+"""The catenary command, run in this process or one of its own: what it prints, and its exit code."""
 
 import contextlib
 import io
 import json
+import subprocess
 import sys
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -39,6 +40,19 @@ def catenary(*arguments: object) -> Outcome:
         except SystemExit as end:
             code = int(end.code or 0)
     return Outcome(code, out.getvalue(), err.getvalue())
+
+
+def in_its_own_process(*arguments: str) -> Outcome:
+    """Run the command as a shell does, where what this process is or has imported would change what it says."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "catenary.cli.main", *arguments],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=120.0,
+        check=False,
+    )
+    return Outcome(ended.returncode, ended.stdout, ended.stderr)
 
 
 def refusal(*arguments: object) -> str:

@@ -2,8 +2,6 @@
 
 import inspect
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,7 @@ from catenary import errors
 from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.plant import OperatingState, require_ready
 from catenary.workflows.project.lock import FolderLock
-from command_line import Outcome, catenary
+from command_line import catenary, in_its_own_process
 
 PAGE = (Path(__file__).parents[1] / "docs" / "troubleshooting.md").read_text()
 # command and what is quoted of its output
@@ -61,18 +59,6 @@ def _line_pattern(line: str) -> str:
     return numbers.replace(r"\.\.\.", ".*")
 
 
-def _in_its_own_process(*arguments: str) -> Outcome:
-    ran = subprocess.run(
-        [sys.executable, "-m", "catenary.cli.main", *arguments],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    return Outcome(ran.returncode, ran.stdout, ran.stderr)
-
-
 @pytest.mark.parametrize(
     ("command", "quoted"),
     [
@@ -85,15 +71,16 @@ def test_a_quoted_message_is_what_the_command_prints(
 ) -> None:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:11999")  # where nobody listens
-    if command == "monitor --ros 1":
+    run = catenary
+    if "--ros 1" in command:
         try:
             make_rospy_importable()
         except errors.MissingPackageError as error:
             pytest.skip(str(error))
+        run = in_its_own_process  # a process is one node until it ends, and other tests may have made this one another
     if command.startswith(MODEL_NEEDED) and not Path("arm.npz").exists():
         assert catenary("fit", "good.npz", "--model", "linear", "--out", "arm.npz").code == 0
-    # a process is one ROS 1 node until it ends, and other tests may have made this one another
-    printed = (_in_its_own_process if "--ros 1" in command else catenary)(*command.split())
+    printed = run(*command.split())
     assert printed.code in (0, 2)
     for line in quoted.splitlines():
         assert re.search(f"^{_line_pattern(line)}", printed.err, re.MULTILINE), (line, printed.err)

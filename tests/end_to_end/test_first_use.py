@@ -1,16 +1,13 @@
 """A stranger's first afternoon: a recording, a model, an evaluation on another day, a look at the files."""
 
 import contextlib
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import command_line
 import simulated_arm
-from command_line import Outcome, refusal
+from command_line import Outcome, in_its_own_process, refusal
 
 
 def catenary(folder: Path, *arguments: str) -> Outcome:
@@ -46,18 +43,11 @@ def test_the_model_takes_most_of_the_error_away_on_another_day(folder: Path) -> 
 
 @pytest.mark.parametrize(("name", "kind"), [("monday.npz", "recording"), ("arm.npz", "calibration model")])
 def test_check_in_a_shell_finds_nothing_wrong_with_any_of_the_files(folder, name, kind) -> None:
-    outcome = subprocess.run(
-        [sys.executable, "-m", "catenary.cli.main", "check", name],
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")},
-    )
-    assert outcome.returncode == 0, outcome.stdout
-    assert outcome.stdout.startswith(f"{name}: {kind}")
-    assert outcome.stderr == ""
+    with contextlib.chdir(folder):
+        outcome = in_its_own_process("check", name)
+    assert outcome.code == 0, outcome.out
+    assert outcome.out.startswith(f"{name}: {kind}")
+    assert outcome.err == ""
 
 
 def test_a_model_of_the_wrong_arm_is_refused(folder: Path) -> None:
