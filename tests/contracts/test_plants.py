@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.names import Dialect
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
-from catenary.plant import JOINT_UNITS, Plant
+from catenary.plant import JOINT_UNITS, Plant, fault_of
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_plant import CablePlant
@@ -71,6 +71,11 @@ def ready(request) -> Plant:
 def fresh(request) -> Plant:
     """As it wakes up."""
     return PLANTS[request.param][1]()
+
+
+def test_plant_has_words_for_why_it_is_in_fault(ready: Plant) -> None:
+    assert hasattr(ready, "fault_reason")  # by which `fault_of` asks
+    assert fault_of(ready) == ""
 
 
 def still(plant: Plant, verb: str) -> np.ndarray:

@@ -1,6 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.plant import fault_of
 from catenary.robots.catalog import load_robot
 from catenary.simulation.positioning import PositioningArm
 from oracles.cable_arms import homed_plant
@@ -38,3 +39,13 @@ def test_positions_move_the_same_joints_as_the_whole_arms_do() -> None:
         other.wait()
     assert_array_equal(whole.measured_js().q, other.measured_js().q)
     assert_array_equal(arm.q_true, whole.state.q)
+
+
+def test_arm_says_why_it_is_in_fault_as_the_whole_one_does() -> None:
+    whole = homed_plant("left")
+    arm = PositioningArm(whole)
+    whole.firmware = whole.firmware.replace(kp=100.0 * whole.firmware.kp)
+    arm.servo_jp(arm.lower)
+    arm.wait()
+    assert arm.operating_state().state == "FAULT"
+    assert "a motor's command was too large" in fault_of(arm)

@@ -120,6 +120,16 @@ def test_refused_motion_is_told_on_the_page() -> None:
     assert states[-1].mode.startswith("ENABLED")
 
 
+def test_page_says_why_the_arm_is_in_fault() -> None:
+    arm = DrivenArm("raven2", rng=np.random.default_rng(1), real_time=False)
+    states = drive(arm, (0.1, "payload_kg", 1e9), (0.5, "", None))  # which no slider tells
+    assert states[-1].mode.startswith("FAULT")
+    assert any(
+        "in FAULT: the software e-stop tripped at" in warning and "a motor's command was too large" in warning
+        for warning in states[-1].warnings
+    )
+
+
 def test_shown_arm_has_a_slider_for_each_joint_within_its_limits(raven: DrivenArm) -> None:
     shown = raven.shown("x")
     sliders = [c for tab in shown.tabs for c in tab.controls if c.name.startswith("goto:")]

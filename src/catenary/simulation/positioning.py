@@ -42,6 +42,11 @@ class PositioningArm:
         """Where the joints really are, (3,) [rad, rad, m]."""
         return self.arm.state.q.copy()
 
+    @property
+    def fault_reason(self) -> str:
+        """Why the arm is in FAULT; empty in other states."""
+        return self.arm.fault_reason
+
     def measured_js(self) -> JointState:
         """Return the joint state as the firmware believes it."""
         return _first(self.arm.measured_js())

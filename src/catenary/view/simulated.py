@@ -16,7 +16,7 @@ from catenary.control.report import LoopReport
 from catenary.errors import CatenaryError
 from catenary.gravity.torque import gravity_torque
 from catenary.monitor.snapshot import EventRate, Snapshot
-from catenary.plant import JointState, Plant
+from catenary.plant import JointState, Plant, fault_of
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.simulation.steered_base import SteeredBase
@@ -199,7 +199,7 @@ class DrivenArm:
             None if corrector is None else corrector.inside,
             None if corrector is None else corrector.interval,
             encoder=encoder, tau=state.tau, gravity_tau=gravity_torque(self.arm.model, state.q, gravity),
-            gravity=gravity, gravity_age=state.gravity_age if reading is None else reading.age,
+            gravity=gravity, gravity_age=state.gravity_age if reading is None else reading.age, fault=fault_of(plant),
             operating=operating, lower=plant.lower, upper=plant.upper, rate_hz=self._ticks.hertz(now),
             late=self._late.within(now), error=state.q - self.arm.q_true() if operating.is_homed else None,
         )  # fmt: skip
