@@ -7,6 +7,7 @@ its own affair. Each case runs as long, in turn, several times: other programs d
 import argparse
 import multiprocessing
 import os
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,24 +29,19 @@ from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
 from catenary.workflows.gravity.track import with_approach
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from view.connected import CAMERA, connect
+
 CASES = {"no view": None, "no browser": 0, "one browser": 1, "ten browsers": 10, "one slow browser": -1}
 EVERY = 40  # ticks between two states
-
-
-CAMERA = {  # a browser is one that looks once it has said where its camera stands
-    "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (1.0, 1.0, 1.0), "fov": 0.9, "near": 0.01,
-    "far": 100.0, "image_height": 600, "image_width": 800, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0),
-}  # fmt: skip
 
 
 def read_pages(url: str, count: int, slow: bool, received: Any) -> None:
     """Connect as browsers do, and read until this process is ended; `received` counts bytes."""
     import msgspec
-    import viser
-    from websockets.sync.client import connect
 
-    address, protocol = url.replace("http", "ws"), f"viser-v{viser.__version__}"
-    clients = [connect(address, subprotocols=[protocol], max_size=None) for _ in range(count)]  # type: ignore[list-item]
+    clients = [connect(url) for _ in range(count)]
     for client in clients:
         client.send(msgspec.msgpack.encode(CAMERA))
     while True:

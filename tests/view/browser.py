@@ -114,13 +114,13 @@ class LookedAtPage:
 
 
 @contextmanager
-def looked_at_empty(size: dict[str, int] = SIZE) -> Iterator[LookedAtPage]:
-    """Start a browser whose page is empty yet."""
+def looked_at_empty(size: dict[str, int] = SIZE, *options: str) -> Iterator[LookedAtPage]:
+    """Start a browser whose page is empty yet; options are Chromium's."""
     sync_api = pytest.importorskip("playwright.sync_api")
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed (apt install chromium)")
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=[*ARGUMENTS, *options])
         try:
             yield LookedAtPage(browser.new_page(viewport=size))
         finally:

@@ -27,7 +27,7 @@ def view(*arguments: object) -> Iterator[str]:
         assert program.stdout is not None
         for line in program.stdout:
             lines.append(line)
-            if found := re.search(r"http://127\.0\.0\.1:\d+", line):
+            if found := re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", line):
                 yield found[0]
                 break
         else:

@@ -45,7 +45,7 @@ def view(network: Network, *options: str) -> Iterator[str]:
     """`catenary view` beside the robot; yields the address of its page."""
     arguments = ("view", "raven2", "--ros", "2", "--port", "18300", "--no-notes", *options)
     with Program(network, PATIENT_COMMAND, *arguments) as program:
-        while not (found := re.search(r"http://127\.0\.0\.1:\d+", program.line())):
+        while not (found := re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.line())):
             pass
         yield found[0]
         program.interrupt()

@@ -11,7 +11,7 @@ from catenary.plant import Bounded
 from catenary.teleop.driver import COMMANDS, HOLD, TeleopDriver
 from catenary.teleop.motion import AXES, BACKWARD, FORWARD
 from catenary.view.controls import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl
-from catenary.view.page_like import StatePage
+from catenary.view.page_process import StatePage
 from catenary.view.shapes import ArmShapes
 from catenary.view.shown import Shown
 from catenary.view.watched import WatchedArm

@@ -26,6 +26,17 @@ _END = "end"
 _ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
 
 
+class StatePage(Protocol):
+    """What a program that shows itself asks of a page: where states go and changes come from; neither waits."""
+
+    @property
+    def is_running(self) -> bool: ...  # noqa: D102
+
+    def put(self, state: ViewState) -> None: ...  # noqa: D102
+
+    def changes(self) -> list[Change]: ...  # noqa: D102
+
+
 class PageProcess:
     """A page that runs beside this program, and ends with it; a context manager.
 
@@ -55,7 +66,7 @@ class PageProcess:
 
     @property
     def url(self) -> str:
-        """Address of the page, which is empty until `open`.
+        """Address of the page, which is empty until `open`; whoever knows it can do what the page can.
 
         Raises:
             CatenaryError: The page did not come; the message says why.
@@ -156,10 +167,10 @@ def _run_page(pipe: Connection, port: int) -> None:
             pipe.send(tuple(change))
 
     try:
-        from catenary.view.viser_page import ViserPage, open_server, url_of
+        from catenary.view.viser_page import ViserPage, open_server
 
-        server = open_server(port)
-        pipe.send((_ADDRESS, url_of(server)))
+        server, url = open_server(port)
+        pipe.send((_ADDRESS, url))
         received = pipe.recv()
         if received == _END:
             server.stop()

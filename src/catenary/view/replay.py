@@ -14,7 +14,7 @@ from catenary.view.controls import (
     ToggleControl,
     Value,
 )
-from catenary.view.page_like import StatePage
+from catenary.view.page_process import StatePage
 from catenary.view.recorded import RecordedArm
 from catenary.view.shapes import ArmShapes, arm_shapes
 from catenary.view.shown import Shown

@@ -40,7 +40,7 @@ from catenary.view.driving_tabs import (
 )
 from catenary.view.from_snapshot import view_state
 from catenary.view.motions import random_motions, way_to, zigzags
-from catenary.view.page_like import StatePage
+from catenary.view.page_process import StatePage
 from catenary.view.shown import Shown
 from catenary.view.state import ViewState
 from catenary.view.steering import ChosenController, Motion, SteeredTrajectory, SwitchedCorrector

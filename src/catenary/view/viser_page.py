@@ -1,6 +1,7 @@
 """The page in the browser: the one file that talks to viser."""
 
 import logging
+import secrets
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,7 @@ from catenary.view.controls import (
     SliderControl,
 )
 from catenary.view.curves import Curves, Plot, RecordedCurves
+from catenary.view.gate import gated, require_gate
 from catenary.view.scene import ARMS, Scene, TipPaths, scene_of
 from catenary.view.shown import Shown, extent_of
 from catenary.view.state import ViewState
@@ -279,20 +281,18 @@ class ViserPage:
         self._plots = [_add_plot(gui, plot, self._curves.span) for plot in self._curves.plots(0)]
 
 
-def open_server(port: int) -> Any:
-    """Open an empty page on a port of this machine alone, and on the next free one where it is taken."""
+def open_server(port: int) -> tuple[Any, str]:
+    """Open an empty page on this port of this machine alone, or the next free one; return it and its address."""
     import viser  # takes most of a second
 
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
-    server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
+    token = secrets.token_urlsafe(16)
+    with gated(token):
+        server = viser.ViserServer(host=HOST, port=port, label="catenary", verbose=False)
+    require_gate(HOST, server.get_port(), token)
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
     server.gui.set_panel_label("catenary: preparing ...")
-    return server
-
-
-def url_of(server: Any) -> str:
-    """Return where the page of a server is."""
-    return f"http://{HOST}:{server.get_port()}"
+    return server, f"http://{HOST}:{server.get_port()}/{token}/"
 
 
 def _add_plot(gui: Any, plot: Plot, span: tuple[float, float]) -> Any:

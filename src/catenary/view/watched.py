@@ -6,7 +6,7 @@ from pathlib import Path
 
 from catenary.monitor.snapshot import Snapshot
 from catenary.view.from_snapshot import state_in_words, view_state
-from catenary.view.page_like import StatePage
+from catenary.view.page_process import StatePage
 from catenary.view.shapes import ArmShapes
 from catenary.view.shown import Shown
 from catenary.workflows.robot.operated_robot import OperatedRobot

@@ -1,4 +1,5 @@
 import json
+import re
 import webbrowser
 
 import pytest
@@ -33,7 +34,7 @@ def test_view_says_where_its_page_is_and_ends_after_the_time_that_it_was_given()
     assert outcome.code == 0
     told = json.loads(outcome.out)
     assert told["shown"] == "two_link"
-    assert told["url"].startswith("http://127.0.0.1:")
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}/", told["url"])
 
 
 def test_ctrl_c_is_the_usual_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,7 +57,9 @@ def test_browser_is_opened_where_it_is_asked_for_and_not_from_a_pipe(
     monkeypatch.setattr(simulated.DrivenArm, "run", lambda *_: None)
     monkeypatch.setenv("DISPLAY", screen)
     assert catenary("view", "two_link", "--port", 18092, *option).code == 0
-    assert [url.startswith("http://127.0.0.1:") for url in opened] == [True] * expected
+    assert [bool(re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}/", url)) for url in opened] == [
+        True
+    ] * expected
 
 
 @pytest.mark.parametrize(

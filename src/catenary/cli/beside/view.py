@@ -7,6 +7,7 @@ import webbrowser
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from socket import gethostname
 from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
 
 from typer import Argument, Option
@@ -18,8 +19,7 @@ from catenary.cli.terminal import announce, print_json_line
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.view.page_like import StatePage
-    from catenary.view.page_process import PageProcess
+    from catenary.view.page_process import PageProcess, StatePage
     from catenary.view.shown import Shown
 
 HERE = "127.0.0.1"
@@ -220,9 +220,7 @@ def _has_screen() -> bool:
 
 
 def _elsewhere(host: str, port: int) -> str:
-    from socket import gethostname
-
     return (
-        f'--host "{host}": expected {HERE}: whoever reaches the page can drive the arm, and it asks for no password. '
-        f"From another machine: ssh -L {port}:{HERE}:{port} {gethostname()}, then open http://{HERE}:{port} there"
+        f'--host "{host}": expected {HERE}: whoever knows the address of the page can drive the arm. From another '
+        f"machine: ssh -L {port}:{HERE}:{port} {gethostname()}, then open there the address that this one prints"
     )
