@@ -1,5 +1,6 @@
 """What a page has to press, pull and choose, as data: the page draws it, and says what was changed."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -79,3 +80,13 @@ class ControlTab:
     label: str
     controls: tuple[Control, ...]
     text: str = ""  # above them
+
+
+def accepted(control: Control, value: object) -> Value | None:
+    """Return a value from a browser as the control may have it, within a slider's ends; None where it may not."""
+    if isinstance(control, SliderControl):
+        finite = isinstance(value, int | float) and math.isfinite(value)
+        return min(max(float(value), control.low), control.high) if finite else None  # type: ignore[arg-type]
+    if isinstance(control, ToggleControl | HeldControl):
+        return value if isinstance(value, bool) else None
+    return str(value) if value in control.options else None

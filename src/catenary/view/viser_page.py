@@ -18,6 +18,7 @@ from catenary.view.controls import (
     ControlTab,
     HeldControl,
     SliderControl,
+    accepted,
 )
 from catenary.view.curves import Curves, Plot, RecordedCurves
 from catenary.view.gate import gated, require_gate
@@ -59,7 +60,7 @@ class ViserPage:
         self._time = 0.0  # of the last picture
         self._set: dict[str, Floats] = {}  # what was sent of each node last
         self._handles: dict[str, Any] = {}  # of controls
-        self._values: dict[str, float | bool | str] = {}  # of controls, as the program set them last
+        self._values: dict[str, float | bool | str] = {}  # of controls, as they were set last
         self._joint = 0
         self._wanted = dict.fromkeys(ARMS, True)
         self._build_scene()
@@ -242,28 +243,32 @@ class ViserPage:
     def _add_control(self, control: Control) -> Any:
         gui, name, hint = self._server.gui, control.name, control.hint or None
         handle: Any
-        if isinstance(control, ButtonsControl):
-            handle = gui.add_button_group(control.label, control.options, hint=hint)
-            handle.on_click(lambda event: self._tell(Change(name, event.target.value)))
-            return handle
+
+        def changed(event: Any) -> None:
+            if event.client is None:  # this program did it
+                return
+            value = accepted(control, given := event.target.value)
+            if value is not None:
+                self._values[name] = value
+                self._tell(Change(name, value))
+            if value != given:
+                event.target.value = self._values[name]  # in all browsers
+
         if isinstance(control, HeldControl):
             handle = gui.add_button(control.label, hint=hint)
             handle.on_hold(lambda _: self._tell(Change(name, True)), callback_hz=HOLD_HZ)
             return handle
-        if isinstance(control, SliderControl):
+        if isinstance(control, ButtonsControl):
+            handle = gui.add_button_group(control.label, control.options, hint=hint)
+        elif isinstance(control, SliderControl):
             low, high, step = control.low, control.high, control.step
             handle = gui.add_slider(control.label, low, high, step, initial_value=control.value, hint=hint)
         elif isinstance(control, ChoiceControl):
             handle = gui.add_dropdown(control.label, control.options, initial_value=control.value, hint=hint)
         else:
             handle = gui.add_checkbox(control.label, control.value, hint=hint)
-
-        def changed(event: Any) -> None:
-            if event.client is not None:  # somebody did it, not this program
-                self._values.pop(name, None)
-                self._tell(Change(name, event.target.value))
-
-        handle.on_update(changed)
+        self._values[name] = handle.value
+        (handle.on_click if isinstance(control, ButtonsControl) else handle.on_update)(changed)
         return handle
 
     def _add_show_tab(self) -> None:
