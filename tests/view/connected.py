@@ -21,15 +21,20 @@ CAMERA = {  # a browser is one that looks once it has said where its camera stan
 }  # fmt: skip
 
 
-@contextmanager
-def page_of_an_arm(port: int) -> Iterator[PageProcess]:
-    """A page in a process of its own that has all kinds of controls but held ones, and no loop behind it."""
+def shown_arm() -> Shown:
+    """An arm with all kinds of controls but held ones."""
     model, plant = load_robot("raven2"), IdealPlant([0.8, 1.5, 0.4])
     tabs = driving_tabs(
         plant, plant.measured_js().q, motion="rest", controller="PD alone", has_cables=True, has_model=True
     )
+    return Shown("test", model, arm_shapes(model), tabs)
+
+
+@contextmanager
+def page_of_an_arm(port: int) -> Iterator[PageProcess]:
+    """Its page in a process of its own, and no loop behind it."""
     with PageProcess(port=port) as page:
-        page.open(Shown("test", model, arm_shapes(model), tabs))
+        page.open(shown_arm())
         yield page
 
 

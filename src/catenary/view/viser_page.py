@@ -248,11 +248,11 @@ class ViserPage:
             if event.client is None:  # this program did it
                 return
             value = accepted(control, given := event.target.value)
+            if value != given:
+                event.target.value = self._values[name] if value is None else value  # in all browsers
             if value is not None:
                 self._values[name] = value
                 self._tell(Change(name, value))
-            if value != given:
-                event.target.value = self._values[name]  # in all browsers
 
         if isinstance(control, HeldControl):
             handle = gui.add_button(control.label, hint=hint)
