@@ -23,7 +23,7 @@ from catenary.robots.model import RobotModel
 EVERY = slice(None)
 IRREGULAR = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
 BRIDGED = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
-MADE = 1.1  # even rows for each one recorded, from which on that is told
+MADE, MOST_MADE = 1.1, 100  # even rows for each one recorded: from which on that is told, and refused
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     cut = settings.cut_samples
     least = 2 * cut + 3 * (2 * settings.order + 1) + 2
     stretches, gaps = _stretches(log, settings)
-    grids = [(part, *_grid(log.time[part], settings)) for part in stretches]
+    grids = [(part, *_grid(f'recording "{log.name}"', log.time[part], settings)) for part in stretches]
     parts = [_segment(log, *grid, settings) for grid in grids if len(grid[1]) >= least]
     if not parts:
         longest, even, _ = max(grids, key=lambda grid: len(grid[1]))
@@ -170,7 +170,7 @@ class _Segment(NamedTuple):
     rows: int  # as recorded
 
 
-def _grid(time: Floats, settings: SignalFilter) -> tuple[Floats, float]:
+def _grid(where: str, time: Floats, settings: SignalFilter) -> tuple[Floats, float]:
     """Return even times for a stretch (M,), those that it has where these are even, and their step [s]."""
     steps = np.diff(time)
     if not len(steps):
@@ -178,6 +178,11 @@ def _grid(time: Floats, settings: SignalFilter) -> tuple[Floats, float]:
     usual = float(np.median(steps))
     # of bursts half the mean: no more than two rows are made of one
     step = max(usual, 0.5 * float(np.mean(steps))) if settings.rate_hz is None else 1.0 / settings.rate_hz
+    if float(time[-1] - time[0]) > MOST_MADE * len(time) * step > 0.0:
+        raise InputError(
+            f"{where}: {len(time)} rows in {time[-1] - time[0]:g} s, filtered at {1 / step:g} Hz: expected {MOST_MADE} "
+            "times as many rows at most; is time in ms, us or ns?"
+        )
     if step > 0.0 and (np.ptp(steps) > IRREGULAR * step or abs(usual / step - 1.0) > IRREGULAR):
         return np.arange(time[0], time[-1], step), step
     return time, step

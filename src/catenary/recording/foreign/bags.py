@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.documents import cut
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import FileFormatError
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.foreign.definitions import fields_by_definition
 from catenary.recording.foreign.stream import Stream
@@ -184,7 +184,7 @@ class _TopicColumns:
         count = sum(length for length, _ in self._parts)
         names = dict.fromkeys(column for _, part in self._parts for column in part if column)
         if len(names) > MOST_COLUMNS:
-            raise InputError(f"{where}: {len(names)} columns, expected {MOST_COLUMNS} at most")
+            raise FileFormatError(f"{where}: {len(names)} columns, expected {MOST_COLUMNS} at most")
         columns = {column: np.full(count, np.nan) for column in names}
         stamp = np.zeros(count, dtype=np.int64)
         first = 0
@@ -203,6 +203,8 @@ class _TopicColumns:
             return
         for rows, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
             for inside, column, values in self._numbers(records):
+                if len(part) > MOST_COLUMNS:  # before as many arrays are made
+                    raise FileFormatError(f"more than {MOST_COLUMNS} columns")
                 if column == "" and column not in part:
                     part[""] = np.zeros(len(waiting), dtype=np.int64)
                 elif column not in part:
