@@ -17,7 +17,7 @@ from catenary.recording.foreign.stream import Stream
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import current_name
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.recording.source import McapReader
+from catenary.recording.source import first_arrival, open_ros2
 from catenary.recording.topics import SECOND
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
@@ -38,15 +38,17 @@ class Bag:
             FileFormatError: No such file, another kind, or damaged so far that no message can be read.
         """
         self.path = path
-        self._reader: BagStream | McapReader
-        if path.suffix == ".bag" and path.is_file():
-            self._reader = BagStream(path, foreign=True)
-        else:
-            self._reader = _ros2(_with_metadata(path))
+        is_ros1 = path.suffix == ".bag" and path.is_file()
+        self._reader = BagStream(path, foreign=True) if is_ros1 else open_ros2(path, foreign=True)
         self.encoding: Encoding = self._reader.encoding
         self._known: dict[str, FieldsOf] = {}  # by topic
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
         self.counts = {name: count for name, count in self._reader.counts.items() if count}
+
+    @property
+    def first_arrival(self) -> int:
+        """When its first message arrived [ns]."""
+        return first_arrival(self._reader)
 
     @property
     def problems(self) -> list[str]:
@@ -121,34 +123,6 @@ class Bag:
             if chosen(name, data):
                 columns[name].add(stamp, data)
         return columns
-
-
-def _ros2(path: Path) -> "BagStream | McapReader":
-    """Open by the index, or what is whole of an MCAP file that lacks its own."""
-    try:
-        return McapReader(path, foreign=True)
-    except FileFormatError:
-        file = min(path.glob("*.mcap"), default=None) if path.is_dir() else path
-        if file is None or file.suffix != ".mcap":
-            raise
-        stream = BagStream(file, foreign=True)
-        if not stream.counts:
-            raise
-        return stream
-
-
-def _with_metadata(path: Path) -> Path:
-    """Return the folder of a ROS 2 bag of which a `.db3` file was given."""
-    if path.suffix == ".db3" and path.is_file():
-        if len(list(path.parent.glob("*.db3"))) == 1 and (path.parent / "metadata.yaml").is_file():
-            return path.parent
-        raise FileFormatError(
-            f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it "
-            "(`ros2 bag reindex` makes one)"
-        )
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise FileFormatError(f"{path}: is a folder without metadata.yaml, expected a ROS 2 bag")
-    return path
 
 
 @dataclass
