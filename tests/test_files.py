@@ -2,6 +2,9 @@ import json
 import math
 import os
 import stat
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -124,3 +127,66 @@ def test_a_damaged_file_is_named_with_what_makes_it_again(tmp_path: Path) -> Non
     assert damage(path, "no JSON", "run it again") == f"{path}: damaged: it is empty; run it again"
     path.write_bytes(b"{")
     assert damage(path, "no JSON", "run it again") == f"{path}: damaged: no JSON; run it again"
+
+
+HALF = """
+import os, signal, sys
+from pathlib import Path
+from catenary.files import partial_folder, written_whole
+
+folder = Path(sys.argv[1])
+with written_whole(folder / "log.parquet") as file, partial_folder(folder) as inside:
+    file.write(bytes(10_000))
+    file.flush()
+    (inside / "half").write_bytes(bytes(100))
+    print("written", flush=True)
+    sys.stdin.read()
+"""
+
+
+def writing(folder: Path) -> subprocess.Popen[str]:
+    """A process that is half through writing."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HALF, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "written\n"
+    return process
+
+
+def partial(folder: Path) -> list[Path]:
+    return sorted(folder.glob(".*.partial"))
+
+
+def test_what_a_killed_process_left_is_swept_by_the_next_that_writes_there(tmp_path: Path) -> None:
+    process = writing(tmp_path)
+    process.kill()
+    process.communicate()
+    long_ago = time.time() - 3600.0
+    for left in partial(tmp_path):
+        os.utime(left, (long_ago, long_ago))
+    assert len(partial(tmp_path)) == 2
+    write_atomically(tmp_path / "another.json", b"{}")
+    assert partial(tmp_path) == []
+
+
+def test_what_a_living_process_writes_is_never_swept(tmp_path: Path) -> None:
+    process = writing(tmp_path)
+    there = partial(tmp_path)
+    long_ago = time.time() - 3600.0
+    for one in there:
+        os.utime(one, (long_ago, long_ago))
+    write_atomically(tmp_path / "another.json", b"{}")
+    assert partial(tmp_path) == there
+    process.communicate("")
+    assert process.returncode == 0
+    assert (tmp_path / "log.parquet").stat().st_size == 10_000
+    assert partial(tmp_path) == []
+
+
+def test_what_bears_the_name_of_other_programs_is_not_swept(tmp_path: Path) -> None:
+    for name in (".film.mp4.partial", "0123456789abcdef.partial", ".0123.partial"):
+        (tmp_path / name).write_bytes(b"theirs")
+        os.utime(tmp_path / name, (0.0, 0.0))
+    write_atomically(tmp_path / "another.json", b"{}")
+    assert len(list(tmp_path.iterdir())) == 4

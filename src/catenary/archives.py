@@ -139,13 +139,14 @@ def _check_header(file: IO[bytes], size: int, most: int) -> int:
         raise ValueError(f"version {version} of NumPy's format, expected (1, 0) or (2, 0)")
     if dtype.kind not in _PLAIN or dtype.subdtype is not None:
         raise ValueError(f"an array of {cut(str(dtype))}, expected plain numbers or texts")
-    count = 1
+    count = within = 1
     for length in shape:
         if type(length) is not int or length < 0:
             raise ValueError(f"an array of shape {shortened(shape)}")
         count *= length
+        within *= max(1, length)  # no rows take no bytes, and columns are named all the same
     taken = count * max(dtype.itemsize, 8)
-    if taken > most:
+    if within * 8 > most or taken > most:
         raise ValueError(f"an array of shape {shortened(shape)} has more than {most} bytes")
     if count * dtype.itemsize != size - file.tell():
         raise ValueError(

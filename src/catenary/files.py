@@ -2,11 +2,15 @@
 
 import contextlib
 import errno
+import fcntl
 import hashlib
 import json
 import math
 import os
+import re
 import secrets
+import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,6 +18,8 @@ from typing import Any, BinaryIO
 from catenary.errors import FileFormatError
 
 PARTIAL = ".partial"  # how the names of files end that are being written
+_OURS = re.compile(rf"\.[0-9a-f]{{16}}\{PARTIAL}")
+_NEWBORN = 60.0  # [s] for which what is empty may be locked yet
 
 
 @contextlib.contextmanager
@@ -23,23 +29,25 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
     Written under another name in the same folder, one that nobody can guess and nothing had (O_EXCL, O_NOFOLLOW);
     then fsync, rename, fsync of the folder. A symbolic link at `path` is replaced by the file, and what it points to
     stays as it was; links in the folder's own name are followed. A device, a pipe and the links to them in /dev and
-    /proc, such as /dev/stdout, are written to directly.
+    /proc, such as /dev/stdout, are written to directly. What processes that were killed left in the folder is deleted.
 
     Raises:
         FileFormatError: The file cannot be written; what was there before is still there.
     """
-    partial = path.parent / f".{secrets.token_hex(8)}{PARTIAL}"
+    partial = path.parent / _partial_name()
     try:
         if _is_stream(path):
             with path.open("wb") as file:
                 yield file
             return
+        sweep_partial(path.parent)
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         with open(os.open(partial, flags, 0o666), "wb") as file:
+            _lock(file.fileno())
             yield file
             file.flush()
             os.fsync(file.fileno())
-        os.replace(partial, path)
+            os.replace(partial, path)
         _sync_folder(path.parent)
     except BaseException as error:
         with contextlib.suppress(OSError):
@@ -47,6 +55,51 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
         if isinstance(error, OSError):
             raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
         raise
+
+
+@contextlib.contextmanager
+def partial_folder(parent: Path) -> Iterator[Path]:
+    """Make a folder to write in, under a name of its own, deleted at the end; see `written_whole`.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+    sweep_partial(parent)
+    folder = parent / _partial_name()
+    folder.mkdir(mode=0o700)
+    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        _lock(descriptor)
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(descriptor)
+
+
+def sweep_partial(folder: Path) -> None:
+    """Delete what processes that are gone were writing in a folder; what one that lives writes is locked by it."""
+    with contextlib.suppress(OSError):
+        for name in filter(_OURS.fullmatch, os.listdir(folder)):
+            with contextlib.suppress(OSError):  # locked, another user's, or gone meanwhile
+                descriptor = os.open(
+                    folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+                )
+                try:
+                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    state, is_folder = os.fstat(descriptor), (folder / name).is_dir()
+                    if (state.st_size > 0 and not is_folder) or time.time() - state.st_mtime > _NEWBORN:
+                        (shutil.rmtree if is_folder else os.unlink)(folder / name)
+                finally:
+                    os.close(descriptor)
+
+
+def _partial_name() -> str:
+    return f".{secrets.token_hex(8)}{PARTIAL}"
+
+
+def _lock(descriptor: int) -> None:
+    with contextlib.suppress(OSError):  # on a file system without locks nothing is swept either
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def write_atomically(path: Path, content: bytes) -> None:

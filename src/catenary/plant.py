@@ -11,6 +11,9 @@ from catenary.arrays import Floats, frozen
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 
 JOINT_UNITS = ("rad", "m")
+# a step in time is a gap where it is longer than so many median ones, and than twice what this share of the steps keep:
+# messages that come in bursts leave no gaps
+GAP_STEPS, GAP_SHARE = 10.0, 0.95
 UNUSED = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
@@ -184,6 +187,9 @@ class MotionLog:
     ok: NDArray[np.bool_]  # (N,) rows whose q_encoder can be trusted
     q_encoder: Floats | None = None  # (N, n)
     time: Floats | None = None  # (N,) [s]
+    began: float = (
+        0.0  # [s] what the recording's own clock said at time zero: since 1970 where it is a calendar's
+    )
     qd: Floats | None = None  # (N, n) [rad/s or m/s]
     tau: Floats | None = None  # (N, n) [Nm or N]
     signals: Mapping[str, Floats] = field(default_factory=dict)  # further columns, each (N,)
@@ -254,3 +260,12 @@ class MotionLog:
         if self.time is None:
             return (0,)
         return (0, *(int(i) + 1 for i in np.flatnonzero(np.diff(self.time) < 0.0)))
+
+    def gaps(self, least: float = 0.0) -> tuple[int, ...]:
+        """Return the rows behind a gap in time: a step of more than GAP_STEPS median ones, and than `least` [s]."""
+        steps = np.diff(self.time) if self.time is not None else np.zeros(0)
+        forward = steps[steps > 0.0]
+        if not len(forward):
+            return ()
+        usual, longest = float(np.median(forward)), float(np.quantile(forward, GAP_SHARE))
+        return tuple((np.flatnonzero(steps > max(GAP_STEPS * usual, 2.0 * longest, least)) + 1).tolist())

@@ -1,11 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.identification.identification import identify_samples
 from catenary.identification.options import IdentifyOptions
 from catenary.identification.samples import alternate_blocks, prepare
 from catenary.robots.catalog import load_robot
+from catenary.spatial import LEVEL
 from moving_arm import recorded
 
 ARM = load_robot("raven2")
@@ -66,6 +71,106 @@ def test_a_jump_back_in_time_parts_the_recording():
     twice = {key: np.concatenate([getattr(run, key)] * 2) for key in ("q_nominal", "qd", "tau", "ok", "time")}
     one, both = prepare(run, ARM, FULL), prepare(log(**twice), ARM, FULL)
     assert_allclose(both.tau, np.concatenate([one.tau, one.tau]), atol=1e-9)
+
+
+def thinned(run, kept):
+    columns = ("q_nominal", "qd", "tau", "ok", "time")
+    return replace(run, **{key: getattr(run, key)[kept] for key in columns})
+
+
+def without(run, *spans):
+    """A recording that dropped out between these times [s]."""
+    lost = [(run.time >= first) & (run.time < last) for first, last in spans]
+    return thinned(run, ~np.logical_or.reduce(lost))
+
+
+DROPPED_OUT = ((5.0, 7.5), (11.5, 14.0), (17.0, 19.5), (23.5, 26.0))
+
+
+@pytest.mark.parametrize("name", ["raven2", "ur10e"])
+def test_drop_outs_leave_identified_gravity_nearly_as_true_as_without(name):
+    arm, options = load_robot(name), IdentifyOptions(friction=(), consistent=False)
+    run = recorded(arm, 0, rate=100.0, noise=0.01)
+    q = np.random.default_rng(1).uniform(
+        np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0), (200, arm.n)
+    )
+    true = gravity_torque(arm, q, LEVEL)
+
+    def wrong(log):
+        found = identify_samples([prepare(log, arm, options)], arm, options)
+        return np.abs(found.predict(q) - true).max()
+
+    # two thirds of the rows, less what the filter takes at ten more ends
+    assert wrong(without(run, *DROPPED_OUT)) < 5.0 * wrong(run)
+
+
+def test_no_row_is_made_where_none_was_recorded():
+    run = without(log(), *DROPPED_OUT)
+    samples = prepare(run, ARM, FULL)
+    assert np.abs(samples.time[:, None] - run.time).min(axis=1).max() < 1e-9
+    assert len(samples) == len(run) - 5 * 200  # 100 at either end of each stretch
+    assert samples.notes == (
+        "4 gap(s) in time, the longest 2.51 s: what lies between was filtered, and cut at both ends, by itself; "
+        "3000 rows are used of 4000",
+    )
+
+
+def test_a_rate_that_a_robots_file_asks_for_makes_no_row_in_a_gap():
+    arm = load_robot("panda")
+    run = without(recorded(arm, 0, rate=100.0), *DROPPED_OUT)
+    samples = prepare(run, arm, FULL)
+    assert np.abs(samples.time[:, None] - run.time).min(axis=1).max() < 0.0051  # half a step
+    assert "brought to" in samples.notes[1]
+
+
+def test_a_stretch_between_gaps_that_is_shorter_than_the_filter_needs_is_left_out_and_told():
+    run = without(log(), (5.0, 8.0), (9.0, 12.0))
+    samples = prepare(run, ARM, FULL)
+    assert not ((samples.time > 5.0) & (samples.time < 12.0)).any()
+    assert "1 stretch(es) of time shorter than the filter needs, 200 rows, were left out" in samples.notes[1]
+
+
+def test_a_recording_of_short_stretches_alone_is_refused_with_its_gaps():
+    run = without(log(), *((second + 0.5, second + 1.0) for second in range(30)))
+    with pytest.raises(
+        InputError, match=r"100 rows from row 0, between 29 gap\(s\) in time: shorter than the filter"
+    ):
+        prepare(run, ARM, FULL)
+
+
+def jittery(time, rng):
+    return time + rng.uniform(-0.002, 0.002, len(time))
+
+
+def in_bursts(time, rng):
+    """Ten messages that a busy network delivers at once."""
+    return time[9::10].repeat(10)[: len(time)] + np.tile(np.arange(10) * 1e-5, len(time) // 10)
+
+
+def with_hiccups(time, rng):
+    """A program that stands still for 90 ms once a second, and misses 18 rows."""
+    return time[np.arange(len(time)) % 200 >= 18]
+
+
+@pytest.mark.parametrize("spoil", [jittery, in_bursts, with_hiccups])
+def test_jitter_bursts_and_hiccups_are_no_gaps(spoil):
+    run = log()
+    time = spoil(run.time, np.random.default_rng(2))
+    q, qd, tau = (
+        np.column_stack([np.interp(time, run.time, column) for column in values.T])
+        for values in (run.q_nominal, run.qd, run.tau)
+    )
+    samples = prepare(
+        replace(run, q_nominal=q, qd=qd, tau=tau, ok=np.ones(len(q), bool), time=time), ARM, FULL
+    )
+    assert not [note for note in samples.notes if "gap" in note]
+    assert len(samples) > 0.9 * len(time)
+    assert len(samples) < 2.1 * len(time)
+
+
+def test_rows_that_were_made_are_told():
+    samples = prepare(thinned(log(), np.random.default_rng(1).random(len(RUN)) < 0.7), ARM, FULL)
+    assert "rows were brought to 599" in samples.notes[0]
 
 
 def test_poses_at_rest_are_taken_as_they_are():

@@ -118,10 +118,13 @@ def test_what_an_mcap_file_says_of_itself_is_checked_first(tmp_path: Path, recor
         "3",
     ],
 )
-def test_metadata_of_nonsense_is_refused(tmp_path: Path, text: str) -> None:
+def test_metadata_of_nonsense_are_told_and_the_file_is_read(tmp_path: Path, text: str) -> None:
     bag = _ros2(tmp_path / "a", "SQLITE3")
+    sent = list(open_recording(bag).messages())
     (bag / "metadata.yaml").write_text(text)
-    _refused(bag, "cannot be read")
+    source = open_recording(bag)
+    assert list(source.messages()) == sent
+    assert "its files were read one by one: a.db3" in source.problems[0]
 
 
 TABLES = {

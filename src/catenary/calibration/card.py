@@ -100,7 +100,7 @@ def model_card(
         "watch": day_in_card(model.trained_day),
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
-        "recorded": data.last_date,
+        "recorded": data.dates[1],
         "run": {"seed": options.seed, **command},
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {

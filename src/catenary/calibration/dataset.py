@@ -49,15 +49,22 @@ class CalibrationData:
     has_time: bool
     robot: str | None = None
     rate_hz: float | None = None  # of the recordings' rows; None without time, or when they differ
+    began: tuple[float, ...] = ()  # [s] of each source: what its own clock said at its time zero
 
     def __len__(self) -> int:
         return len(self.X)
 
     @property
-    def last_date(self) -> str | None:
-        """Day of the last row (ISO 8601, UTC); None where time stamps are not a calendar's."""
-        last = float(self.time.max()) if self.has_time and len(self) else 0.0
-        return datetime.fromtimestamp(last, UTC).date().isoformat() if FIRST_DATE < last < LAST_DATE else None
+    def dates(self) -> tuple[str | None, str | None]:
+        """Days of the first and the last row (ISO 8601, UTC); None where no clock was a calendar's."""
+        if not self.has_time or not len(self):
+            return None, None
+        clock = self.time + np.array(self.began)[self.recording]
+        first, last = (
+            datetime.fromtimestamp(time, UTC).date().isoformat() if FIRST_DATE < time < LAST_DATE else None
+            for time in (float(clock[0]), float(clock.max()))
+        )
+        return first, last
 
     def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
@@ -166,6 +173,7 @@ def calibration_data(
         has_time=has_time,
         robot=next((log.robot for log in logs if log.robot is not None), None),
         rate_hz=_common_rate(logs),
+        began=tuple(log.began for log in logs),
     )
 
 

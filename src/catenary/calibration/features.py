@@ -116,7 +116,7 @@ class FeatureSet:
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
-        """Return features of every row, (N, F); NaN on rows that lack `history` predecessors in their recording.
+        """Return features of every row, (N, F); NaN on rows that lack `history` predecessors without a gap in time.
 
         Rows without a measurement (`ok` not set) are commands all the same and count as predecessors.
 
@@ -133,8 +133,11 @@ class FeatureSet:
         """
         signals = self.signal_rows(log)
         X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
-        for first, last in pairwise([*log.starts, len(log)]):
-            memory.clear()
+        starts = set(log.starts)
+        for first, last in pairwise(sorted({*starts, *log.gaps(), len(log)})):
+            if first in starts:
+                memory.clear()
+            memory.ring[:] = np.nan  # behind a gap, the previous rows are no previous commands
             run(self.row_steps(signals[first:last], memory, X[first:last], room[first:last]))
         return X, self.leaps(memory)
 

@@ -1,5 +1,6 @@
 """From a recording to filtered positions, velocities, accelerations and torques."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -21,6 +22,8 @@ from catenary.robots.model import RobotModel
 
 EVERY = slice(None)
 IRREGULAR = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
+BRIDGED = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
+MADE, MOST_MADE = 1.1, 100  # even rows for each one recorded: from which on that is told, and refused
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ class Samples:
     )
     course: Course | None = None  # of the motion that friction remembers; none at rest
     carried: Floats | None = None  # (N, n) what the links ask, that load-dependent friction grows with
+    notes: tuple[str, ...] = ()  # on gaps in time, and rows that were left out or made
 
     def __len__(self) -> int:
         return len(self.q)
@@ -71,7 +75,8 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
 
     Zero-phase Butterworth on positions, velocities and torques; accelerations are central differences of the
     filtered velocity, and so are velocities of the position where none were recorded. A recording in which time goes
-    back is several, each filtered by itself. At rest nothing is filtered.
+    back, or that has gaps, is several, each filtered and cut by itself; those shorter than the filter
+    needs are left out. At rest nothing is filtered.
 
     Raises:
         InputError: Other joints than the robot's, no torques, no time, not rad, m and s by the look of it, or shorter
@@ -94,13 +99,24 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
             "poses at rest need neither (terms static)"
         )
     settings = filter_of(model, options)
-    bounds = [*log.starts, len(log)]
-    parts = [_segment(log, slice(first, last), model, settings) for first, last in pairwise(bounds)]
     cut = settings.cut_samples
-    q, qd, qdd, tau, time = (
+    least = 2 * cut + 3 * (2 * settings.order + 1) + 2
+    stretches, gaps = _stretches(log, settings)
+    grids = [(part, *_grid(f'recording "{log.name}"', log.time[part], settings)) for part in stretches]
+    parts = [_segment(log, *grid, settings) for grid in grids if len(grid[1]) >= least]
+    if not parts:
+        longest, even, _ = max(grids, key=lambda grid: len(grid[1]))
+        between = f", between {len(gaps)} gap(s) in time" if len(gaps) else ""
+        raise InputError(
+            f'recording "{log.name}": {len(even)} rows from row {longest.start}{between}: shorter than the filter, '
+            f"which needs {least} (order {settings.order}, {cut} samples cut at each end)"
+        )
+    q, qd, qdd, tau, time, derivative = (
         np.concatenate([values[cut : len(values) - cut] for values in of])
-        for of in zip(*(part[:5] for part in parts), strict=True)
+        for of in zip(*(part[:6] for part in parts), strict=True)
     )
+    if log.qd is not None:
+        check_rates(f'recording "{log.name}"', model, derivative, qd)
     gravity, base = (
         None if of[0] is None else np.concatenate([values[cut : len(values) - cut] for values in of])
         for of in zip(*((part.gravity, part.base) for part in parts), strict=True)
@@ -110,8 +126,33 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     course = Course(tuple((part.q, part.qd) for part in parts), cut, parts[0].sections, np.arange(len(q)))
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
     return Samples(
-        log.name, q, qd, qdd, tau - known, known, time, independent, gravity=gravity, base=base, course=course
-    )
+        log.name, q, qd, qdd, tau - known, known, time, independent, gravity=gravity, base=base, course=course,
+        notes=_told(log, len(stretches), parts, gaps, len(q)),
+    )  # fmt: skip
+
+
+def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:
+    """Return the stretches in which time goes on without a gap, and the lengths of the gaps [s]."""
+    steps = np.diff(log.time) if log.time is not None else np.zeros(0)
+    if not np.count_nonzero(steps) or (settings.rate_hz is None and float(np.median(steps)) <= 0.0):
+        raise InputError(f'recording "{log.name}": time stands still on most rows')
+    gaps = log.gaps(BRIDGED / settings.cutoff_hz)
+    bounds = sorted({*log.starts, *gaps, len(log)})
+    return [slice(first, last) for first, last in pairwise(bounds)], steps[np.array(gaps, dtype=int) - 1]
+
+
+def _told(
+    log: MotionLog, stretches: int, parts: "Sequence[_Segment]", gaps: Floats, kept: int
+) -> tuple[str, ...]:
+    """Return in words what became of the rows, where it is not the usual."""
+    rows, made, short = sum(p.rows for p in parts), sum(len(p.q) for p in parts), stretches - len(parts)
+    longest = f"{len(gaps)} gap(s) in time, the longest {gaps.max(initial=0.0):.3g} s"
+    told = {
+        f"{longest}: what lies between was filtered, and cut at both ends, by itself": len(gaps) > 0,
+        f"{short} stretch(es) of time shorter than the filter needs, {len(log) - rows} rows, were left out": short,
+        f"{rows} rows were brought to {made} even ones, on straight lines": made > MADE * rows,
+    }
+    return tuple(f"{note}; {kept} rows are used of {len(log)}" for note, is_so in told.items() if is_so)
 
 
 class _Segment(NamedTuple):
@@ -122,22 +163,35 @@ class _Segment(NamedTuple):
     qdd: Floats
     tau: Floats
     time: Floats
+    derivative: Floats  # of the positions
     gravity: Floats | None
     base: Floats | None
     sections: Floats
+    rows: int  # as recorded
 
 
-def _segment(log: MotionLog, part: slice, model: RobotModel, settings: SignalFilter) -> _Segment:
-    where = f'recording "{log.name}"'
+def _grid(where: str, time: Floats, settings: SignalFilter) -> tuple[Floats, float]:
+    """Return even times for a stretch (M,), those that it has where these are even, and their step [s]."""
+    steps = np.diff(time)
+    if not len(steps):
+        return time, 1.0
+    usual = float(np.median(steps))
+    # of bursts half the mean: no more than two rows are made of one
+    step = max(usual, 0.5 * float(np.mean(steps))) if settings.rate_hz is None else 1.0 / settings.rate_hz
+    if float(time[-1] - time[0]) > MOST_MADE * len(time) * step > 0.0:
+        raise InputError(
+            f"{where}: {len(time)} rows in {time[-1] - time[0]:g} s, filtered at {1 / step:g} Hz: expected {MOST_MADE} "
+            "times as many rows at most; is time in ms, us or ns?"
+        )
+    if step > 0.0 and (np.ptp(steps) > IRREGULAR * step or abs(usual / step - 1.0) > IRREGULAR):
+        return np.arange(time[0], time[-1], step), step
+    return time, step
+
+
+def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: SignalFilter) -> _Segment:
     assert log.time is not None
     assert log.tau is not None
     time = log.time[part]
-    least = 2 * settings.cut_samples + 3 * (2 * settings.order + 1) + 2
-    if len(time) < least:
-        raise InputError(
-            f"{where}: {len(time)} rows from row {part.start}: shorter than the filter, which needs {least} "
-            f"(order {settings.order}, {settings.cut_samples} samples cut at each end)"
-        )
     sensed = [values for values in base_of(log) if values is not None]
     signals = [
         log.q_nominal[part],
@@ -145,26 +199,17 @@ def _segment(log: MotionLog, part: slice, model: RobotModel, settings: SignalFil
         *([] if log.qd is None else [log.qd[part]]),
         *(values[part] for values in sensed),
     ]
-    steps = np.diff(time)
-    step = float(np.median(steps)) if settings.rate_hz is None else 1.0 / settings.rate_hz
-    if not step > 0.0:
-        raise InputError(f"{where}: time stands still on most rows")
-    if np.ptp(steps) > IRREGULAR * step or abs(float(np.median(steps)) / step - 1.0) > IRREGULAR:
-        increasing = np.concatenate([[True], steps > 0.0])  # a repeated stamp has nothing to add
-        even = np.arange(time[0], time[-1], step)
+    if not np.array_equal(even, time):
+        increasing = np.concatenate([[True], np.diff(time) > 0.0])  # a repeated stamp has nothing to add
         signals = [
             np.column_stack([np.interp(even, time[increasing], column[increasing]) for column in values.T])
             for values in signals
         ]
-        time = even
-        if len(time) < least:
-            raise InputError(
-                f"{where}: {len(time)} rows at {1 / step:g} Hz: shorter than the filter's {least}"
-            )
     nyquist = 0.5 / step
     if settings.cutoff_hz >= nyquist:
         raise InputError(
-            f"{where}: recorded at {1.0 / step:g} Hz: the cut-off {settings.cutoff_hz:g} Hz must be below half of it"
+            f'recording "{log.name}": recorded at {1.0 / step:g} Hz: the cut-off {settings.cutoff_hz:g} Hz must be '
+            "below half of it"
         )
     from scipy.signal import butter, sosfiltfilt
 
@@ -173,10 +218,7 @@ def _segment(log: MotionLog, part: slice, model: RobotModel, settings: SignalFil
     derivative = np.gradient(q, step, axis=0)
     qd = derivative if log.qd is None else rest.pop(0)
     qdd = np.gradient(qd, step, axis=0)
-    if log.qd is not None:
-        inner = slice(settings.cut_samples, len(time) - settings.cut_samples)
-        check_rates(where, model, derivative[inner], qd[inner])
-    return _Segment(q, qd, qdd, tau, time, *smoothed_base(log, rest, step), sections)
+    return _Segment(q, qd, qdd, tau, even, derivative, *smoothed_base(log, rest, step), sections, len(time))
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:

@@ -44,7 +44,7 @@ def check_bag(path: Path) -> None:
         OSError: It cannot be read.
     """
     if not path.is_dir():
-        _check_mcap(path)
+        (_check_sqlite if path.suffix == ".db3" else _check_mcap)(path)
         return
     size = (path / "metadata.yaml").stat().st_size
     if size > MOST_YAML:
@@ -165,15 +165,7 @@ def _check_sqlite(path: Path) -> None:
     try:
         database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
         try:
-            database.execute("PRAGMA trusted_schema = OFF")
-            for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master"):
-                computed = re.search(
-                    r"\bVIRTUAL\b|\bGENERATED\b|\bAS\s*\(|\bWHERE\b", str(text or ""), re.IGNORECASE
-                )
-                if kind not in ("table", "index") or computed:
-                    raise FileFormatError(
-                        f"{path}: {kind} {shortened(name)}: expected plain tables and indices"
-                    )
+            plain_tables(path, database)
             (topics,) = database.execute("SELECT count(*) FROM topics").fetchone()
             if topics > MOST_TOPICS:
                 raise FileFormatError(f"{path}: has {topics} topics, expected {MOST_TOPICS} at most")
@@ -193,6 +185,18 @@ def _check_sqlite(path: Path) -> None:
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(f"{path}: cannot be read as SQLite: {error}") from error
+
+
+def plain_tables(path: Path, database: sqlite3.Connection) -> set[str]:
+    """Return the names of tables and indices in a file, once it is certain that nothing is worked out when read."""
+    database.execute("PRAGMA trusted_schema = OFF")
+    names = set()
+    for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master"):
+        computed = re.search(r"\bVIRTUAL\b|\bGENERATED\b|\bAS\s*\(|\bWHERE\b", str(text or ""), re.IGNORECASE)
+        if kind not in ("table", "index") or computed:
+            raise FileFormatError(f"{path}: {kind} {shortened(name)}: expected plain tables and indices")
+        names.add(name)
+    return names
 
 
 def _check_packed(path: Path) -> None:

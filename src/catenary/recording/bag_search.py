@@ -1,10 +1,22 @@
-"""Where a bag goes on behind what is damaged in it: the next chunk of a file, the next message of a chunk."""
+"""What can be read of a damaged bag: the next chunk of a file, the next message of a chunk, rows up to the damage."""
 
+import contextlib
 import re
-from collections.abc import Callable
+import sqlite3
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from struct import Struct, error
 from typing import BinaryIO
 
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+)
+
+from catenary.recording.bag_checks import MOST_TOPICS, plain_tables
 from catenary.recording.bag_records import header_fields
 
 _U32, _U64 = Struct("<I"), Struct("<Q")
@@ -13,6 +25,7 @@ _REACH = 128  # [B] of a chunk's head; more than any has
 _ROS1_CHUNK = re.compile(rb"op=\x05")
 # op 6, length, times, size, checksum, then the name of the compression [mcap.dev/spec]
 _MCAP_CHUNK = re.compile(rb"\x06(?=.{36}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd))", re.DOTALL)
+_ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
 _MESSAGE_HEAD = 38  # [B] of a message's header: conn, op, time [wiki.ros.org/Bags/Format/2.0]
 
 
@@ -85,3 +98,76 @@ def _fields(data: bytes) -> dict[bytes, bytes]:
         return header_fields(data)
     except (error, ValueError):
         return {}
+
+
+class SqliteRows:
+    """A SQLite file of a ROS 2 bag that is damaged, as `Reader` gives one, row by row, up to where it is damaged."""
+
+    def __init__(self, path: Path) -> None:
+        self.holes: list[tuple[int | None, int | None]] = []
+        self.ends_early = False
+        self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
+        self._size = path.stat().st_size
+        self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
+        self._database.execute(
+            "PRAGMA writable_schema = ON"
+        )  # else one that was cut off is not opened at all
+        plain_tables(path, self._database)
+        read = self._database.execute
+        texts = dict[str, str]()
+        with contextlib.suppress(sqlite3.Error):  # older bags have none, and types of ROS's own are known
+            texts |= dict(read("SELECT topic_type, encoded_message_definition FROM message_definitions"))
+        self.connections = [
+            Connection(
+                number, name, kind, MessageDefinition(MessageDefinitionFormat.MSG, texts.get(kind, "")), "", 0,
+                ConnectionExtRosbag2("cdr", []), self,
+            )
+            for number, name, kind in read("SELECT id, name, type FROM topics LIMIT ?", (MOST_TOPICS + 1,))
+        ]  # fmt: skip
+        counts = Counter(connection.id for connection, _, _ in self.messages(self.connections))
+        self.connections = [each._replace(msgcount=counts[each.id]) for each in self.connections]
+
+    def messages(self, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield connection, arrival stamp [ns] and bytes of each message before the damage, and of those behind it.
+
+        Those within a page of the damage are left out: they may be of a page that is there in part.
+        """
+        wanted, read = {connection.id: connection for connection in connections}, self._database.execute
+        (page,) = read("PRAGMA page_size").fetchone()
+        left, seen, last, skipped, waiting, self.holes = (
+            self._size,
+            -1,
+            None,
+            0,
+            deque[tuple[int, int, bytes]](),
+            [],
+        )
+        for _ in range(2):
+            with contextlib.suppress(sqlite3.Error):
+                for place, number, stamp, data in read(_ROWS, (seen,)):
+                    seen, is_whole = place, isinstance(data, bytes) and isinstance(stamp, int)
+                    left, skipped = left - len(data or ()), max(0, skipped - len(data or ()) - 1)
+                    if left < 0:  # pages that stand for more than there is
+                        return
+                    if not is_whole:
+                        skipped = page
+                        waiting.clear()
+                        self.holes.append((last, None))
+                    elif not skipped:
+                        waiting.append((number, stamp, data))
+                        while sum(len(each) for _, _, each in waiting) - len(waiting[0][2]) >= page:
+                            number, last, data = waiting.popleft()
+                            if number in wanted:
+                                yield wanted[number], last, data
+                yield from (
+                    (wanted[number], stamp, data) for number, stamp, data in waiting if number in wanted
+                )
+                return
+            self.holes.append((last, None))
+            waiting.clear()
+            behind, skipped = seen, page
+            with contextlib.suppress(sqlite3.Error):
+                for (place,) in read("SELECT id FROM messages WHERE id > ? ORDER BY id DESC", (seen,)):
+                    behind = place
+            self.ends_early = behind == seen
+            seen = behind - 1

@@ -1,7 +1,7 @@
 """Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from struct import Struct
@@ -48,14 +48,8 @@ ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
-_FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = (
-    2,
-    3,
-    4,
-    5,
-    6,
-    15,
-)  # of MCAP [mcap.dev/spec]
+# of MCAP [mcap.dev/spec]
+_FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 2, 3, 4, 5, 6, 15
 _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS, _MOST_PIECES = 1000, 100  # that are told one by one; that a chunk is read in
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
@@ -95,6 +89,7 @@ class BagStream:
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
         self._names: dict[int, str] = {}  # of topics
         self._last: int | None = None  # [ns] arrival of the message before
+        self.first: int | None = None  # [ns] arrival of the first message
         try:
             with path.open("rb") as file:
                 begin = file.read(len(ROS1_MAGIC))
@@ -116,13 +111,6 @@ class BagStream:
             else:
                 self.counts[name] = self.counts.get(name, 0) + number
         self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
-
-    def whole_text(self) -> str:
-        """Return in words what can still be read."""
-        if not self.counts:
-            return "no whole message is in it, nothing can be saved"
-        found = ", ".join(f"{count} messages of {topic}" for topic, count in self.counts.items())
-        return f"{found} can be saved: extract(..., salvage=True) reads them"
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all.
@@ -253,7 +241,7 @@ class BagStream:
         """Note when messages arrived [ns]."""
         if self.holes and self.holes[-1][1] is None:
             self.holes[-1] = self.holes[-1][0], first
-        self._last = last
+        self._last, self.first = last, first if self.first is None else self.first
 
     def _bag_messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records in self._bag_chunks(file, size):
@@ -387,6 +375,14 @@ class BagStream:
             name, arrival = self._names[number], _U64.unpack_from(data, 6)[0]
             self._heard(arrival, arrival)
             yield name, arrival, data[22:]
+
+
+def whole_text(counts: Mapping[str, int]) -> str:
+    """Return in words what can still be read."""
+    if not counts:
+        return "no whole message is in it, nothing can be saved"
+    found = ", ".join(f"{count} messages of {topic}" for topic, count in counts.items())
+    return f"{found} can be saved: extract(..., salvage=True) reads them"
 
 
 def about_of(path: Path, data: bytes, encoding: Encoding) -> About:

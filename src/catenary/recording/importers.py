@@ -15,7 +15,7 @@ from catenary.plant import MotionLog
 
 # joints of the RAVEN-II and of the da Vinci PSM: two turning ones, the insertion, the tool's
 CABLE_ARM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
-MOST_TEXTS = 1000  # names or units in a file
+MOST_JOINTS = 1000  # of a recording, and of their names and units
 MOST_TIME_NOTES = 5  # a note each; a shuffled log would have thousands
 
 
@@ -118,7 +118,7 @@ def numbers_of(
         gaps: Let NaN and infinity pass.
 
     Raises:
-        InputError: No numbers, another shape, NaN or infinity.
+        InputError: No numbers, another shape, too many columns, NaN or infinity.
     """
     values = content[key]
     if values.dtype.kind not in "fiu":
@@ -126,6 +126,8 @@ def numbers_of(
     if values.ndim != dimensions:
         expected = ("()", "(N,)", "(N, n)")[dimensions]
         raise InputError(f"{path}: {key}: expected shape {expected}, got {values.shape}")
+    if dimensions == 2 and values.shape[1] > MOST_JOINTS:
+        raise InputError(f"{path}: {key}: has {values.shape[1]} columns, expected {MOST_JOINTS} at most")
     with np.errstate(over="ignore"):  # a long double may not fit
         values = values.astype(np.float64)
     bad = np.argwhere(~np.isfinite(values))
@@ -148,7 +150,7 @@ def is_number(text: str) -> bool:
 
 def _texts(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str, ...]:
     values = np.atleast_1d(content.get(key, np.array([], dtype=str)))
-    if values.dtype.kind not in "SU" or values.ndim != 1 or len(values) > MOST_TEXTS:
+    if values.dtype.kind not in "SU" or values.ndim != 1 or len(values) > MOST_JOINTS:
         raise InputError(
             f"{path}: {key}: expected (n,) texts, got {values.dtype} of shape {shortened(values.shape)}"
         )

@@ -91,6 +91,7 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         "robot": log.robot,
         "simulated": log.simulated,
         "notes": log.notes,
+        "began": log.began,
     }
     fields = [
         pa.field(name, pa.bool_() if values.dtype == bool else pa.float64(), metadata={"unit": unit})
@@ -151,6 +152,7 @@ def read_parquet(
         joint_units=joint_units,
         ok=columns.pop("ok"),
         time=columns.pop("time", None),
+        began=float(about.get("began", 0.0)),
         **joints,
         signals=columns,
         signal_units={
@@ -185,6 +187,8 @@ def _about(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, Any]:
             raise FileFormatError(
                 f"{path}: schema: {key}: expected true or false, got {shortened(about[key])}"
             )
+    if not isinstance(about.get("began", 0.0), int | float):
+        raise FileFormatError(f"{path}: schema: began: expected a number, got {shortened(about['began'])}")
     if not isinstance(about.get("robot"), str | None):
         raise FileFormatError(f"{path}: schema: robot: expected a name, got {shortened(about['robot'])}")
     return about

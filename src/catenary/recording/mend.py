@@ -162,8 +162,7 @@ def _shift(log: MotionLog, rows: int) -> MotionLog:
     if log.q_encoder is None:
         raise InputError(f'recording "{log.name}": --shift: it has no measured joint positions')
     measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)
-    bounds = [*log.starts, len(log)]
-    for first, last in pairwise(bounds):
+    for first, last in pairwise(sorted({*log.starts, *log.gaps(), len(log)})):
         if abs(rows) < last - first:
             target = slice(first + max(0, -rows), last - max(0, rows))
             source = slice(target.start + rows, target.stop + rows)

@@ -33,6 +33,8 @@ def open_parquet(path: Path) -> pq.ParquetFile:
     try:
         _check(path)
         file = pq.ParquetFile(path, page_checksum_verification=True)
+        if len(file.schema_arrow) > MOST_COLUMNS:  # its directory counts those that hold rows
+            raise ValueError(f"{len(file.schema_arrow)} columns, expected {MOST_COLUMNS} at most")
     except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
         if isinstance(error, FileFormatError):
             raise

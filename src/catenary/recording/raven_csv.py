@@ -7,6 +7,7 @@ columns 4 and 12 are measured_js's and raven_state's stamps as they are [s]. `dt
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +119,7 @@ def read_raven_csv(path: Path, *, columns: Sequence[str] = ()) -> Synchronisatio
         raise InputError(f"{path}: columns 0 to 3, ext_jpos, are finite in no row")
     names = [name for column in STATE_COLUMNS for name in column.names]
     wanted = {*needed_columns(options.arm), *state_columns(columns)}
-    return build_log(
+    found = build_log(
         name=path.stem,
         robot=None,
         simulated=False,
@@ -129,6 +130,7 @@ def read_raven_csv(path: Path, *, columns: Sequence[str] = ()) -> Synchronisatio
         force=clean.values[:, len(names) :] if table.shape[1] == WIDTH_WITH_FORCE else None,
         reports=(clean.report, encoder.report, *(() if measured is None else (measured.report,))),
     )
+    return replace(found, log=replace(found.log, began=float(origin) + found.log.began))
 
 
 def _nearest(series: Series, stamp: NDArray[np.int64], max_gap: float, origin: int = 0) -> Iterator[Floats]:

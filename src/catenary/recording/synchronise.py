@@ -185,6 +185,7 @@ def build_log(
         q_encoder=q_encoder,
         ok=ok,
         time=(stamp - stamp[0]) / SECOND,
+        began=int(stamp[0]) / SECOND,
         qd=np.column_stack([state[f"jvel:{arm}_{joint}"] for joint in CALIBRATED]),
         tau=np.column_stack(joint_forces(COUPLING, (shoulder, elbow, insertion))),
         signals=signals,

@@ -69,6 +69,7 @@ def synchronise_psm(folder: Path, namespace: str) -> Synchronisation:
         q_encoder=q_encoder,
         ok=ok,
         time=(stamp - stamp[0]) / SECOND,
+        began=int(stamp[0]) / SECOND,
         qd=qd,
         tau=tau,
         robot=file.about.robot if file.about.robot is not None else ROBOT,

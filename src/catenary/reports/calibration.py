@@ -86,7 +86,7 @@ def write_calibration_report(
         Text(PAPER),
     ]
     title = f"Calibration of {card.get('robot') or 'an arm'}: {name}"
-    recorded = evaluation.data.last_date
+    recorded = evaluation.data.dates[1]
     when = f"recorded until {recorded}" if recorded else "recording without a date"
     lead = f"Tested on {tested_on}: {len(evaluation.data):,} rows, {when}."
     verdict = headline(evaluation, unseen=unseen, spread=spread, tip=tip)

@@ -37,7 +37,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     remarks = [f"{each.name}: {each}" for each in found if not each.refuses]
     try:
         samples = prepare(log, model, options)
-        remarks += _still(model, samples, terms)
+        remarks += [*samples.notes, *_still(model, samples, terms)]
         result = identify_samples([samples], model, options)
     except (InputError, ExcitationError) as error:
         return [*faults, str(error)], remarks, found

@@ -88,6 +88,7 @@ def identify_files(
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
     training = [prepare(log, model, options) for log in read]
     held_out = [prepare(log, model, options) for log in read_tests]
+    gaps = [f"{part.name}: {note}" for part in (*training, *held_out) for note in part.notes]
     if options.blocks is not None:
         parted = [alternate_blocks(part, options.blocks) for part in training]
         training = [part[0] for part in parted]
@@ -96,7 +97,7 @@ def identify_files(
     free = identify_samples(training, model, replace(options, consistent=False, friction=())).test(held_out)
     doubts = judge(_findings(free, training, held_out), accept)
     result = identify_samples(training, model, options).test(held_out)
-    notes = [f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes]
+    notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *gaps]
     seen = {log.sha256 for log in read}
     again = [log.name for log in read_tests if log.sha256 in seen]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]

@@ -67,6 +67,7 @@ def payload_of_files(
     read = [read_torque_recording(path, result.model, reading) for path in (*logs, *unloaded)]
     notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
     samples = [prepare(log, result.model, options) for log in read]
+    notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
     tested = result.test(samples)
     doubts = [
         (s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False, may_carry=True)

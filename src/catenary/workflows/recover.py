@@ -1,8 +1,6 @@
 """Write a whole recording from a damaged one: a journal from a journal, a bag from a bag; the damaged one stays."""
 
 import os
-import shutil
-import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,13 +12,14 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
-from catenary.files import PARTIAL
+from catenary.files import partial_folder
 from catenary.recording.bag import ROS2_VERSION
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal import JournalWriter
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import blank_messages
 from catenary.recording.losses import Rescue
+from catenary.recording.source import METADATA, McapReader, SplitBag, open_ros2
 from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
@@ -50,8 +49,10 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     """Write what is whole of a damaged recording as a recording of the same kind, in the same order.
 
     Args:
-        path: Journal (its folder, or one of its files), ROS 1 bag (.bag), MCAP file or folder of one. Not changed.
-        out: What to write: a folder for journals and MCAP, a .bag for a ROS 1 bag; None for NAME.recovered beside it.
+        path: Journal (its folder, or one of its files), ROS 1 bag (.bag), ROS 2 bag (its folder, or one of its
+            files). Not changed.
+        out: What to write: a folder for journals and ROS 2 bags, whose messages it holds in MCAP, a .bag for a ROS 1
+            bag; None for NAME.recovered beside it.
 
     Raises:
         InputError: `out` exists, lies in the recording itself, or has another ending.
@@ -59,7 +60,8 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
         RecordingError: It cannot be written.
     """
     source = _opened(path)
-    place = _place(path, out, is_bag=isinstance(source, BagStream) and source.has_blocks)
+    is_bag = isinstance(source, BagStream) and source.has_blocks
+    place = _place(path, out, is_bag=is_bag)
     arrivals: dict[str, list[int]] = {topic.name: [] for topic in source.topics}
     for topic, arrival, _ in source.messages():
         arrivals.setdefault(topic, []).append(arrival)
@@ -70,35 +72,33 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
         return Recovery(path, None, rescue, problems)
     if not any(arrivals.values()):
         raise FileFormatError(f"{path}: no whole message is in it, nothing can be recovered: {problems[0]}")
-    folder: Path | None = None
     try:
-        folder = Path(tempfile.mkdtemp(prefix=f".{place.name}.", suffix=PARTIAL, dir=place.parent))
-        part = folder / place.name
-        if isinstance(source, JournalReader):
-            _write_journal(source, part, rescue)
-        elif source.has_blocks:
-            _write_bag(source, part)
-        else:
-            _write_mcap(source, part)
-        _sync(part.rglob("*") if part.is_dir() else [part])
-        if place.exists():
-            raise InputError(f"{place}: exists already, and is never overwritten")
-        part.rename(place)
+        with partial_folder(place.parent) as folder:
+            part = folder / place.name
+            if isinstance(source, JournalReader):
+                _write_journal(source, part, rescue)
+            elif isinstance(source, BagStream) and is_bag:
+                _write_bag(source, part)
+            else:
+                _write_mcap(source, part)
+            _sync(part.rglob("*") if part.is_dir() else [part])
+            if place.exists():
+                raise InputError(f"{place}: exists already, and is never overwritten")
+            part.rename(place)
     except OSError as error:
         raise RecordingError(
             f"{place}: cannot be written: {error.strerror or error}; {path} is as it was"
         ) from error
-    finally:
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
     return Recovery(path, place, rescue, problems)
 
 
-def _opened(path: Path) -> JournalReader | BagStream:
+def _opened(path: Path) -> JournalReader | BagStream | McapReader | SplitBag:
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
     if path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal"))):
         return JournalReader(path)
+    if path.suffix == ".db3" or (path / METADATA).is_file():
+        return open_ros2(path)
     files = [*path.glob("*.mcap"), *path.glob("*.bag")] if path.is_dir() else [path]
     if len(files) != 1:
         raise FileFormatError(
@@ -111,7 +111,7 @@ def _opened(path: Path) -> JournalReader | BagStream:
 def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:
     stem = (
         path.resolve().with_suffix("").name
-        if path.suffix in (".bag", ".mcap", ".journal")
+        if path.suffix in (".bag", ".mcap", ".db3", ".journal")
         else path.resolve().name
     )
     place = path.resolve().parent / f"{stem}.recovered{'.bag' if is_bag else ''}" if out is None else out
@@ -155,7 +155,7 @@ def _write_bag(source: BagStream, part: Path) -> None:
             bag.write(to[topic], arrival, data)
 
 
-def _write_mcap(source: BagStream, part: Path) -> None:
+def _write_mcap(source: BagStream | McapReader | SplitBag, part: Path) -> None:
     with McapWriter(part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         to = {
             one.topic: bag.add_connection(one.topic, one.type, msgdef=one.definition, rihs01=UNKNOWN_HASH)

@@ -59,7 +59,9 @@ def rests(recording: ImuRecording) -> list[StillReading]:
             found.append(StillReading(recording.force[rows].mean(axis=0), rate))
         rows.clear()
 
-    for number in range(int(numbers.max()) + 1):
+    for number in np.unique(numbers):
+        if rows and numbers[rows[-1]] < number - 1:
+            close()
         here = np.flatnonzero(numbers == number).tolist()
         force = recording.force[here]
         still = len(here) >= 3 and np.isfinite(force).all() and (np.std(force, axis=0) <= STILL).all()

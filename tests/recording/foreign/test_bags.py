@@ -106,10 +106,9 @@ def test_what_is_whole_of_a_bag_that_was_cut_off_is_imported_and_said(tmp_path: 
     assert any("cut off" in note or "lacks its index" in note for note in log.notes)
 
 
-def test_a_part_of_a_ros2_bag_stands_for_its_folder(tmp_path: Path) -> None:
+def test_the_file_of_a_ros2_bag_is_read_with_its_metadata_and_without(tmp_path: Path) -> None:
     bag = two_topics(tmp_path / "lab", "sqlite", seconds=3.0)
     (part,) = bag.glob("*.db3")
     assert len(import_recording(part, ["q_nominal=/raven/joint_cmd.position"], units="rad,rad,m")) == 300
     (bag / "metadata.yaml").unlink()
-    with pytest.raises(FileFormatError, match="give its folder"):
-        Sources([part])
+    assert len(import_recording(part, ["q_nominal=/raven/joint_cmd.position"], units="rad,rad,m")) == 300

@@ -5,13 +5,12 @@ A recording is cut where the encoders' offsets change, which a homing writes, an
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.conformal import LENIENCE
-from catenary.calibration.dataset import FIRST_DATE, LAST_DATE, calibration_data
+from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
@@ -88,7 +87,7 @@ def find_drift(
                 Stretch(
                     log.name,
                     int(homing),
-                    _date(rows.time[0]) if rows.has_time else None,
+                    rows.dates[0],
                     len(rows),
                     rmse,
                     None if model.intervals is None else coverage,
@@ -130,7 +129,3 @@ def _since(beyond: Sequence[bool]) -> int | None:
     while first and beyond[first - 1]:
         first -= 1
     return first if first < len(beyond) else None
-
-
-def _date(time: float) -> str | None:
-    return datetime.fromtimestamp(time, UTC).date().isoformat() if FIRST_DATE < time < LAST_DATE else None

@@ -129,12 +129,12 @@ def share_bounds(shares: Floats) -> Floats:
 
 
 def _windows_of_rows(time: Floats, recording: NDArray[np.int64], window: float) -> NDArray[np.int64]:
-    """Return the window that each row lies in, (N,), numbered on from recording to recording."""
+    """Return the window that each row lies in, (N,), numbered on from recording to recording, none empty."""
     block, next_one = np.zeros(len(time), dtype=np.int64), 0
     for part in np.split(np.arange(len(time)), np.flatnonzero(np.diff(recording)) + 1):
         block[part] = next_one + ((time[part] - time[part].min()) / window).astype(np.int64)
         next_one = int(block[part].max()) + 1
-    return block
+    return np.unique(block, return_inverse=True)[1]  # stamps far apart leave windows without rows
 
 
 def _learn_torque(logs: Sequence[MotionLog], window: float, why: list[str]) -> TrainedTorque | None:

@@ -45,7 +45,7 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
             "model_sha256": sha256,
             "recordings": [{"name": s.name, "sha256": s.sha256} for s in data.sources],
             "rows": len(data),
-            "recorded": data.last_date,
+            "recorded": data.dates[1],
             "since": since,
             "moved": moved_in_words(refreshed.changes, since),
             "joints": changes_shown(refreshed.changes),

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.documents import cut
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import FileFormatError
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.foreign.definitions import fields_by_definition
 from catenary.recording.foreign.stream import Stream
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import current_name
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.recording.source import McapReader
+from catenary.recording.source import first_arrival, open_ros2
 from catenary.recording.topics import SECOND
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
@@ -38,15 +38,17 @@ class Bag:
             FileFormatError: No such file, another kind, or damaged so far that no message can be read.
         """
         self.path = path
-        self._reader: BagStream | McapReader
-        if path.suffix == ".bag" and path.is_file():
-            self._reader = BagStream(path, foreign=True)
-        else:
-            self._reader = _ros2(_with_metadata(path))
+        is_ros1 = path.suffix == ".bag" and path.is_file()
+        self._reader = BagStream(path, foreign=True) if is_ros1 else open_ros2(path, foreign=True)
         self.encoding: Encoding = self._reader.encoding
         self._known: dict[str, FieldsOf] = {}  # by topic
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
         self.counts = {name: count for name, count in self._reader.counts.items() if count}
+
+    @property
+    def first_arrival(self) -> int:
+        """When its first message arrived [ns]."""
+        return first_arrival(self._reader)
 
     @property
     def problems(self) -> list[str]:
@@ -123,34 +125,6 @@ class Bag:
         return columns
 
 
-def _ros2(path: Path) -> "BagStream | McapReader":
-    """Open by the index, or what is whole of an MCAP file that lacks its own."""
-    try:
-        return McapReader(path, foreign=True)
-    except FileFormatError:
-        file = min(path.glob("*.mcap"), default=None) if path.is_dir() else path
-        if file is None or file.suffix != ".mcap":
-            raise
-        stream = BagStream(file, foreign=True)
-        if not stream.counts:
-            raise
-        return stream
-
-
-def _with_metadata(path: Path) -> Path:
-    """Return the folder of a ROS 2 bag of which a `.db3` file was given."""
-    if path.suffix == ".db3" and path.is_file():
-        if len(list(path.parent.glob("*.db3"))) == 1 and (path.parent / "metadata.yaml").is_file():
-            return path.parent
-        raise FileFormatError(
-            f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it "
-            "(`ros2 bag reindex` makes one)"
-        )
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise FileFormatError(f"{path}: is a folder without metadata.yaml, expected a ROS 2 bag")
-    return path
-
-
 @dataclass
 class _TopicColumns:
     """Numbers of a topic's messages as they come."""
@@ -184,7 +158,7 @@ class _TopicColumns:
         count = sum(length for length, _ in self._parts)
         names = dict.fromkeys(column for _, part in self._parts for column in part if column)
         if len(names) > MOST_COLUMNS:
-            raise InputError(f"{where}: {len(names)} columns, expected {MOST_COLUMNS} at most")
+            raise FileFormatError(f"{where}: {len(names)} columns, expected {MOST_COLUMNS} at most")
         columns = {column: np.full(count, np.nan) for column in names}
         stamp = np.zeros(count, dtype=np.int64)
         first = 0
@@ -203,6 +177,8 @@ class _TopicColumns:
             return
         for rows, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
             for inside, column, values in self._numbers(records):
+                if len(part) > MOST_COLUMNS:  # before as many arrays are made
+                    raise FileFormatError(f"more than {MOST_COLUMNS} columns")
                 if column == "" and column not in part:
                     part[""] = np.zeros(len(waiting), dtype=np.int64)
                 elif column not in part:

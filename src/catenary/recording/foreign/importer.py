@@ -22,6 +22,7 @@ from catenary.recording.foreign.table_rows import TableRows
 from catenary.recording.foreign.turns import in_one_turn, unwrap_columns
 from catenary.recording.series import Series, interpolate, stopped_encoders
 from catenary.recording.synchronise import SynchroniseOptions
+from catenary.recording.topics import SECOND
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 
@@ -184,6 +185,7 @@ def import_sources(
         q_encoder=rows["q_encoder"][whole] if "q_encoder" in rows else None,
         ok=ok[whole],
         time=None if time is None else time[whole] - time[whole][0],
+        began=0.0 if time is None else int(clock.stamp[whole][0]) / SECOND,
         qd=rows["qd"][whole] if "qd" in rows else None,
         tau=rows["tau"][whole] if "tau" in rows else None,
         signals=signal_columns,

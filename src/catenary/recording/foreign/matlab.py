@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO
-from catenary.documents import cut
+from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 
 DEEPEST = 8  # structs and cells within each other
@@ -83,7 +84,14 @@ def _check(data: bytes) -> None:
 
 
 def _inside(kind: int, data: bytes, order: str, depth: int) -> int:
-    return _elements(data, order, depth + 1) if kind == _MATRIX else 1
+    if kind != _MATRIX:
+        return 1
+    # behind the flags: scipy makes room for as many cells as the dimensions say before it reads one
+    count = min(*struct.unpack_from(f"{order}I", data.ljust(24, b"\0"), 20), len(data) - 24, 4 * 32) // 4
+    lengths = struct.unpack_from(f"{order}{count}i", data, 24) if count > 0 else ()
+    if 8 * prod(max(1, length) for length in lengths) > max(MOST, RATIO * len(data)):
+        raise ValueError(f"an array of shape {shortened(lengths)} in {len(data)} bytes")
+    return _elements(data, order, depth + 1)
 
 
 def _elements(data: bytes, order: str, depth: int) -> int:

@@ -12,6 +12,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.recording.foreign.bags import Bag
 from catenary.recording.foreign.stream import Stream
 from catenary.recording.foreign.tables import read_table_file
+from catenary.recording.source import bags_in
 
 BAG_ENDINGS = (".bag", ".mcap", ".db3")
 
@@ -36,12 +37,11 @@ class Sources:
             if not path.exists():
                 raise FileFormatError(f"{path}: no such file")
             if is_bag(path):
-                for part in _bags_in(path):
-                    bag = Bag(part)
-                    self._bags.append(bag)
-                    streams += bag.sample()
+                self._bags += [Bag(part) for part in bags_in(path)]
             else:
                 streams += read_table_file(path)
+        self._bags.sort(key=lambda bag: bag.first_arrival)
+        streams += [stream for bag in self._bags for stream in bag.sample()]
         self.streams = _joined(streams)
         if not any(stream.columns for stream in self.streams):
             why = "; ".join(note for stream in self.streams for note in stream.notes)
@@ -67,16 +67,6 @@ class Sources:
 def is_bag(path: Path) -> bool:
     """Return whether a file or folder is a bag, by its ending or its metadata."""
     return path.suffix in BAG_ENDINGS or path.is_dir()
-
-
-def _bags_in(path: Path) -> list[Path]:
-    """Return the bag, or those in a folder that is none itself."""
-    if not path.is_dir() or (path / "metadata.yaml").is_file():
-        return [path]
-    inside = sorted(
-        p for p in path.iterdir() if p.suffix in (".bag", ".mcap") or (p / "metadata.yaml").is_file()
-    )
-    return inside or [path]
 
 
 def _joined(streams: Sequence[Stream]) -> list[Stream]:

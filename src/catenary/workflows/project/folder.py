@@ -15,7 +15,7 @@ from typing import Any, Self
 from catenary import __version__
 from catenary.config import parse_settings
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
-from catenary.files import PARTIAL, damage, fingerprint, json_text, write_atomically
+from catenary.files import PARTIAL, damage, fingerprint, json_text, sweep_partial, write_atomically
 from catenary.recording.synchronise import state_columns
 from catenary.recording.topics import psm_topic
 from catenary.trajectories.sinusoids import TURN_TIME
@@ -262,8 +262,7 @@ class Project:
                         f"{self.folder}: another command changed its settings meanwhile; run this one again"
                     )
                 self._steps = self._read_steps()
-                for left in self.folder.glob(f".*{PARTIAL}"):  # by a process that was killed
-                    left.unlink(missing_ok=True)
+                sweep_partial(self.folder)
             yield
 
     def _has_settings(self) -> bool:
