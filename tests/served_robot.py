@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.clock import ManualClock
 from catenary.crtk.conversions import command_message
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
@@ -18,8 +17,8 @@ from catenary.recording.topics import Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS
 from oracles.cable_arms import homed_plant
 from oracles.ideal_plant import IdealPlant
+from oracles.ticking_clock import SetClock
 
-BEGIN = 1_700_000_000 * 10**9  # [ns]
 JointState = message_class("sensor_msgs/JointState")
 
 
@@ -49,7 +48,7 @@ class ServedRobot:
         plant: Plant | None = None,
     ) -> None:
         self.dialect: Dialect = dialect
-        self.clock = ManualClock(BEGIN) if network is None else network.clock
+        self.clock: Any = SetClock() if network is None else network.clock
         self.network = network or LoopbackNetwork(clock=self.clock)
         self.plant: Any = plant or homed_plant("left")
         if plant is None and state != "ENABLED":

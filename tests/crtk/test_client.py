@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.clock import ManualClock
+from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.joints import RobotJoints
 from catenary.crtk.latest import ImuTopic, published_gravity
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
@@ -17,6 +17,7 @@ from catenary.recording.topics import JOINTS
 from catenary.sensing.bases import rules_for
 from catenary.sensing.mounting import Mounting
 from catenary.simulation.cable_plant import UNITS, CablePlant
+from catenary.workflows.robot.rest import pause
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import CrtkRobot, RobotOnLoopback
 from oracles.ideal_plant import IdealPlant
@@ -307,3 +308,26 @@ def test_gravity_that_a_node_publishes_points_down_and_ages_while_it_does_not_me
         state = client.measured_js()
         assert_allclose(state.gravity, [x, 0.0, -9.66])  # what the node goes by
     assert_allclose(state.gravity_age, 0.002)  # since it was measured
+
+
+@pytest.mark.parametrize("by", [-3600, 3600])
+def test_commands_are_stamped_by_the_clock_as_it_is_set(by: int) -> None:
+    setup, client = connected(ideal())
+    heard = setup.transport.subscribe("/arm1/servo_jp", "sensor_msgs/JointState")
+    for ahead in (0, by):
+        setup.clock.ahead = ahead * SECOND
+        client.servo_jp(START)
+        client.wait()
+        assert 0 <= setup.clock.now() - heard.take()[-1].message.header.stamp <= 0.01 * SECOND
+
+
+def test_a_robot_that_is_silent_is_asked_to_pause_all_the_same_and_not_waited_for() -> None:
+    setup, client = connected(ideal(), stale_after=0.1)
+    heard = setup.transport.subscribe("/arm1/state_command", "crtk_msgs/StringStamped")
+    setup.robot.silent = True
+    wait(client, 200)
+    begin = setup.transport.steady()
+    with pytest.raises(TransportError, match="nothing has come from the robot"):
+        pause(client)
+    assert setup.transport.steady() - begin < 0.3 * SECOND
+    assert [one.message.string for one in heard.take()] == ["pause"]

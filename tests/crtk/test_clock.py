@@ -1,3 +1,5 @@
+import time
+
 import pytest
 
 from catenary.crtk.clock import SECOND, Clock, ManualClock, Rate
@@ -36,6 +38,32 @@ def test_a_loop_keeps_its_rate(delays: list[float], ends: float, late: int) -> N
         rate.sleep()
     assert clock.elapsed() == pytest.approx(ends * SECOND, abs=1)
     assert rate.late == late
+
+
+class Interrupted(Clock):
+    """A clock whose program stands still for three seconds between two readings, once."""
+
+    def __init__(self) -> None:
+        self.readings = iter([0, 3 * SECOND, *[3 * SECOND + 1000] * 100])
+        super().__init__()
+
+    def now(self) -> int:
+        return 5 * SECOND
+
+    def elapsed(self) -> int:
+        return next(self.readings)
+
+
+def test_a_program_that_stands_still_between_two_readings_does_not_take_the_clock_for_set() -> None:
+    clock = Interrupted()
+    assert clock.set_by() == 0
+    assert clock.steady() == 5 * SECOND
+
+
+def test_time_goes_on_while_the_computer_is_suspended() -> None:
+    # a clock that counts suspended time, which none of the tests' computers was, agrees with one that only grows
+    apart = Clock().elapsed() - time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+    assert abs(apart) < SECOND
 
 
 @pytest.mark.parametrize("hertz", [0.0, -1.0, float("inf"), float("nan")])

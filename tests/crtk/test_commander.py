@@ -5,6 +5,7 @@ from numpy.testing import assert_array_equal
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback
+from catenary.crtk.message import header
 from served_robot import JointState, ServedRobot, shoulder
 
 TOPICS = {"raven": ("servo_jr", shoulder(1e-4)), "crtk": ("move_jr", shoulder(0.5))}
@@ -97,3 +98,91 @@ def test_a_killed_program_that_is_missed_after_its_lease_leaves_its_arm_paused(
     program.close()
     robot.tick(3300)
     assert robot.state() == state
+
+
+def stalled(robot: ServedRobot, seconds: float) -> None:
+    """Time passes, and the server does nothing: it is stopped, or its computer suspended."""
+    robot.clock.sleep(seconds)
+
+
+@pytest.mark.parametrize("seconds", [0.4, 3.0, 12.0, 3600.0])
+@pytest.mark.parametrize("dialect", ["raven", "crtk"])
+def test_an_arm_whose_program_went_while_the_server_stood_still_is_paused(
+    dialect: str, seconds: float
+) -> None:
+    robot, program = moved(dialect)
+    stalled(robot, seconds)
+    program.close()
+    robot.tick(2900)
+    assert robot.state() == "ENABLED"
+    robot.tick(300)
+    assert robot.state() == "PAUSED"
+
+
+@pytest.mark.parametrize(("killed_after", "seconds"), [(0.1, 3.0), (0.1, 11.0), (0.1, 25.0)])
+def test_over_dds_an_arm_whose_program_was_killed_while_the_server_stood_still_is_paused(
+    monkeypatch: pytest.MonkeyPatch, killed_after: float, seconds: float
+) -> None:
+    """The lease of ten seconds runs on meanwhile, and is looked at when the server goes on."""
+    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
+    robot, program = moved()
+    stalled(robot, seconds)
+    robot.tick(max(100, round(1000 * (10.0 + killed_after - seconds))))
+    program.close()
+    robot.tick(3300)
+    assert robot.state() == "PAUSED"
+
+
+@pytest.mark.parametrize("by", [-3600, -1, 1, 3600])
+def test_an_arm_whose_program_goes_is_paused_also_where_the_clock_is_set(by: int) -> None:
+    robot, program = moved()
+    robot.clock.ahead = by * SECOND
+    program.close()
+    robot.tick(3300)
+    assert robot.state() == "PAUSED"
+
+
+def test_a_program_that_lets_its_arm_rest_before_the_server_stands_still_leaves_it_enabled() -> None:
+    robot, program = moved()
+    robot.tick(5000)
+    stalled(robot, 3.0)
+    program.close()
+    robot.tick(4000)
+    assert robot.state() == "ENABLED"
+
+
+def test_commands_that_are_refused_are_signs_of_life() -> None:
+    robot, program = moved()
+    publisher = robot.network.topics[robot.name("servo_jr")].publishers["program"]
+    for _ in range(200):  # stamped when the server stood still, and read late
+        publisher.publish(JointState(header(robot.clock.now() - 3 * SECOND), (), shoulder(1e-4)))
+        robot.tick(5)
+    program.close()
+    robot.tick(3300)
+    assert robot.state() == "PAUSED"
+
+
+def test_commands_that_are_refused_keep_no_other_program_out() -> None:
+    robot, program = moved()
+    publisher = robot.network.topics[robot.name("servo_jr")].publishers["program"]
+    begin = robot.setpoint
+    for _ in range(200):
+        publisher.publish(JointState(header(robot.clock.now() - 3 * SECOND), (), shoulder(1e-4)))
+        robot.tick(5)
+    robot.joints("servo_jr", shoulder(1e-3))
+    robot.tick(10)
+    assert robot.setpoint[0] == pytest.approx(begin[0] + 1e-3)
+    assert program.is_up()
+
+
+def test_a_program_that_crashes_leaves_its_arm_paused_also_when_it_was_silent_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Stopped (SIGSTOP) in the middle of a motion, then killed: ROS 1's master goes on listing it."""
+    monkeypatch.setattr(Loopback, "lost", lambda self, topic: frozenset({"program"}))
+    robot, program = moved()
+    robot.tick(5000)
+    assert robot.state() == "ENABLED"
+    program.close()
+    robot.tick(3300)
+    assert robot.state() == "PAUSED"

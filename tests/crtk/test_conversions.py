@@ -1,4 +1,5 @@
 import itertools
+import re
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.crtk import conversions
+from catenary.crtk.clock import SECOND
 from catenary.crtk.codec import codec
 from catenary.crtk.message import message_class
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.spatial import Pose
+from oracles.ticking_clock import SetClock
 
 NAMES = ("shoulder", "elbow", "insertion")
 Q = np.array([0.1, 0.2, 0.3])
@@ -137,10 +140,56 @@ def test_seconds_of_a_stamp_are_exact_to_a_quarter_of_a_microsecond() -> None:
     assert abs((conversions.seconds(1_700_000_000_123_456_789) - 1_700_000_000) - 0.123456789) <= spacing
 
 
-@given(st.lists(st.integers(0, 100), min_size=2))
-@settings(deadline=None)
-def test_stamps_strictly_increase_whatever_the_clock_does(clock: list[int]) -> None:
-    stamps = conversions.Stamps()
-    given_out = [stamps.next(now) for now in clock]
-    assert all(a < b for a, b in itertools.pairwise(given_out))
-    assert all(stamp >= now for stamp, now in zip(given_out, clock, strict=True))
+def stamped(
+    steps: list[float], pause: float = 0.001, behind: float = 1.2
+) -> tuple[list[int], list[int], list[bool]]:
+    """Stamps of messages while the clock is set by steps [s], each `behind` [s] after the last one.
+
+    Also what the clock said of each, and whether it had just been set.
+    """
+    clock = SetClock()
+    stamps = conversions.Stamps(clock)
+    given_out, days, sets = [], [], []
+    for step in (0.0, *steps):
+        clock.ahead += round(step * SECOND)
+        for k in range(round(behind / pause)):
+            clock.sleep(pause)
+            given_out.append(stamps.next(clock.steady()))
+            days.append(clock.now())
+            sets.append(k == 0)
+    return given_out, days, sets
+
+
+@given(st.lists(st.floats(-1e4, 1e4) | st.floats(-0.6, 0.6), max_size=4), st.sampled_from([0.001, 0.02, 0.3]))
+@settings(deadline=None, max_examples=30)
+def test_stamps_go_back_only_where_the_clock_is_set_back_far_and_are_right_a_second_later(
+    steps: list[float], pause: float
+) -> None:
+    given_out, days, sets = stamped(steps, pause)
+    for (a, b), (before, day), is_set in zip(
+        itertools.pairwise(given_out), itertools.pairwise(days), sets[1:], strict=True
+    ):
+        assert a < b or (is_set and before + pause * SECOND - day > conversions.LEAP)
+    assert all(0 <= stamp - day <= conversions.LEAP for stamp, day in zip(given_out, days, strict=True))
+    seconds = round(1.2 / pause)
+    assert_allclose(  # nanoseconds that a message is later than the last one, at the least
+        given_out[seconds - 1 :: seconds], days[seconds - 1 :: seconds], rtol=0, atol=10 * len(given_out)
+    )
+
+
+@pytest.mark.parametrize("by", [-0.4, -0.01])
+def test_stamps_go_at_half_speed_while_the_clock_waits_for_them(by: float) -> None:
+    given_out, days, _ = stamped([by])
+    steps = np.diff(given_out)
+    assert steps.min() >= 0.5 * 0.001 * SECOND  # and never by a nanosecond each
+    assert given_out[-1] == days[-1]
+
+
+@pytest.mark.parametrize(
+    ("by", "said"), [(-3600.0, "-3600.000"), (7.5, r"\+7.500"), (-0.4, None), (0.4, None)]
+)
+def test_a_clock_that_is_set_far_is_said_once(by: float, said: str | None, caplog) -> None:
+    stamped([by])
+    lines = [record.getMessage() for record in caplog.records]
+    assert len(lines) == (said is not None)
+    assert all(re.search(f"the clock was set by {said} s", line) for line in lines)

@@ -12,7 +12,8 @@ from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.nodes.serve import Serving, make_server
 from catenary.spatial import Pose, rotation_from_rpy
 from oracles.cable_arms import homed_plant
-from served_robot import BEGIN, JointState, ServedRobot, shoulder
+from oracles.ticking_clock import BEGIN
+from served_robot import JointState, ServedRobot, shoulder
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
 UP = np.array([0.0, 0.0, 1.0])

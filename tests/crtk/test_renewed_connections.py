@@ -9,7 +9,8 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork, LoopbackPublisher
 from catenary.crtk.message import header, message_class
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
-from served_robot import BEGIN, JointState, ServedRobot, shoulder
+from oracles.ticking_clock import BEGIN
+from served_robot import JointState, ServedRobot, shoulder
 
 COMMAND = "crtk_msgs/StringStamped"
 

@@ -8,12 +8,13 @@ from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.conversions import command_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header
-from catenary.crtk.names import BUTTON, BUTTON_TYPE, Dialect
+from catenary.crtk.names import BUTTON, BUTTON_TYPE, Dialect, find_topic
 from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.nodes.serve import Serving, make_server
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
-from served_robot import BEGIN, JointState, ServedRobot, homing_plant, shoulder
+from oracles.ticking_clock import BEGIN, SetClock
+from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
 
 def living_client(state: str, command: str, *, dialect: Dialect = "raven", stamp: int = 0) -> ServedRobot:
@@ -226,3 +227,38 @@ def test_nothing_but_states_for_who_may_come_is_made_while_nobody_listens():
     heard = robot.hear("measured_js")  # whoever comes later is found within a tenth of a second
     robot.tick(200)
     assert 90 <= len(heard.take()) <= 200
+
+
+@pytest.mark.parametrize("by", [-3600, 3600])
+def test_stamps_of_a_server_follow_its_clock_and_commands_are_obeyed_on(by: int, caplog) -> None:
+    robot = ServedRobot()
+    heard = [robot.hear(verb) for verb in ("setpoint_js", "measured_js")]
+    diagnostics = robot.client.subscribe("/diagnostics", "diagnostic_msgs/DiagnosticArray")
+    robot.tick(1200)
+    robot.clock.ahead = by * SECOND
+    robot.tick(1200)
+    for topic in (*heard, diagnostics):
+        stamp = topic.take()[-1].message.header.stamp
+        assert 0 <= robot.clock.now() - stamp <= 1.1 * SECOND, topic.topic  # /diagnostics come once a second
+    robot.command("pause", stamp=robot.clock.now())
+    robot.tick(10)
+    assert robot.state() == "PAUSED"
+    robot.command("resume", stamp=robot.clock.now())
+    robot.tick(10)
+    assert robot.state() == "ENABLED"
+    assert [record.getMessage() for record in caplog.records] == [
+        f"the clock was set by {by:+}.000 s; stamps follow it"
+    ]
+
+
+def test_what_was_latched_before_a_server_began_is_not_obeyed_where_the_clock_is_set_back_then() -> None:
+    network = LoopbackNetwork(clock=SetClock())
+    topic = find_topic("raven", "state_command", "gold")
+    publisher = Loopback("client", network).publisher(topic.name, topic.type, latch=True)
+    publisher.publish(command_message("resume", 0))
+    robot = ServedRobot(state="PAUSED", network=network)
+    robot.clock.ahead = -10 * SECOND
+    robot.tick()
+    publisher.publish(command_message("resume", 0))  # likewise of unknown age
+    robot.tick(300)
+    assert robot.state() == "PAUSED"

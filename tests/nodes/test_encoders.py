@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.crtk.clock import SECOND, Clock
 from catenary.crtk.conversions import joint_values, operating_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.errors import InputError
@@ -17,12 +18,22 @@ from oracles.manual_time import ManualTime
 JOINTS = ("shoulder", "elbow", "insertion")
 
 
+class DayClock(Clock):
+    """The machine's, of the day set by `ahead` [ns]."""
+
+    ahead = 0
+
+    def now(self) -> int:
+        return super().now() + self.ahead
+
+
 class Rig(EncoderBench):
     """A board, its node, a robot that tells its state, and a listener."""
 
     def __init__(self, link: Path) -> None:
         super().__init__(link)
-        network = LoopbackNetwork()
+        self.clock = DayClock()
+        network = LoopbackNetwork(clock=self.clock)
         self.robot, listener = Loopback("robot", network), Loopback("listener", network)
         self.node = EncoderNode(self.driver, Loopback("node", network))
         self.state = self.robot.publisher(STATE_TOPIC, "crtk_msgs/operating_state")
@@ -97,3 +108,13 @@ def test_publishing_ends_after_its_duration_with_a_status(rig, monkeypatch):
     assert not final.reading.is_valid
     with pytest.raises(InputError, match="duration"):
         publish_encoders(rig.node, duration=0.0)
+
+
+def test_stamps_follow_a_clock_that_is_set_back(rig):
+    rig.send([1, -2, 3])
+    (before,) = rig.counts.take()
+    rig.clock.ahead = -3600 * SECOND
+    rig.send([2, -2, 3], [3, -2, 3])
+    first, second = (one.message.header.stamp for one in rig.counts.take())
+    assert before.message.header.stamp - first > 3500 * SECOND
+    assert second > first

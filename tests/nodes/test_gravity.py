@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.crtk.gravity_topic import IMU, VECTOR, GravityTopic, now_of
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
@@ -13,6 +13,7 @@ from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import rotation_about_z
+from oracles.ticking_clock import SetClock
 
 XYZ = message_class("geometry_msgs/Vector3")
 START = 1_700_000_000 * SECOND  # stamps are times of day, and large
@@ -23,7 +24,7 @@ class World:
     """A sensor, the node and a listener, in a time that goes on by 10 ms."""
 
     def __init__(self, type_name=IMU, *, mounting=None, points_down=False, **options) -> None:
-        network = LoopbackNetwork(clock=ManualClock(START))
+        network = LoopbackNetwork(clock=SetClock(START))
         self.sensor = Loopback("sensor", network)
         self.node_transport, listener = Loopback("node", network), Loopback("listener", network)
         mailbox = Mailbox()
@@ -135,3 +136,18 @@ def test_the_rate_is_kept_the_status_shown_each_second_and_a_duration_of_nothing
     assert final.seconds == pytest.approx(now_of(world.node_transport) - START / SECOND)
     with pytest.raises(InputError, match="duration"):
         publish_gravity(world.node, duration=0.0)
+
+
+@pytest.mark.parametrize("by", [-3600, 3600])
+def test_a_clock_that_is_set_costs_no_gravity_and_stamps_follow_it(by):
+    world = World()
+    world.run(2.0, -TILTED)
+    world.node_transport.clock.ahead = by * SECOND
+    world.run(2.0, -TILTED)
+    assert world.said()[1] == "live"
+    world.run(0.1, -TILTED)
+    stamps = [one.message.header.stamp for one in world.vectors.take()]
+    assert stamps[-1] == world.sensor.now()
+    assert_allclose(np.diff(stamps), 0.01 * SECOND)
+    final = publish_gravity(world.node, duration=0.5)  # durations are none of the clock's
+    assert final.seconds == pytest.approx(0.5, abs=0.011)

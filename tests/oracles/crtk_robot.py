@@ -49,7 +49,7 @@ class CrtkRobot:
         self.silent = False
         self.refused: list[str] = []
         self._every = every
-        self._stamps = Stamps()
+        self._stamps = Stamps(transport.clock)
         verbs = ("measured_js", "setpoint_js", "operating_state")
         self._out = {verb: transport.publisher(topic(verb).name, topic(verb).type) for verb in verbs}
         if dialect == "raven" and not second:  # the other arm's program sends what is the whole robot's
@@ -82,7 +82,7 @@ class CrtkRobot:
 
     def publish(self) -> None:
         """Publish the plant's state."""
-        stamp, names = self._stamps.next(self.transport.now()), self.plant.joint_names
+        stamp, names = self._stamps.next(self.transport.steady()), self.plant.joint_names
         measured, setpoint = self.plant.measured_js(), self.plant.setpoint_js()
         self._out["measured_js"].publish(
             joint_state_message(names, stamp, measured.q, measured.qd, measured.tau)

@@ -2,18 +2,27 @@
 
 from catenary.crtk.clock import SECOND, ManualClock
 
+BEGIN = 1_700_000_000 * SECOND  # a time of day
 
-class TickingClock(ManualClock):
-    """While somebody sleeps, `tick` is called whenever a period is over, at that time."""
 
-    def __init__(self, period: float, start: int = SECOND) -> None:
+class SetClock(ManualClock):
+    """A clock of the day that somebody sets by `ahead` [ns]."""
+
+    def __init__(self, start: int = BEGIN) -> None:
         super().__init__(start)
-        self._period = round(period * SECOND)
-        self._next = self.steady() + self._period
-        self.ahead = 0  # [ns] by which the time of day has been set
+        self.ahead = 0
 
     def now(self) -> int:
         return super().now() + self.ahead
+
+
+class TickingClock(SetClock):
+    """While somebody sleeps, `tick` is called whenever a period is over, at that time."""
+
+    def __init__(self, period: float, start: int = BEGIN) -> None:
+        super().__init__(start)
+        self._period = round(period * SECOND)
+        self._next = self.steady() + self._period
 
     def tick(self) -> None:
         """Do what is due."""

@@ -50,7 +50,7 @@ class CrtkClient(CrtkReader):
 
     def _begin(self) -> None:
         """Prepare to command; nothing is sent."""
-        self._stamps = Stamps()
+        self._stamps = Stamps(self.transport.clock)
         self._goal: Floats | None = None  # (n,) sent last
         self._arrived = False  # whether the robot's setpoint has been at the goal
         self._sent = False  # whether a command went out in this tick
@@ -133,10 +133,10 @@ class CrtkClient(CrtkReader):
         self._goal = None
         begin = self.transport.steady()
         patience = timeout or (HOMING_TIMEOUT if command == "home" else COMMAND_TIMEOUT)
+        if self.age > self.stale_after:  # it is silent already
+            patience = min(patience, self.stale_after)
         settle = SETTLE if command == "home" else 0.0
-        self._publishers["state_command"].publish(
-            command_message(command, self._stamps.next(self.transport.now()))
-        )
+        self._publishers["state_command"].publish(command_message(command, self._stamps.next(begin)))
         latest = self._latest["operating_state"]
         while True:
             self.transport.sleep(self.period)
@@ -173,7 +173,7 @@ class CrtkClient(CrtkReader):
         self._publish("servo_jp", position=self._goal)
 
     def _publish(self, verb: str, *, position: ArrayLike = (), effort: ArrayLike = ()) -> None:
-        stamp = self._stamps.next(self.transport.now())
+        stamp = self._stamps.next(self.transport.steady())
         message = joint_state_message(self.joint_names, stamp, position, effort=effort)
         self._publishers[verb].publish(message)
         self._others.we_command()

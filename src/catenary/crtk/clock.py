@@ -6,6 +6,9 @@ import time
 from catenary.errors import InputError
 
 SECOND = 1_000_000_000  # [ns]
+AT_ONCE = SECOND // 1000  # [ns] that two readings of clocks are apart at most
+# goes on while the computer is suspended: to a program that was, as to one that was stopped, what it knew is old
+_ELAPSED = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 class Clock:
@@ -13,7 +16,8 @@ class Clock:
 
     def __init__(self) -> None:
         """Read both of the machine's clocks, once."""
-        self._ahead = time.time_ns() - time.monotonic_ns()
+        self._ahead = 0
+        self._ahead = self.set_by()
 
     def now(self) -> int:
         """Return the time of day [ns since 1970], which may be set back and forth."""
@@ -26,9 +30,16 @@ class Clock:
         """
         return self._ahead + self.elapsed()
 
+    def set_by(self) -> int:
+        """Return how far the time of day has been set since this was made [ns], back where negative."""
+        while True:
+            before, now, after = self.elapsed(), self.now(), self.elapsed()
+            if after - before < AT_ONCE:  # else this program stood still in between
+                return now - self._ahead - (before + after) // 2
+
     def elapsed(self) -> int:
         """Return the time [ns] since an arbitrary moment, which only grows."""
-        return time.monotonic_ns()
+        return time.clock_gettime_ns(_ELAPSED)
 
     def sleep(self, seconds: float) -> None:
         """Let time pass."""

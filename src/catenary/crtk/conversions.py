@@ -3,6 +3,7 @@
 The RAVEN-II's own `raven_state` is in `raven_conversions`.
 """
 
+import logging
 from functools import lru_cache
 from math import hypot
 from typing import cast, get_args
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.clock import SECOND
+from catenary.crtk.clock import SECOND, Clock
 from catenary.crtk.message import Message, header, message_class
 from catenary.errors import InputError
 from catenary.plant import JointState, OperatingState, StateName
@@ -22,6 +23,8 @@ _Point, _Quaternion, _Vector3, _Pose, _Transform, _PoseStamped, _TransformStampe
     for name in ("Point", "Quaternion", "Vector3", "Pose", "Transform", "PoseStamped", "TransformStamped")
 )
 _NUMBERS = ("position", "velocity", "effort")
+LEAP = SECOND // 2  # [ns] by which a clock has to be set for stamps to leap back with it
+_logger = logging.getLogger(__name__)
 
 
 def joint_state_message(
@@ -225,12 +228,26 @@ def seconds(stamp: int) -> float:
 
 
 class Stamps:
-    """Stamps that strictly increase, as CRTK's clients demand, also when the clock is set back or stands still."""
+    """Stamps of the time of day that strictly increase, as CRTK's clients demand, but where it is set back far.
 
-    def __init__(self) -> None:
-        self._last = 0
+    They advance by a clock that nobody sets. Where the time of day is set back by up to half a second, they go at half
+    speed until they are at it again; a step farther back they follow at once. A step beyond half a second, either way,
+    is logged.
+    """
 
-    def next(self, now: int) -> int:
-        """Return `now` [ns], or one nanosecond more than the last stamp where that is later."""
-        self._last = max(now, self._last + 1)
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._set, self._time, self._last = clock.set_by(), 0, 0  # [ns]
+
+    def next(self, time: int) -> int:
+        """Return the stamp [ns] of what happened at a time [ns] by the clock's `steady`."""
+        by = self._clock.set_by()
+        ahead = self._set - by
+        if abs(ahead) > LEAP:
+            _logger.warning("the clock was set by %+.3f s; stamps follow it", -ahead / SECOND)
+            self._last = time + by - 1
+        elif ahead > 0:
+            by = self._set - min(ahead, max(0, time - self._time) // 2)
+        self._set, self._time = by, time
+        self._last = max(time + by, self._last + 1)
         return self._last

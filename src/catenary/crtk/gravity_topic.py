@@ -29,7 +29,7 @@ class GravityTopic:
     """Subscribes to a sensor, and puts its samples into a mailbox whenever `feed` is called.
 
     Nothing is judged here: the estimator names NaN, other units and stamps that go back. Stamps are those of
-    the headers, in seconds on the transport's clock.
+    the headers, in seconds on the transport's `steady` clock, which goes on where the clock of the day is set.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class GravityTopic:
         self.frame_id = header.frame_id
         if header.stamp == 0:
             tally.unstamped += 1
-        stamp = seconds(header.stamp or arrived + self._transport.now() - self._transport.steady())
+        stamp = seconds(header.stamp - self._transport.clock.set_by() if header.stamp else arrived)
         if isinstance(message, message_class(IMU)):
             # rates first: when gravity is looked at, how the base turned meanwhile is known
             if message.angular_velocity_covariance[0] == -1.0:
@@ -88,5 +88,5 @@ class GravityTopic:
 
 
 def now_of(transport: Transport) -> float:
-    """Return the time [s] on the clock of the stamps."""
-    return transport.now() / SECOND
+    """Return the time [s] on the clock of the samples."""
+    return transport.steady() / SECOND

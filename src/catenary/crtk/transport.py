@@ -198,6 +198,10 @@ class Transport(ABC):
     def publishing(self) -> Mapping[str, frozenset[str]]:
         """Return the processes that publish each topic, as `Arrival.process` names them; empty where unknown."""
 
+    def lost(self, topic: str) -> frozenset[str]:
+        """Return programs that went from a topic without ending it, as a crash does, where that can be told."""
+        return frozenset()
+
     @abstractmethod
     def is_up(self) -> bool:
         """Return whether it is open, and whatever brings peers together (ROS 1's master) answers."""

@@ -53,7 +53,7 @@ class EncoderNode:
         self._joint_enc = transport.publisher(JOINT_ENC.name, JOINT_STATE)
         self._ext_jpos = transport.publisher(EXT_JPOS.name, JOINT_STATE)
         self._states = transport.subscribe(state_topic, "crtk_msgs/OperatingState")
-        self._stamps = Stamps()
+        self._stamps = Stamps(transport.clock)
         self.published = {JOINT_ENC.name: 0, EXT_JPOS.name: 0}
 
     def step(self) -> int:
@@ -66,8 +66,8 @@ class EncoderNode:
             self.robot = state.state + " homed" * state.is_homed + " busy" * state.is_busy
             self.board.tell(is_busy=state.is_busy, is_homed=state.is_homed)
         samples = self.board.take()
-        # from the board's clock to the stamps'
-        shift = self.transport.now() - round(self.board.now() * SECOND)
+        # from the board's clock to the transport's
+        shift = self.transport.steady() - round(self.board.now() * SECOND)
         names = JOINT_ENC.joint_names
         for sample in samples:
             stamp = self._stamps.next(round(sample.time * SECOND) + shift)

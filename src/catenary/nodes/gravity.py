@@ -77,12 +77,12 @@ class GravityNode:
         self.tally, self.published = GravityTally(), 0
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")
         self._status = transport.publisher(f"{topic}/status", "crtk_msgs/StringStamped", latch=True)
-        self._stamps, self._said, self._said_at = Stamps(), "", -np.inf
+        self._stamps, self._said, self._said_at = Stamps(transport.clock), "", -np.inf
 
     def step(self) -> GravityReading:
         """Read the source now, and publish."""
         time = now_of(self.transport)
-        stamp = self._stamps.next(self.transport.now())
+        stamp = self._stamps.next(self.transport.steady())
         reading = self.source.read(time)
         self.tally.add(reading)
         if reading.status is not ReadingStatus.STOP:

@@ -1,9 +1,10 @@
 """A robot moved by held keys and keys that change its run level, wherever the keys come from: a terminal or a page."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import MappingProxyType
 
-from catenary.errors import CatenaryError
+from catenary.errors import CatenaryError, TransportError
 from catenary.plant import OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
 from catenary.teleop.motion import FASTER, SLOWER, TeleopMotion
@@ -100,9 +101,11 @@ class TeleopDriver:
     def leave(self) -> None:
         """Hold, then pause; `message` tells of a robot that cannot be reached any more."""
         try:
-            self.hold()
-            if self.plant.operating_state().state == "ENABLED":
-                self.plant.state_command("pause")
+            with suppress(TransportError):  # one that only stood still obeys when it goes on
+                self.hold()
+                if self.plant.operating_state().state != "ENABLED":
+                    return
+            self.plant.state_command("pause")
         except CatenaryError as error:
             self.message = f"the robot was not paused: {error}"
 

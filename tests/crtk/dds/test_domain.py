@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import pytest
 
@@ -95,3 +96,21 @@ def test_settings_of_cyclone_that_are_none_are_refused_by_name(tmp_path) -> None
     )
     assert "TransportError" in ended.stderr
     assert "CYCLONEDDS_URI" in ended.stderr
+
+
+@pytest.mark.parametrize("wide", ["SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT"])
+@pytest.mark.parametrize("own", ["", "<CycloneDDS><Domain><Id>any</Id></Domain></CycloneDDS>"])
+def test_types_of_fast_dds_are_not_compared_whatever_else_is_set(monkeypatch, wide: str, own: str) -> None:
+    from catenary.crtk.dds import domain
+
+    given: list[str] = []
+    monkeypatch.setattr(domain, "Domain", lambda number, settings: given.append(settings))
+    monkeypatch.setattr(domain, "_domains", {})
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", wide)
+    monkeypatch.setenv("CYCLONEDDS_URI", own)
+    domain.enter_domain()
+    (settings,) = given
+    ours = ElementTree.fromstring(settings.removesuffix(f",{own}"))
+    # eProsima's number among DDS's vendors
+    assert [one.text for one in ours.findall("Domain/Compatibility/IgnoreTypeInformation")] == ["1.15"]
+    assert settings.endswith(own)  # comes last and overrules

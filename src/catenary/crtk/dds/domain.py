@@ -7,15 +7,18 @@ rmw_cyclonedds.
 
 import os
 import threading
+from contextlib import nullcontext
 
 from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain
 
+from catenary.crtk.dds.standard_error import thinned
 from catenary.errors import InputError, TransportError
 
 RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 LARGEST = 232  # number of a domain, by the ports that DDS makes of it
 _MOST_PROGRAMS = 120  # on one machine that find each other without multicast
+_FAST_DDS = "1.15"  # its vendor's number; from version 3 on (Kilted) both disagree on what is said of types
 _MOST_BYTES = 2**26  # of a message from the network
 _domains: dict[int, Domain | None] = {}  # a process has each once, until it ends; None: somebody else's in it
 _lock = threading.Lock()
@@ -45,7 +48,8 @@ def enter_domain() -> int:
     with _lock:
         if number not in _domains:
             try:
-                _domains[number] = Domain(number, settings)
+                with nullcontext() if "<Tracing" in settings else thinned():  # who traces wants all of it
+                    _domains[number] = Domain(number, settings)
             except (DDSException, UnicodeError) as error:
                 if getattr(error, "code", None) == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
                     _domains[number] = None  # set up before by another part of this program
@@ -64,6 +68,7 @@ def _settings() -> str:
     if wide == "LOCALHOST":
         peers.insert(0, "localhost")
     found = f"<Internal><MaxSampleSize>{_MOST_BYTES} B</MaxSampleSize></Internal>"
+    found += f"<Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
     if wide in ("LOCALHOST", "OFF"):
         found += "<General><AllowMulticast>false</AllowMulticast></General>"
     if wide == "OFF":

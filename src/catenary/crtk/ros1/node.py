@@ -10,7 +10,7 @@ import logging
 import os
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rospy
@@ -64,6 +64,9 @@ class Node:
         self._publishers: dict[str, Any] = {}  # rospy's, by topic
         self._subscribers: dict[str, Any] = {}
         self._services: dict[str, Any] = {}
+        self.listed: Mapping[
+            str, frozenset[str]
+        ] = {}  # programs by the topic that they publish, when last asked
         self._incomplete: frozenset[str] = frozenset()  # topics with publishers that were not connected
         rospy.on_shutdown(lambda: self.on_shutdown())
         atexit.register(rospy.signal_shutdown, "the program ends")
@@ -147,7 +150,7 @@ class Node:
 
     def _connect_again(self) -> None:
         """Connect again to publishers whose connections broke while they lived on; rospy alone gives them up."""
-        listed = self.master.publisher_names()
+        listed = self.listed = self.master.publisher_names()
         incomplete = frozenset(
             topic
             for topic, subscriber in list(self._subscribers.items())

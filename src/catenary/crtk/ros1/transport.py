@@ -213,6 +213,11 @@ class Ros1Transport(Transport):
         found: dict[str, frozenset[str]] = self.node.master.publishing()
         return found
 
+    def lost(self, topic: str) -> frozenset[str]:
+        """Return programs that the master lists still, half a second ago at most, and that are not connected."""
+        listed: frozenset[str] = self.node.listed.get(topic, frozenset())
+        return listed.difference(self.connections(topic).publishers)
+
     def is_up(self) -> bool:
         """Return whether it is open and the master answered when last asked, half a second ago at most."""
         return self.node.up and not self.inbox.closed

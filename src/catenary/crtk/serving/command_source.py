@@ -62,6 +62,7 @@ class CommandSource:
         self._transport = transport
         self._reports = reports
         self._begin = beginning.time
+        self._set = 0  # [ns] by which the clock of the day has been set
         self._connected: int | None = None
         self._old = beginning.publishing.get(topic.name, frozenset())
         self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
@@ -72,6 +73,7 @@ class CommandSource:
         # what is switched moves nothing
         self.moves = topic.type not in (COMMAND, "std_msgs/Bool") and topic.verb != GRAV_DIR
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
+        self.heard: set[str] = set()  # those of all that were taken last
 
     def __len__(self) -> int:
         """Return how many wait."""
@@ -84,6 +86,7 @@ class CommandSource:
     def take(self, now: int, most: int = OF_A_TOPIC) -> list[Message]:
         """Return those commands that are fresh of the `most` that have waited longest, oldest first; `now` in ns."""
         came = self._subscription.take_arrivals(most=most)
+        self._set, self.heard = self._transport.clock.set_by(), {one.process for one in came}
         fresh = [one for one in came if self._is_fresh(one, now)]
         if fresh:
             self.process = fresh[-1].process
@@ -124,6 +127,7 @@ class CommandSource:
             return True
         stamp = stamp_of(message)
         if stamp:
+            stamp -= self._set
             if now - stamp > OLDEST:
                 age = (now - stamp) / SECOND
                 self._reports.say(f"{self.topic.name}: old", f"stamped {age:.2f} s ago, not obeyed", now)
@@ -131,7 +135,7 @@ class CommandSource:
             if stamp > self._begin:
                 return True
         waits = self._waits and not self._is_newcomer(arrival.process)
-        sent = now if arrival.sent is None else arrival.sent
+        sent = now if arrival.sent is None else arrival.sent - self._set
         if waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
             kind, reason = "from before", "its client was there before this server"
         elif arrival.is_first and now - sent > OLDEST:

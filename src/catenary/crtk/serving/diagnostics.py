@@ -34,8 +34,8 @@ class Diagnostics:
         self._told: dict[str, OperatingState] = {}
         self._at: int | None = None  # [ns]
 
-    def publish(self, now: int) -> None:
-        """Publish at `now` [ns] if it is time, or if something has changed; say of a new fault why it came."""
+    def publish(self, now: int, stamp: int) -> None:
+        """Publish at `now` [ns], stamped so [ns], if it is time or something has changed; say why a new fault came."""
         states = {name: arm.state for name, arm in self._arms.items()}
         if states == self._told and self._at is not None and 0 <= now - self._at < SECOND:
             return
@@ -47,7 +47,7 @@ class Diagnostics:
                 self._reports.say(f"{name}: FAULT", why, now, to=(name,), each=True)
         self._told, self._at = states, now
         self._publisher.publish(
-            _Array(header(now), tuple(self._status(name, arm) for name, arm in self._arms.items()))
+            _Array(header(stamp), tuple(self._status(name, arm) for name, arm in self._arms.items()))
         )
 
     def _status(self, name: str, arm: ServedArm) -> Message:

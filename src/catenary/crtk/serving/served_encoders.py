@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import Stamps, joint_state_message
+from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.names import JOINT_STATE, CrtkTopic
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.transport import Transport
@@ -43,10 +43,9 @@ class ServedEncoders:
         self._joints = topics[0].joint_names
         self._every = min(round(SECOND / topic.rate) for topic in topics)  # [ns]
         self._due: int | None = None
-        self._stamps = Stamps()
 
-    def publish(self, now: int) -> None:
-        """Publish at `now` [ns] if it is time and anybody listens."""
+    def publish(self, now: int, stamp: int) -> None:
+        """Publish at `now` [ns], stamped so [ns], if it is time and anybody listens."""
         if self._due is not None and 0 <= self._due - now < self._every:
             return
         # on a grid, so that ticks that come late do not make it slower; never two to catch up
@@ -54,7 +53,7 @@ class ServedEncoders:
         self._due = now + self._every - (late if 0 <= late < self._every else 0)
         if not any(outlet.heard for outlet in self.outlets):
             return
-        telemetry, stamp = self._plant.telemetry(), self._stamps.next(now)
+        telemetry = self._plant.telemetry()
         for outlet in self.outlets:
             values = telemetry[outlet.topic.verb]
             if outlet.heard and np.isfinite(values).all():

@@ -5,12 +5,11 @@ The server keeps no time: `tick` is called at the robot's rate by whoever does (
 
 from collections.abc import Mapping
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import Stamps
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, WARNING, CrtkTopic
 from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
-from catenary.crtk.serving.commander import Commander
+from catenary.crtk.serving.commander import WATCH, Commander
 from catenary.crtk.serving.diagnostics import Diagnostics
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
@@ -24,7 +23,6 @@ from catenary.errors import CatenaryError, InputError
 _STARTS = ": starts"
 STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
 _String = message_class("std_msgs/String")
-WATCH = SECOND // 10  # [ns] between two looks at who is connected
 MOST = (
     8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
 )
@@ -76,8 +74,8 @@ class Server:
         self.ticks = 0
         self._dialect = dialect
         self._every = publish_every
-        self._stamps = Stamps()
-        beginning = Beginning(transport.now(), frozenset(transport.topics()), transport.publishing())
+        self._stamps = Stamps(transport.clock)
+        beginning = Beginning(transport.steady(), frozenset(transport.topics()), transport.publishing())
         wanted = dialect.topics
         self._sources = [
             CommandSource(transport, topic, beginning, reports) for topic in wanted if topic.direction == "in"
@@ -108,7 +106,8 @@ class Server:
 
     def tick(self) -> None:
         """Read the commands that have come, move the arms by a tick, publish."""
-        now = self.transport.now()
+        now = self.transport.steady()
+        stamp = self._stamps.next(now)
         self.transport.poll()
         arrivals = self.transport.inbox.arrivals
         if arrivals != self._arrivals or self._is_behind:  # else nothing waits
@@ -120,13 +119,13 @@ class Server:
         settled = self._dialect.settle()
         if settled is not None:
             self.reports.say("robot: stopped", settled, now, to=tuple(self.arms))
-        self._diagnostics.publish(now)
+        self._diagnostics.publish(now, stamp)
         for name, line in self.reports.take_told():
             self.outlets[WARNING, name].publish(_String(line))
         if self.ticks % self._every == 0:
-            self._dialect.publish(self._stamps.next(now))
+            self._dialect.publish(stamp)
         if self._encoders is not None:
-            self._encoders.publish(now)
+            self._encoders.publish(now, stamp)
         self.ticks += 1
         if not 0 <= now - self._watched < WATCH:
             self._watched = now
@@ -139,7 +138,7 @@ class Server:
 
     def say_states(self) -> None:
         """Publish what the arms are like now, out of turn, as when the server ends."""
-        self._dialect.publish(self._stamps.next(self.transport.now()))
+        self._dialect.publish(self._stamps.next(self.transport.steady()))
 
     def _take_in(self, now: int) -> None:
         """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
@@ -148,7 +147,10 @@ class Server:
             free = left - MOST // 2 if k < self._others else left  # state commands leave half to the others
             count = min(len(source), OF_A_TOPIC, free // source.cost)
             left -= count * source.cost
-            for message in source.take(now, count) if count else ():
+            taken = source.take(now, count) if count else ()
+            for arm in self._arms_of(source.topic) if count and source.moves else ():
+                self._commanders[arm.arm].hears(source.heard, now)
+            for message in taken:
                 self.commands += 1
                 self._obey(source, message, now)
             if len(source) and source.moves and not any(arm.is_ready for arm in self._arms_of(source.topic)):
@@ -173,7 +175,7 @@ class Server:
 
         Also "grav-dir X,Y,Z" and "grav-dir off": the gravity compensation of the robot's own.
         """
-        now = self.transport.now()
+        now = self.transport.steady()
         word, _, rest = line.partition(" ")
         if word == "grav-dir":
             try:

@@ -1,12 +1,12 @@
 """A robot at rest after a motion, however that ends: it holds, then it is paused."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
 from catenary.control.leaving import attempt
-from catenary.errors import CatenaryError
+from catenary.errors import CatenaryError, TransportError
 from catenary.plant import Plant
 
 HOLD_TICKS = 20  # during which a robot is told to stay where it is
@@ -52,6 +52,8 @@ def hold(plant: Plant) -> None:
 
 
 def pause(plant: Plant) -> None:
-    """Pause a robot that is enabled."""
-    if plant.operating_state().state == "ENABLED":
-        plant.state_command("pause")
+    """Pause a robot that is enabled, or silent: one that only stood still obeys when it goes on."""
+    with suppress(TransportError):
+        if plant.operating_state().state != "ENABLED":
+            return
+    plant.state_command("pause")

@@ -83,11 +83,8 @@ class TopicRecorder:
             folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes
         )
         self._kept: list[_Kept] = []
-        self._transport, self._begin, self._ahead = (
-            transport,
-            transport.steady(),
-            self._clock_ahead(transport),
-        )
+        self._transport, self._begin = transport, transport.steady()
+        self._set = transport.clock.set_by()  # [ns]
         self.clock_steps: list[str] = []  # in words
         try:
             for topic in topics:
@@ -145,18 +142,13 @@ class TopicRecorder:
         self._end_subscriptions()
         self.journal.close()
 
-    @staticmethod
-    def _clock_ahead(transport: Transport) -> int:
-        """Return how far the time of day is ahead of the time that messages come in by [ns]."""
-        return transport.now() - transport.steady()
-
     def _note_clock(self) -> None:
         """Note in the recording that the machine's clock was set; messages come in by a clock that was not."""
-        ahead = self._clock_ahead(self._transport)
-        step = (ahead - self._ahead) / SECOND
+        by = self._transport.clock.set_by()
+        step = (by - self._set) / SECOND
         if abs(step) < CLOCK_SET:
             return
-        at, self._ahead = (self._transport.steady() - self._begin) / SECOND, ahead
+        at, self._set = (self._transport.steady() - self._begin) / SECOND, by
         self.clock_steps.append(
             f"the machine's clock was set by {step:+.3f} s, {at:.1f} s after the begin; arrivals go on by the clock "
             "as it was, and nothing is lost"
