@@ -6,6 +6,8 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import own_base
+from catenary.dynamics.kinematics import relative_pose
 from catenary.errors import FileFormatError, MissingInertiaError, UnsupportedModelError
 from catenary.robots.urdf import load_urdf, parse_urdf
 from oracles.random_robots import random_urdf
@@ -133,18 +135,32 @@ def test_the_root_link_is_the_base_and_stays_a_frame():
     assert model.tree.mass.sum() == 2.0  # the root's own mass plays no part
 
 
-def test_a_root_named_base_is_the_base_and_another_keeps_its_pose_under_a_name_that_a_note_gives():
+def test_a_root_named_base_is_the_base():
     model = parse_urdf(urdf(joint("j", "base", "a"), links=("base", "a")))
-    assert (set(model.frames), model.notes) == ({"base", "a"}, ())
-    text = urdf(
-        joint("f", "root", "base", "fixed", '<origin xyz="0 0 1"/>'),
-        joint("j", "base", "a"),
-        links=("root", "base", "a"),
-    )
+    assert (set(model.frames), model.base, model.notes) == ({"base", "a"}, "base", ())
+
+
+@pytest.mark.parametrize("text", [own_base.URDF, own_base.MOVING], ids=["fixed", "moving"])
+def test_a_link_named_base_that_is_not_the_root_keeps_its_name_and_place(text, caplog):
     model = parse_urdf(text)
-    assert_array_equal(frame_pose(model, "base (file)", [0.0])[:3, 3], [0, 0, 1])
-    assert_array_equal(frame_pose(model, "base", [0.0]), np.eye(4))
-    assert any('"base" of the file is named "base (file)"' in note for note in model.notes)
+    q = np.array([0.3, -0.7])
+    expected = own_base.poses(text, q)
+    assert set(model.frames) == set(expected)
+    assert model.base == "base_link"
+    for frame in model.frames:
+        theirs = expected["base"].actInv(expected[frame]).homogeneous
+        pose = relative_pose(model, q, frame, "base")
+        assert_allclose(pose.rotation, theirs[:3, :3], atol=1e-12)
+        assert_allclose(pose.position, theirs[:3, 3], atol=1e-12)
+        assert_allclose(frame_pose(model, frame, q), expected[frame].homogeneous, atol=1e-12)
+    assert '"base_link" is the base frame' in caplog.text
+    assert any('"base_link" is the base frame' in note for note in model.notes)
+
+
+def test_a_link_named_base_that_lies_on_the_root_needs_no_note(caplog):
+    text = urdf(joint("f", "root", "base", "fixed", ""), joint("j", "base", "a"), links=("root", "base", "a"))
+    model = parse_urdf(text)
+    assert (model.base, model.notes, caplog.text) == ("base", (), "")
 
 
 def test_moving_links_without_mass_are_missing_inertia_unless_something_fixed_to_them_has_some():

@@ -15,14 +15,12 @@ from catenary.robots.description import (
     Mimic,
     file_source,
     left_out,
-    names_beside_base,
     naming_the_file,
     read_description,
-    renaming_notes,
     resolve_mimics,
 )
 from catenary.robots.link_inertia import LinkInertia
-from catenary.robots.model import BASE, Massless, RobotModel
+from catenary.robots.model import Massless, RobotModel
 from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
@@ -76,12 +74,11 @@ def parse_urdf(
     if not links:
         raise FileFormatError(f"{where}: no <link>, expected at least one")
     root = _only_root(where, links, joints)
-    names = names_beside_base(name for name in links if name != root) | {root: BASE}
     free, following = _leaders(where, joints)
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
         tree_links = [
-            _tree_link(where, joint, links[joint.child], names, following, stepping, strict=strict)
+            _tree_link(where, joint, links[joint.child], following, stepping, strict=strict)
             for joint in joints
         ]
     with naming_the_file(where):
@@ -89,12 +86,9 @@ def parse_urdf(
             robot.get("name") or "unnamed",
             tree_links,
             [joint.coordinate for joint in joints if joint.name in free],
-            frames={} if root == BASE else {root: (BASE, identity_pose())},
+            root=root,
             sources=sources,
-            notes=[
-                *renaming_notes({old: new for old, new in names.items() if old != root}),
-                *_notes(robot, joints, following),
-            ],
+            notes=_notes(robot, joints, following),
             doubts=[
                 f'link "{link.name}": has no mass, as the file says'
                 for link in tree_links
@@ -251,7 +245,6 @@ def _tree_link(
     where: str,
     joint: _Joint,
     child: Element,
-    names: Mapping[str, str],
     following: Mapping[str, Mimic],
     stepping: Container[str],
     *,
@@ -262,8 +255,8 @@ def _tree_link(
     bare = len(child) == 0 and joint.child in stepping
     weightless = inertia is not None and inertia.mass == 0.0 and not strict
     return Link(
-        name=names[joint.child],
-        parent=names[joint.parent],
+        name=joint.child,
+        parent=joint.parent,
         joint=joint.kind,
         pose=joint.pose,
         axis=joint.axis,
