@@ -305,3 +305,13 @@ def test_a_body_or_site_named_base_keeps_its_name_and_place_and_the_base_is_the_
     assert_allclose(frame_pose(ours, "base", [0.4])[:3, 3], theirs.xpos, atol=1e-12)
     assert_allclose(frame_pose(ours, "base", [0.4])[:3, :3].ravel(), theirs.xmat, atol=1e-12)
     assert_allclose(frame_pose(ours, "shoulder", [0.4])[:3, 3], data.body("shoulder").xpos, atol=1e-12)
+
+
+def test_namespaces_are_passed_over_as_mujoco_does_and_bodies_are_counted_all_the_same(load):
+    ours = load(arm().replace("<mujoco", '<mujoco xmlns="http://mujoco.org" m:x="1"'))
+    assert_allclose(
+        frame_pose(ours, "hand", [0.1, 0.2, 0.3]), frame_pose(load(arm()), "hand", [0.1, 0.2, 0.3])
+    )
+    many = worldbody(f'<replicate count="2000">{BALL_GEOM}<body><joint/>{BALL_GEOM}</body></replicate>')
+    with pytest.raises(FileFormatError, match="more than 1000 bodies"):
+        load(many.replace("<mujoco", '<mujoco xmlns="http://mujoco.org"'))

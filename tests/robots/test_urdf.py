@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import own_base
 from catenary.dynamics.kinematics import relative_pose
 from catenary.errors import FileFormatError, MissingInertiaError, UnsupportedModelError
+from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf, parse_urdf
 from oracles.random_robots import random_urdf
 from oracles.tree_poses import all_links, frame_pose
@@ -289,6 +290,10 @@ DAMAGED = [
     (one_joint(LIMIT.replace("-1", "${-pi}")), FileFormatError, "is a xacro file: expand it first"),
     ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>', FileFormatError, "is a xacro file"),
     ("<robot><xacro:arm/></robot>", FileFormatError, "is a xacro file"),
+    ('<robot xmlns:x="http://www.ros.org/wiki/xacro"><x:arm/></robot>', FileFormatError, "is a xacro file"),
+    ('<u:robot xmlns:u="http://www.ros.org"/>', FileFormatError, "root element <u:robot>, expected <robot>"),
+    (urdf(ONE, links=("root", "a")).replace("inertial>", "u:inertial>"), FileFormatError, "<u:inertial>, expected <inertial>"),
+    (one_joint(LIMIT + '<u:origin xyz="1 0 0"/>'), FileFormatError, "<u:origin>, expected <origin>"),
 ]  # fmt: skip
 
 
@@ -306,3 +311,34 @@ def test_a_damaged_file_is_refused_by_file_and_element(text, error, said, tmp_pa
 def test_a_mimic_on_a_fixed_joint_moves_nothing():
     text = urdf(ONE, joint("f", "a", "b", "fixed", '<mimic joint="j"/>'), links=("root", "a", "b"))
     assert parse_urdf(text).joint_names == ("j",)
+
+
+GAZEBO = (
+    "<gazebo><sensor:camera name='eye'><body:pose/></sensor:camera></gazebo>"  # as in the Fetch's own file
+)
+NAMESPACES = {
+    "undeclared prefix": (urdf(ONE, GAZEBO, links=("root", "a")), "(sensor:camera, body:pose)"),
+    "default namespace": (
+        urdf(ONE, links=("root", "a")).replace("<robot", "<robot xmlns='http://www.ros.org'"), "http://www.ros.org"
+    ),
+    "attributes with a prefix": (one_joint(LIMIT.replace("<limit", "<limit drake:acceleration='5'")), "(drake:acceleration)"),
+    "elements with a prefix": (one_joint(LIMIT + "<drake:gear_ratio value='9'/>"), "(drake:gear_ratio)"),
+    "declared and unused": (
+        urdf(ONE, links=("root", "a")).replace("<robot", "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'"), None
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", NAMESPACES)
+def test_namespaces_are_passed_over_as_pinocchio_does_and_said(kind, tmp_path):
+    text, said = NAMESPACES[kind]
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    for model in (load_robot(path), load_robot(text)):
+        peer = pin.buildModelFromXML(text)
+        place = peer.createData()
+        pin.framesForwardKinematics(peer, place, np.array([0.7]))
+        theirs = place.oMf[peer.getFrameId("a", pin.FrameType.BODY)].homogeneous
+        assert_allclose(frame_pose(model, "a", [0.7]), theirs, atol=1e-12)
+        assert_allclose(model.tree.mass, [peer.inertias[1].mass])
+        assert (said is None and not model.notes) or any(said in note for note in model.notes)
