@@ -107,13 +107,15 @@ def write_mcap(arm: RecordedArm, log: MotionLog, out: Path, shapes: tuple[Shape,
     for one in sets:
         counts[one.topic] = counts.get(one.topic, 0) + len(one.time)
     urdf = None if description is None else out.with_suffix(".urdf")
+    place = out
     try:
         with tempfile.TemporaryDirectory() as folder:
-            made = _write_bag(Path(folder) / "bag", store, sets, round(start * SECOND))
+            place = Path(folder)
+            made = _write_bag(place / "bag", store, sets, round(start * SECOND))
             with made.open("rb") as source, written_whole(out) as file:
                 shutil.copyfileobj(source, file)
     except OSError as error:
-        raise FileFormatError(f"{out}: cannot be written: {error.strerror or error}") from error
+        raise FileFormatError(f"{place}: cannot be written: {error.strerror or error}") from error
     if urdf is not None and description is not None:
         write_atomically(urdf, description.encode())
     return McapSummary(out, urdf, counts, tuple(notes))
