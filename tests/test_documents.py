@@ -120,13 +120,20 @@ def test_what_others_read_is_read_alike():
 
 
 def test_xml_is_read_as_elementtree_reads_it():
-    text = '<?xml version="1.0" encoding="latin-1"?><a x="1">é&amp;<!-- c --><n:b xmlns:n="u" n:y="2">t</n:b>u</a>'
+    text = '<?xml version="1.0" encoding="latin-1"?><a x="1">é&amp;<!-- c --><b y="2">t</b>u</a>'
     ours, theirs = (
         read(text.encode("latin-1")) for read in (lambda t: xml_tree(t, "f"), ElementTree.fromstring)
     )
     assert ElementTree.tostring(ours) == ElementTree.tostring(theirs)
     assert xml_root_tag(b"<a/>", "f") == "a"
     assert xml_root_tag(b"<a><b -- what only MuJoCo reads", "f") == "a"
+
+
+def test_names_in_xml_keep_their_prefixes_which_need_no_declaration():
+    root = xml_tree('<a xmlns="u" xmlns:n="v" m:x="1"><n:b/><m:c/></a>', "f")
+    assert [element.tag for element in root.iter()] == ["a", "n:b", "m:c"]
+    assert root.attrib == {"xmlns": "u", "xmlns:n": "v", "m:x": "1"}
+    assert xml_root_tag('<a xmlns="u"/>', "f") == "a"
 
 
 def test_files_are_read_up_to_their_bound(tmp_path):

@@ -150,6 +150,9 @@ def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
 def xml_tree(data: str | bytes, where: str) -> Element:
     """Return the root element of XML text: at most `MOST_XML` bytes, `MOST_ELEMENTS` elements, `DEEPEST_XML` levels.
 
+    Names are as they stand there, prefix and all, and `xmlns` is an attribute like any other, as in TinyXML, by which
+    others read URDF and MJCF: a prefix need not be declared.
+
     Args:
         data: The text; bytes are in the encoding that they name, or UTF-8.
         where: What opens every message: the file.
@@ -203,7 +206,7 @@ class _XmlReader:
         self._where, self._depth, self._count = where, 0, 0
         self._builder = TreeBuilder()
         self.root_tag: str | None = None
-        self._parser = expat.ParserCreate(namespace_separator="}")
+        self._parser = expat.ParserCreate()
         self._parser.buffer_text = True
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
@@ -235,21 +238,16 @@ class _XmlReader:
             self._refuse(f"more than {MOST_ELEMENTS} elements, the most that are read of such a file")
         if len(attributes) > MOST_ATTRIBUTES:
             self._refuse(f"<{cut(tag)}> has {len(attributes)} attributes, expected at most {MOST_ATTRIBUTES}")
-        name = _with_namespace(tag)
         if self.root_tag is None:
-            self.root_tag = name
-        self._builder.start(name, {_with_namespace(key): value for key, value in attributes.items()})
+            self.root_tag = tag
+        self._builder.start(tag, attributes)
 
     def _end(self, tag: str) -> None:
         self._depth -= 1
-        self._builder.end(_with_namespace(tag))
+        self._builder.end(tag)
 
     def _entity(self, name: str, *_: object) -> None:
         self._refuse(f"entity {shortened(name)}: expected none but XML's own; write what it stands for")
-
-
-def _with_namespace(name: str) -> str:
-    return f"{{{name}" if "}" in name else name  # as ElementTree writes it
 
 
 def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+import own_base
 import simulated_arm
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot, robot_names
@@ -106,3 +107,28 @@ def test_ik_reaches_poses_of_joints_and_in_other_frames(arguments, key, expected
 def test_ik_is_the_same_for_the_same_seed() -> None:
     first, second = (catenary("ik", "two_link", "--position-mm", "500,0,500", "--seed", 3) for _ in range(2))
     assert first == second
+
+
+def test_fk_and_ik_take_a_files_own_base_for_base_and_say_which_frame_is_theirs(tmp_path: Path) -> None:
+    file = tmp_path / "turned.urdf"
+    file.write_text(own_base.URDF)
+    q = np.array([0.3, -0.7])
+    poses = own_base.poses(own_base.URDF, q)
+    line = ("fk", file, "--q", "0.3,-0.7", "--frame", "tool0", "--json")
+    for name, asked in (("base", ["--in", "base"]), ("base_link", []), ("world", ["--in", "world"])):
+        found = catenary(*line, *asked)
+        assert found.json["in"] == name
+        assert_allclose(found.json["position"], poses[name].actInv(poses["tool0"]).translation, atol=1e-12)
+        assert '"base_link" is the base frame' in found.err
+        goal = ",".join(map(str, 1000 * np.array(found.json["position"])))
+        solved = catenary("ik", file, "--position-mm", goal, "--frame", "tool0", *asked, "--json").json
+        reached = own_base.poses(own_base.URDF, np.array(solved["q"]))
+        assert_allclose(reached["tool0"].translation, poses["tool0"].translation, atol=1e-6)
+
+
+def test_gravity_and_c_say_in_whose_axes_gravity_is_where_base_is_another_frame(tmp_path: Path) -> None:
+    file = tmp_path / "turned.urdf"
+    file.write_text(own_base.URDF)
+    assert "in axes of base_link" in catenary("gravity", file, "--q", "0,0").out
+    assert catenary("export", file, "--c", tmp_path / "turned.h").code == 0
+    assert "in the base frame (base_link)" in (tmp_path / "turned.h").read_text()

@@ -92,3 +92,10 @@ def test_a_robot_with_nothing_to_hit_is_refused():
     model = load_robot("two_link")
     with pytest.raises(InputError, match="no two bodies that could collide"):
         scene_of(model, capsule_arm(model), ignored=[("base", "link1")])
+
+
+def test_the_base_may_touch_by_its_links_name_or_as_base(arm):
+    path, model, _ = arm
+    for name in ("base", "base_link"):
+        scene = scene_of(model, load_geometry(path, model), ignored=[(name, "elbow")])
+        assert {"base_link", "elbow"} not in [set(scene.names(k)) for k in range(len(scene.pairs))]

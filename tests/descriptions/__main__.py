@@ -30,7 +30,7 @@ def difference(path: Path, model: RobotModel, rng: np.random.Generator) -> float
     data = theirs.createData()
     tree = ElementTree.parse(path).getroot()
     joint_of = {each.find("child").get("link"): each.get("name") for each in tree.findall("joint")}
-    ids = [theirs.getJointId(joint_of[link.removesuffix(" (file)")]) for link in model.link_names]
+    ids = [theirs.getJointId(joint_of[link]) for link in model.link_names]
     worst, largest = 0.0, 0.0
     for _ in range(POSES):
         q, gravity = rng.uniform(-1.0, 1.0, model.n), rng.normal(size=3) * 6.0

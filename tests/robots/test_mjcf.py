@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import own_base
 from catenary.errors import FileFormatError, MissingInertiaError, MissingPackageError, UnsupportedModelError
 from catenary.robots.mjcf import load_mjcf
 from oracles.random_robots import random_mjcf
@@ -118,8 +119,8 @@ def test_names_that_are_taken_are_marked_and_noted(load):
             f'<body name="base"><joint/>{BALL_GEOM}<site name="base" pos="1 0 0"/><site name="s"/><site pos="0 0 1"/></body>'
         )
     )
-    assert set(model.frames) == {"base", "base (file)", "base (site)", "world", "s"}
-    assert sum('"base" of the file is named' in note for note in model.notes) == 2
+    assert set(model.frames) == {"base", "base (site)", "world", "s"}
+    assert 'site "base" of the file is named "base (site)" here' in model.notes
 
 
 def test_limits_are_read_where_the_joint_is_limited(load):
@@ -285,3 +286,32 @@ def test_without_mujoco_the_error_says_what_to_install(load, monkeypatch):
     monkeypatch.setattr(builtins, "__import__", refuse)
     with pytest.raises(MissingPackageError, match=r"pip install catenary\[mujoco\]"):
         load(arm())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        own_base.MJCF,
+        own_base.MJCF.replace('"tip"', '"base"').replace(
+            'name="base" pos="0.1 0 0" q', 'name="b" pos="0.1 0 0" q'
+        ),
+    ],
+)
+def test_a_body_or_site_named_base_keeps_its_name_and_place_and_the_base_is_the_world(load, text):
+    ours = load(text)
+    _, data = mujoco_at(text, ours.joint_names, [0.4])
+    theirs = data.body("base") if "b" not in ours.frames else data.site("base")
+    assert ours.base == "world"
+    assert_allclose(frame_pose(ours, "base", [0.4])[:3, 3], theirs.xpos, atol=1e-12)
+    assert_allclose(frame_pose(ours, "base", [0.4])[:3, :3].ravel(), theirs.xmat, atol=1e-12)
+    assert_allclose(frame_pose(ours, "shoulder", [0.4])[:3, 3], data.body("shoulder").xpos, atol=1e-12)
+
+
+def test_namespaces_are_passed_over_as_mujoco_does_and_bodies_are_counted_all_the_same(load):
+    ours = load(arm().replace("<mujoco", '<mujoco xmlns="http://mujoco.org" m:x="1"'))
+    assert_allclose(
+        frame_pose(ours, "hand", [0.1, 0.2, 0.3]), frame_pose(load(arm()), "hand", [0.1, 0.2, 0.3])
+    )
+    many = worldbody(f'<replicate count="2000">{BALL_GEOM}<body><joint/>{BALL_GEOM}</body></replicate>')
+    with pytest.raises(FileFormatError, match="more than 1000 bodies"):
+        load(many.replace("<mujoco", '<mujoco xmlns="http://mujoco.org"'))

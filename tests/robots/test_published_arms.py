@@ -59,7 +59,7 @@ def standard_poses(a, d, q):
 @pytest.mark.parametrize("name", UR)
 def test_a_universal_robot_stands_where_its_makers_standard_table_puts_it(name, rng):
     model, (a, d, _, _) = load_robot(name), UR[name]
-    base = frame_pose(model, "ur_base", np.zeros(6))
+    base = frame_pose(model, "base", np.zeros(6))
     for q in rng.uniform(-np.pi, np.pi, size=(20, 6)):
         assert_allclose(frame_pose(model, "tool0", q), base @ standard_poses(a, d, q)[-1], atol=1e-12)
 
@@ -67,7 +67,7 @@ def test_a_universal_robot_stands_where_its_makers_standard_table_puts_it(name, 
 @pytest.mark.parametrize("name", UR)
 def test_a_universal_robots_gravity_is_the_gradient_of_energy_by_its_makers_table(name, rng):
     model, (a, d, masses, coms) = load_robot(name), UR[name]
-    base = frame_pose(model, "ur_base", np.zeros(6))
+    base = frame_pose(model, "base", np.zeros(6))
 
     def energy(q, gravity):
         places = [

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import own_base
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.table import load_table
 from oracles.tree_poses import frame_pose
@@ -136,3 +137,12 @@ def test_a_limit_in_the_other_kinds_unit_is_refused(load, joint, key, other):
         load(HEAD + row("a", joint=joint, more=MASS + f"{key} = 3\n"))
     with pytest.raises(ConfigError, match=f"{other}"):
         load(HEAD + row("a", joint=joint, more=MASS + f"{other} = -3\n"))
+
+
+def test_a_tables_own_frame_may_be_named_base_where_its_root_has_another_name(load):
+    model = load(own_base.TABLE)
+    assert (model.base, set(model.frames)) == ("base_link", {"base", "base_link", "shoulder"})
+    assert_array_equal(frame_pose(model, "base", [0.0])[:3, 3], [0.1, 0, 0])
+    assert_allclose(frame_pose(model, "shoulder", [0.0])[:3, 3], [-0.1, 0, 0.3], atol=1e-15)
+    with pytest.raises(InputError, match='frame "base" has the name of another'):
+        load(own_base.TABLE.replace('root = "base_link"', ""))

@@ -6,7 +6,10 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import own_base
+from catenary.dynamics.kinematics import relative_pose
 from catenary.errors import FileFormatError, MissingInertiaError, UnsupportedModelError
+from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf, parse_urdf
 from oracles.random_robots import random_urdf
 from oracles.tree_poses import all_links, frame_pose
@@ -133,18 +136,32 @@ def test_the_root_link_is_the_base_and_stays_a_frame():
     assert model.tree.mass.sum() == 2.0  # the root's own mass plays no part
 
 
-def test_a_root_named_base_is_the_base_and_another_keeps_its_pose_under_a_name_that_a_note_gives():
+def test_a_root_named_base_is_the_base():
     model = parse_urdf(urdf(joint("j", "base", "a"), links=("base", "a")))
-    assert (set(model.frames), model.notes) == ({"base", "a"}, ())
-    text = urdf(
-        joint("f", "root", "base", "fixed", '<origin xyz="0 0 1"/>'),
-        joint("j", "base", "a"),
-        links=("root", "base", "a"),
-    )
+    assert (set(model.frames), model.base, model.notes) == ({"base", "a"}, "base", ())
+
+
+@pytest.mark.parametrize("text", [own_base.URDF, own_base.MOVING], ids=["fixed", "moving"])
+def test_a_link_named_base_that_is_not_the_root_keeps_its_name_and_place(text, caplog):
     model = parse_urdf(text)
-    assert_array_equal(frame_pose(model, "base (file)", [0.0])[:3, 3], [0, 0, 1])
-    assert_array_equal(frame_pose(model, "base", [0.0]), np.eye(4))
-    assert any('"base" of the file is named "base (file)"' in note for note in model.notes)
+    q = np.array([0.3, -0.7])
+    expected = own_base.poses(text, q)
+    assert set(model.frames) == set(expected)
+    assert model.base == "base_link"
+    for frame in model.frames:
+        theirs = expected["base"].actInv(expected[frame]).homogeneous
+        pose = relative_pose(model, q, frame, "base")
+        assert_allclose(pose.rotation, theirs[:3, :3], atol=1e-12)
+        assert_allclose(pose.position, theirs[:3, 3], atol=1e-12)
+        assert_allclose(frame_pose(model, frame, q), expected[frame].homogeneous, atol=1e-12)
+    assert '"base_link" is the base frame' in caplog.text
+    assert any('"base_link" is the base frame' in note for note in model.notes)
+
+
+def test_a_link_named_base_that_lies_on_the_root_needs_no_note(caplog):
+    text = urdf(joint("f", "root", "base", "fixed", ""), joint("j", "base", "a"), links=("root", "base", "a"))
+    model = parse_urdf(text)
+    assert (model.base, model.notes, caplog.text) == ("base", (), "")
 
 
 def test_moving_links_without_mass_are_missing_inertia_unless_something_fixed_to_them_has_some():
@@ -273,6 +290,10 @@ DAMAGED = [
     (one_joint(LIMIT.replace("-1", "${-pi}")), FileFormatError, "is a xacro file: expand it first"),
     ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>', FileFormatError, "is a xacro file"),
     ("<robot><xacro:arm/></robot>", FileFormatError, "is a xacro file"),
+    ('<robot xmlns:x="http://www.ros.org/wiki/xacro"><x:arm/></robot>', FileFormatError, "is a xacro file"),
+    ('<u:robot xmlns:u="http://www.ros.org"/>', FileFormatError, "root element <u:robot>, expected <robot>"),
+    (urdf(ONE, links=("root", "a")).replace("inertial>", "u:inertial>"), FileFormatError, "<u:inertial>, expected <inertial>"),
+    (one_joint(LIMIT + '<u:origin xyz="1 0 0"/>'), FileFormatError, "<u:origin>, expected <origin>"),
 ]  # fmt: skip
 
 
@@ -290,3 +311,34 @@ def test_a_damaged_file_is_refused_by_file_and_element(text, error, said, tmp_pa
 def test_a_mimic_on_a_fixed_joint_moves_nothing():
     text = urdf(ONE, joint("f", "a", "b", "fixed", '<mimic joint="j"/>'), links=("root", "a", "b"))
     assert parse_urdf(text).joint_names == ("j",)
+
+
+GAZEBO = (
+    "<gazebo><sensor:camera name='eye'><body:pose/></sensor:camera></gazebo>"  # as in the Fetch's own file
+)
+NAMESPACES = {
+    "undeclared prefix": (urdf(ONE, GAZEBO, links=("root", "a")), "(sensor:camera, body:pose)"),
+    "default namespace": (
+        urdf(ONE, links=("root", "a")).replace("<robot", "<robot xmlns='http://www.ros.org'"), "http://www.ros.org"
+    ),
+    "attributes with a prefix": (one_joint(LIMIT.replace("<limit", "<limit drake:acceleration='5'")), "(drake:acceleration)"),
+    "elements with a prefix": (one_joint(LIMIT + "<drake:gear_ratio value='9'/>"), "(drake:gear_ratio)"),
+    "declared and unused": (
+        urdf(ONE, links=("root", "a")).replace("<robot", "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'"), None
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", NAMESPACES)
+def test_namespaces_are_passed_over_as_pinocchio_does_and_said(kind, tmp_path):
+    text, said = NAMESPACES[kind]
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    for model in (load_robot(path), load_robot(text)):
+        peer = pin.buildModelFromXML(text)
+        place = peer.createData()
+        pin.framesForwardKinematics(peer, place, np.array([0.7]))
+        theirs = place.oMf[peer.getFrameId("a", pin.FrameType.BODY)].homogeneous
+        assert_allclose(frame_pose(model, "a", [0.7]), theirs, atol=1e-12)
+        assert_allclose(model.tree.mass, [peer.inertias[1].mass])
+        assert (said is None and not model.notes) or any(said in note for note in model.notes)

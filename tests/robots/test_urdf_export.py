@@ -3,6 +3,7 @@ import pinocchio
 import pytest
 from numpy.testing import assert_allclose
 
+import own_base
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import UnsupportedModelError
 from catenary.robots.catalog import load_robot
@@ -68,3 +69,13 @@ def test_a_joint_that_follows_two_coordinates_is_refused():
         UnsupportedModelError, match='link "forearm" moves with q2 and q3: URDF joints follow one'
     ):
         urdf_text(load_robot("dvrk_mtm"))
+
+
+def test_a_files_own_base_is_written_under_its_name():
+    model = parse_urdf(own_base.URDF)
+    expected, written = (
+        own_base.poses(own_base.URDF, np.array([0.3, -0.7])),
+        own_base.poses(urdf_text(model), np.array([0.3, -0.7])),
+    )
+    for frame in own_base.LINKS:
+        assert_allclose(written[frame].homogeneous, expected[frame].homogeneous, atol=1e-12)

@@ -4,8 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
+import own_base
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.catalog import load_robot
+from catenary.robots.urdf import parse_urdf
 from catenary.simulation.model_mjcf import tree_mjcf
 
 
@@ -36,3 +38,9 @@ def test_inertia_that_no_body_has_is_refused_by_name():
 def test_links_without_inertia_are_refused():
     with pytest.raises(MissingInertiaError):
         tree_mjcf(replace(load_robot("two_link"), missing_inertia=("upper",)))
+
+
+def test_a_moving_link_may_be_named_base():
+    model = mujoco.MjModel.from_xml_string(tree_mjcf(parse_urdf(own_base.MOVING)))
+    assert model.body(1).name == "base_link"
+    assert model.body(model.joint("base").bodyid[0]).name == "base"

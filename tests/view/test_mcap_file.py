@@ -2,17 +2,21 @@
 
 import errno
 import os
+import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio
 import pytest
 from mcap.reader import make_reader
 from numpy.testing import assert_allclose
+from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
+import own_base
 from catenary.calibration import calibration
 from catenary.errors import FileFormatError
 from catenary.plant import MotionLog
@@ -126,6 +130,7 @@ def test_poses_are_those_of_the_urdf_beside_it(robot: str, tmp_path: Path) -> No
     assert made.urdf.read_text() == next(
         m.data for topic, *_, m in messages(made.file) if topic == "/robot_description"
     )
+    base = load_robot(robot).base
     peer = pinocchio.buildModelFromUrdf(str(made.urdf))
     data = peer.createData()
     found = messages(made.file)
@@ -142,9 +147,9 @@ def test_poses_are_those_of_the_urdf_beside_it(robot: str, tmp_path: Path) -> No
                 place = peer.joints[peer.getJointId(name)].idx_q
                 q[place] = value
         pinocchio.framesForwardKinematics(peer, data, q)
-        for name in [*children, *(child for child in static if "/" not in child and child != "base")]:
+        for name in [*children, *(child for child in static if "/" not in child and child != base)]:
             theirs = data.oMf[peer.getFrameId(name, pinocchio.FrameType.BODY)]
-            rotation, position = in_base(name, {**static, **children})
+            rotation, position = in_base(name, {**static, **children}, base)
             assert_allclose(position, theirs.translation, atol=1e-9)
             assert_allclose(rotation, theirs.rotation, atol=1e-9)
         checked += 1
@@ -153,10 +158,10 @@ def test_poses_are_those_of_the_urdf_beside_it(robot: str, tmp_path: Path) -> No
     assert checked == 20
 
 
-def in_base(name: str, transforms: dict) -> tuple[np.ndarray, np.ndarray]:
+def in_base(name: str, transforms: dict, base: str) -> tuple[np.ndarray, np.ndarray]:
     """Follow transforms from a frame to the base."""
     rotation, position = np.eye(3), np.zeros(3)
-    while name != "base":
+    while name != base:
         t = transforms[name]
         turned = Rotation.from_quat([getattr(t.transform.rotation, axis) for axis in "xyzw"]).as_matrix()
         moved = np.array([getattr(t.transform.translation, axis) for axis in "xyz"])
@@ -204,6 +209,21 @@ def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.M
     assert list(tmp_path.iterdir()) == [older]
 
 
+def test_where_messages_are_put_in_order_may_be_full_and_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "elsewhere"))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.setattr(Writer, "write", full)
+    with pytest.raises(
+        FileFormatError, match=rf"^{tmp_path / 'elsewhere'}/.*: cannot be written: No space left"
+    ):
+        written(recording(), tmp_path)
+
+
 def test_calibrated_arm_is_where_the_model_says(tmp_path: Path) -> None:
     log, path, out = recording(), tmp_path / "swing.parquet", tmp_path / "swing.mcap"
     write_parquet(log, path)
@@ -232,3 +252,19 @@ def test_command_writes_both_files_and_refuses_what_does_not_fit(tmp_path: Path)
     )
     (tmp_path / "swing.urdf").write_text("notes")
     assert "something else" in refusal("export", log, "--mcap", out)
+
+
+def test_every_frame_has_one_parent_and_the_robots_own_names_stay_its_own(tmp_path: Path) -> None:
+    (tmp_path / "turned.urdf").write_text(own_base.URDF)
+    made = written(recording(str(tmp_path / "turned.urdf")), tmp_path)
+    parents: dict[str, set[str]] = {}
+    places: dict[str, Any] = {}
+    for topic, *_, message in messages(made.file):
+        for one in message.transforms if topic in ("/tf", "/tf_static") else ():
+            parents.setdefault(one.child_frame_id, set()).add(one.header.frame_id)
+            places[one.child_frame_id] = one.transform.translation
+    assert parents["base_link"] == {"level_world"}
+    assert parents["base"] == parents["world"] == {"base_link"}
+    assert all(len(above) == 1 for above in parents.values())
+    assert (places["base"].x, places["world"].z) == (0.1, -0.5)
+    assert {m.header.frame_id for topic, *_, m in messages(made.file) if topic == "/gravity"} == {"base_link"}

@@ -82,8 +82,9 @@ def gravity(
         for name, tau, level, unit in zip(model.joint_names, torques, on_level, units, strict=True)
     ]
     shown = ", ".join(f"{v:.4g}" for v in gravity)
+    axes = "base axes" if model.base == "base" else f"axes of {model.base}"
     print_table(
-        f"{model.name}: what holds it still under gravity ({shown}) m/s2 in base axes",
+        f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}",
         ["joint", "torque", "level base", "difference", "unit"],
         rows,
     )

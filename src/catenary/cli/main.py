@@ -82,7 +82,7 @@ def _run() -> None:
         sys.exit(1)
     except OSError as error:
         _close_output()
-        _fail(f"{error.filename or 'output'}: {error.strerror or error}", 2)
+        _fail(f"{error.filename or 'standard output'}: {error.strerror or error}", 2)
     except UnicodeError as error:
         _fail(f"a name cannot be written as text: {error}", 2)
 

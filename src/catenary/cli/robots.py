@@ -14,7 +14,7 @@ from catenary.cli.joint_options import (
     joint_values,
 )
 from catenary.cli.options import AsJsonNotTables, robots_beginning
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, words
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, without_notes, words
 from catenary.errors import InputError
 from catenary.units import in_words
 
@@ -66,14 +66,18 @@ AsJson = Annotated[bool, Option("--json", help="Print JSON: m, rad, quaternions 
 FrameName = Annotated[
     str | None, Option("--frame", metavar="FRAME", help="Frame of the robot. [default: its tip]")
 ]
-InFrame = Annotated[str, Option("--in", metavar="FRAME", help="Frame that the pose is expressed in.")]
+InFrame = Annotated[
+    str | None,
+    Option("--in", metavar="FRAME", help="Frame that the pose is expressed in. [default: base]"),
+]
 
 
 def robots(as_json: AsJsonNotTables = False) -> None:
     """List the robots that come with the package."""
     from catenary.robots.catalog import load_robot, robot_names
 
-    models = [load_robot(name) for name in robot_names()]
+    with without_notes(True):  # those that a robot has when it is named
+        models = [load_robot(name) for name in robot_names()]
     if as_json:
         print_json(
             [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
@@ -100,7 +104,7 @@ def fk(
     q: Q = None,
     q_deg: QDeg = None,
     frame: FrameName = None,
-    in_frame: InFrame = "base",
+    in_frame: InFrame = None,
     as_json: AsJson = False,
 ) -> None:
     """Print the pose of a robot's frame.
@@ -113,8 +117,9 @@ def fk(
     model = load_robot(robot)
     values = joint_values(model, q, q_deg)
     print_notes(beyond_limits(model, values))
-    name = model.tip if frame is None else frame
-    resting = [f for f in model.frames if model.frames[f].link < 0 and f not in ("base", in_frame)]
+    name, in_frame = frame or model.tip, in_frame or model.base
+    shown = {in_frame, "base"} if model.base == "base" else {in_frame}
+    resting = [f for f in model.frames if model.frames[f].link < 0 and f not in shown]
     poses = {f: relative_pose(model, values, name, f) for f in (in_frame, *resting)}
     if as_json:
         asked = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
@@ -142,8 +147,11 @@ def ik(
     q_deg: SameInDeg = None,
     frame: FrameName = None,
     in_frame: Annotated[
-        str, Option("--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in.")
-    ] = "base",
+        str | None,
+        Option(
+            "--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in. [default: base]"
+        ),
+    ] = None,
     seed: Annotated[
         int, Option(metavar="N", min=0, help="Seed of the random starts, where a search needs several.")
     ] = 0,
@@ -162,7 +170,7 @@ def ik(
     from catenary.robots.catalog import load_robot
 
     model = load_robot(robot)
-    name = model.tip if frame is None else frame
+    name, in_frame = frame or model.tip, in_frame or model.base
     start = given_joints(model, q, q_deg)
     if position_mm is None:
         if start is None:
@@ -175,7 +183,7 @@ def ik(
     if model.frame(in_frame).link >= 0:
         resting = [frame for frame in model.frames if model.frames[frame].link < 0]
         raise InputError(f"ik: --in {in_frame}: moves with the joints; expected one of {', '.join(resting)}")
-    base_pose = relative_pose(model, np.zeros(model.n), in_frame, "base") @ goal
+    base_pose = relative_pose(model, np.zeros(model.n), in_frame, model.base) @ goal
     match: Match | None = None
     if position_mm is not None:
         match = "position" if rpy_deg is None and quaternion is None else "pose"

@@ -14,7 +14,7 @@ from catenary.collision.segments import segment_distance
 from catenary.dynamics.kinematics import link_poses
 from catenary.errors import InputError
 from catenary.robots.geometry import Geometry, Shape
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
 Index = NDArray[np.int64]
@@ -179,7 +179,10 @@ def scene_of(
     """
     own = bodies_of(geometry.shapes)
     bodies = [*own, *bodies_of(tuple(obstacles), obstacles=True)]
-    known = {body.name for body in bodies} | {BASE}
+    named = [
+        {body.name, model.base} if body.link < 0 and not body.is_obstacle else {body.name} for body in bodies
+    ]
+    known = {model.base}.union(*named)
     for name in (name for pair in ignored for name in pair):
         if name not in known:
             raise InputError(
@@ -191,7 +194,8 @@ def scene_of(
         (i, j)
         for i, a in enumerate(bodies)
         for j, b in enumerate(bodies[:i])
-        if not _is_kept_together(model, a, b, shaped) and frozenset((a.name, b.name)) not in skipped
+        if not _is_kept_together(model, a, b, shaped)
+        and not any(frozenset((x, y)) in skipped for x in named[i] for y in named[j])
     ]
     if not pairs:
         raise InputError(f'robot "{model.name}": no two bodies that could collide')

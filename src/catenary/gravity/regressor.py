@@ -15,7 +15,7 @@ from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kinematics import link_poses
 from catenary.dynamics.regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
-from catenary.robots.model import BASE, RobotModel, Tree
+from catenary.robots.model import RobotModel, Tree
 
 STANDARD = ("m", "mx", "my", "mz")  # mass, and first moment about the frame's origin
 CARRIED_MASS = 3  # in place of an axis 0, 1, 2
@@ -131,7 +131,7 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
 
 
 def _full_labels(model: RobotModel) -> tuple[str, ...]:
-    frames = (BASE, *model.link_names)
+    frames = (model.base, *model.link_names)
     moments = [
         f"carried by {link}, along {axis} of {frame}"
         for link in model.link_names

@@ -78,7 +78,8 @@ class CalibratedMessages:
         publishers, joint_state = self._publishers, message_class(JOINT_STATE)
         qd, tau = (row if np.isfinite(row).all() else _NONE for row in (state.qd, state.tau))
         publishers["measured_js"].publish(joint_state(header(stamp), self._names, q, qd, tau))
-        publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, "base", child=self._child))
+        base = self._tool.model.base
+        publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, base, child=self._child))
         publishers["is_valid"].publish(message_class(_BOOL)(is_valid))
         if self._with_intervals:
             widths = interval[self._places]

@@ -19,7 +19,7 @@ from catenary.robots.link_inertia import (
     is_negative,
     unphysical,
 )
-from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree
+from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree, is_base
 from catenary.robots.plausible import (
     FAR,
     FARTHEST,
@@ -83,6 +83,7 @@ def assemble(
     coordinates: Sequence[Coordinate],
     *,
     frames: Mapping[str, tuple[str, Pose]] | None = None,
+    root: str = BASE,
     tip: str | None = None,
     massless: Massless = (),
     closed_form: str | None = None,
@@ -96,9 +97,10 @@ def assemble(
 
     Args:
         name: The robot's name.
-        links: In any order; a parent that is no link's name must be "base".
+        links: In any order; a parent that is no link's name must be `root`.
         coordinates: In the order of q.
         frames: Further named frames: link they are fixed to, pose in it.
+        root: What everything hangs on; it is called "base" too, unless a link or frame is.
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
         massless: Links to treat as massless though the description gives them no inertia; "all" for every such link.
         closed_form: Name of the closed-form inverse kinematics that holds.
@@ -122,7 +124,7 @@ def assemble(
         raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {MOST_LINKS}")
     check_names(f"{where}: link", [link.name for link in links])
     check_names(f"{where}: frame", frames or {})
-    ordered = _parents_first(where, links)
+    ordered = _parents_first(where, links, root)
     _check_coordinates(where, coordinates)
     for link in ordered:
         _check_link(where, link, [c.name for c in coordinates])
@@ -130,7 +132,7 @@ def assemble(
         check_actuation(where, actuation, len(coordinates))
     _check_moved(where, ordered, coordinates, actuation)
 
-    folded = _fold(ordered)
+    folded = _fold(ordered, root)
     if not folded.moving:
         raise UnsupportedModelError(f"{where}: no moving joint, expected at least one")
     without = [link for link, body in zip(folded.moving, folded.inertia, strict=True) if body.mass == 0.0]
@@ -146,8 +148,12 @@ def assemble(
 
     tree, offset = _tree(folded), np.array([link.offset for link in folded.moving])
     moved = [[link.variable.get(c.name, 0.0) for c in coordinates] for link in folded.moving]
-    all_frames = _all_frames(where, folded.carrier, frames or {})
-    tip = tip if tip is not None else _deepest(ordered)
+    all_frames = {BASE: folded.carrier[root]} | _all_frames(where, folded.carrier, frames or {})
+    if not is_base(all_frames[BASE]):
+        note = f'"{BASE}" is the description\'s own frame; "{root}" is the base frame, whose axes gravity is given in'
+        _log.warning("%s: %s", where, note)
+        notes = [*notes, note]
+    tip = tip if tip is not None else _deepest(ordered, root)
     if tip not in all_frames:
         raise InputError(f'{where}: tip "{tip}" is no frame; frames: {", ".join(all_frames)}')
     return RobotModel(
@@ -220,7 +226,7 @@ def _doubts(
 class _Folded:
     """The moving links with all that is fixed to them, and which of them carries each link."""
 
-    carrier: dict[str, Frame] = field(default_factory=lambda: {BASE: Frame(-1, identity_pose())})
+    carrier: dict[str, Frame]
     moving: list[Link] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     poses: list[Pose] = field(default_factory=list)
@@ -228,8 +234,8 @@ class _Folded:
     axes_of_com: list[Flags] = field(default_factory=list)
 
 
-def _fold(ordered: Sequence[Link]) -> _Folded:
-    folded = _Folded()
+def _fold(ordered: Sequence[Link], root: str) -> _Folded:
+    folded = _Folded({root: Frame(-1, identity_pose())})
     for link in ordered:
         index, pose = folded.carrier[link.parent]
         here = pose @ link.pose
@@ -287,25 +293,25 @@ def _all_frames(
     return frames
 
 
-def _parents_first(where: str, links: Sequence[Link]) -> list[Link]:
+def _parents_first(where: str, links: Sequence[Link], root: str) -> list[Link]:
     """Order links so that each comes after its parent, otherwise as given."""
     by_name: dict[str, Link] = {}
     for link in links:
-        if link.name == BASE:
+        if link.name == root:
             raise InputError(
-                f'{where}: a link is named "{BASE}", which is the name of what everything hangs on'
+                f'{where}: a link is named "{root}", which is the name of what everything hangs on'
             )
         if link.name in by_name:
             raise InputError(f'{where}: two links are named "{link.name}"')
         by_name[link.name] = link
     for link in links:
-        if link.parent != BASE and link.parent not in by_name:
+        if link.parent != root and link.parent not in by_name:
             raise InputError(
                 f'{where}: link "{link.name}" hangs on unknown link "{link.parent}"; '
-                f"links: {', '.join([BASE, *by_name])}"
+                f"links: {', '.join([root, *by_name])}"
             )
     ordered: list[Link] = []
-    placed = {BASE}
+    placed = {root}
     waiting = list(links)
     while waiting:
         ready = [link for link in waiting if link.parent in placed]
@@ -381,8 +387,8 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
                 )
 
 
-def _deepest(ordered: Sequence[Link]) -> str:
-    depth = {BASE: 0}
+def _deepest(ordered: Sequence[Link], root: str) -> str:
+    depth = {root: 0}
     for link in ordered:
         depth[link.name] = depth[link.parent] + 1
     return max(ordered, key=lambda link: depth[link.name]).name

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from catenary.documents import MOST_XML, read_bounded
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
-from catenary.robots.model import BASE
 
 
 def read_description(path: Path) -> bytes:
@@ -34,22 +33,6 @@ def naming_the_file(where: str) -> Iterator[None]:
         raise FileFormatError(f"{where}: {error}") from error
     except UnsupportedModelError as error:
         raise UnsupportedModelError(f"{where}: {error}") from error
-
-
-def names_beside_base(
-    names: Iterable[str], *, taken: Iterable[str] = (), mark: str = "file"
-) -> dict[str, str]:
-    """Map a file's names to those in the model: the same, marked where that is taken.
-
-    "base" always means the frame that everything hangs on; another link of that name becomes "base (file)".
-    """
-    used = {BASE, *taken}
-    return {name: f"{name} ({mark})" if name in used else name for name in names}
-
-
-def renaming_notes(names: Mapping[str, str]) -> list[str]:
-    """Return notes on names that differ between the file and the model."""
-    return [f'"{old}" of the file is named "{new}" here' for old, new in names.items() if old != new]
 
 
 def left_out(what: str, where: Iterable[str]) -> list[str]:

@@ -54,6 +54,7 @@ class DHRobot:
     rows: Sequence[DHRow]
     base: Pose = field(default_factory=identity_pose)  # of the table's base frame in the robot's base frame
     base_frame: str | None = None  # a name for the table's base frame
+    root: str = BASE  # a name for the robot's base frame
     coordinates: Sequence[Coordinate] | None = None  # when None, one per row that moves with its own name
     frames: Mapping[str, tuple[str, Pose]] = field(default_factory=dict)
     tip: str | None = None
@@ -86,7 +87,7 @@ def from_dh(robot: DHRobot) -> RobotModel:
         links.append(
             Link(
                 name=row.name,
-                parent=parent,
+                parent=robot.root if parent == BASE else parent,
                 joint=row.joint,
                 pose=base @ before,
                 frame=after,
@@ -98,12 +99,13 @@ def from_dh(robot: DHRobot) -> RobotModel:
         )
         above = row.name
     if robot.base_frame is not None:
-        frames[robot.base_frame] = (BASE, robot.base)
+        frames[robot.base_frame] = (robot.root, robot.base)
     return assemble(
         robot.name,
         links,
         robot.coordinates if robot.coordinates is not None else own_coordinates(robot.rows),
         frames=frames,
+        root=robot.root,
         tip=robot.tip if robot.tip is not None else above,
         massless=robot.massless,
         closed_form=robot.closed_form,

@@ -44,7 +44,7 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> Geom
     for child in np.flatnonzero(model.tree.parent < 0):
         end = model.tree.origin[child]
         if np.linalg.norm(end) > SHORT:
-            shapes.append(_shape("base", -1, (np.zeros(3), end), radii[0]))
+            shapes.append(_shape(model.base, -1, (np.zeros(3), end), radii[0]))
     thickness = f"{1000 * min(radii):.0f} to {1000 * max(radii):.0f} mm"
     by = "as given" if radius is not None else "as thick as their masses are in water"
     return Geometry(

@@ -14,17 +14,16 @@ from catenary.robots.description import (
     Mimic,
     file_source,
     left_out,
-    names_beside_base,
     naming_the_file,
     read_description,
-    renaming_notes,
     resolve_mimics,
 )
 from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.mjcf_bounds import included_files, refuse_too_much
-from catenary.robots.model import BASE, Massless, RobotModel
+from catenary.robots.model import Massless, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
+_WORLD = "world"  # MuJoCo's name of what everything hangs on
 # MuJoCo refuses to compile a moving body without mass. Such a file is compiled with these least values
 # instead, far below any robot's part, and what comes out below a hundred times them was not in the file.
 _LEAST_MASS = 1e-12  # [kg]
@@ -172,26 +171,26 @@ def _refuse_what_no_tree_has(c: CompiledMjcf) -> None:
 def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str], *, strict: bool) -> RobotModel:
     joints = _joint_names(c)
     following = resolve_mimics(_mimics(c, joints))
-    bodies = names_beside_base(c.name("body", body) for body in range(1, c.model.nbody))
     links: list[Link] = []
     for body in range(1, c.model.nbody):
-        links += _body_links(c, body, bodies, joints, following)
+        links += _body_links(c, body, joints, following)
     site_names = {site: c.model.site(site).name for site in range(c.model.nsite) if c.model.site(site).name}
-    sites = names_beside_base(
-        site_names.values(), taken=["world", *(link.name for link in links)], mark="site"
-    )
-    frames = {} if "world" in bodies.values() else {"world": (BASE, identity_pose())}
+    taken = {_WORLD, *(link.name for link in links)}
+    frames, notes = {}, []
     for site, name in site_names.items():
+        frame = f"{name} (site)" if name in taken else name
+        notes += [f'site "{name}" of the file is named "{frame}" here'] if name in taken else []
         carrier = int(c.model.site_bodyid[site])
         pose = Pose(rotation_from_quaternion(c.model.site_quat[site]), np.array(c.model.site_pos[site]))
-        frames[sites[name]] = (BASE if carrier == 0 else bodies[c.name("body", carrier)], pose)
+        frames[frame] = (c.name("body", carrier), pose)
     return assemble(
         _model_name(c, path),
         links,
         [_coordinate(c, joint, name) for joint, name in joints.items() if name not in following],
         frames=frames,
+        root=_WORLD,
         sources=sources,
-        notes=[*renaming_notes(bodies), *renaming_notes(sites), *_notes(c, joints)],
+        notes=[*notes, *_notes(c, joints)],
         strict=strict,
     )
 
@@ -210,14 +209,11 @@ def _joint_names(c: CompiledMjcf) -> dict[int, str]:
 def _body_links(
     c: CompiledMjcf,
     body: int,
-    bodies: Mapping[str, str],
     joints: Mapping[int, str],
     following: Mapping[str, Mimic],
 ) -> Iterator[Link]:
     """Return a body as one link per joint, each moving the next; a body without joints as one fixed link."""
-    name = bodies[c.name("body", body)]
-    above = int(c.model.body_parentid[body])
-    parent = BASE if above == 0 else bodies[c.name("body", above)]
+    name, parent = c.name("body", body), c.name("body", int(c.model.body_parentid[body]))
     pose = Pose(rotation_from_quaternion(c.model.body_quat[body]), np.array(c.model.body_pos[body]))
     inertia = _inertia(c, body)
     own = c.body_joints(body)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.robots.description import left_out, names_beside_base, naming_the_file, read_description
+from catenary.robots.description import left_out, naming_the_file, read_description
 from catenary.robots.geometry import (
     Ball,
     Box,
@@ -21,7 +21,7 @@ from catenary.robots.geometry import (
 )
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf
 from catenary.robots.mjcf_bounds import included_files, refuse_too_much
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, rotation_from_quaternion
 
 
@@ -38,20 +38,18 @@ def mjcf_shapes(path: Path, model: RobotModel) -> Geometry | None:
     m = c.model
     colliding = [g for g in range(m.ngeom) if m.geom_contype[g] or m.geom_conaffinity[g]]
     taken = colliding or list(range(m.ngeom))
-    bodies = names_beside_base(c.name("body", body) for body in range(1, m.nbody))
     shapes: list[Shape] = []
     unknown = []
     for geom in taken:
         form = _form(c, geom)
         body = int(m.geom_bodyid[geom])
-        own = BASE if body == 0 else c.name("body", body)
+        own = model.base if body == 0 else c.name("body", body)
         if form is None:
             unknown.append(own)
             continue
         pose = Pose(rotation_from_quaternion(m.geom_quat[geom]), np.array(m.geom_pos[geom]))
-        frame = BASE if body == 0 else bodies[own]
         with naming_the_file(str(path)):
-            shapes.append(shape_on(f'{path}: geom {geom} of "{own}"', model, frame, own, pose, form))
+            shapes.append(shape_on(f'{path}: geom {geom} of "{own}"', model, own, own, pose, form))
     if not shapes:
         return None
     notes = left_out("shapes that are neither simple nor meshes", unknown)

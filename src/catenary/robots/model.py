@@ -17,7 +17,7 @@ from catenary.spatial import Pose
 
 Massless = Sequence[str] | Literal["all"]  # links declared to have no mass; all that a description gives none
 _log = logging.getLogger(__name__)
-BASE = "base"  # the name of the frame that everything hangs on
+BASE = "base"  # the frame that everything hangs on, where a file calls no other one so
 
 
 class Tree(NamedTuple):
@@ -136,6 +136,11 @@ class RobotModel:
         if self.missing_tensor:
             raise MissingInertiaError(self.name, self.missing_tensor, only_tensor=True)
 
+    @cached_property
+    def base(self) -> str:
+        """Name of the frame that everything hangs on: "base", or the file's where that calls another frame so."""
+        return next((name for name in (BASE, *self.frames) if is_base(self.frames.get(name))), BASE)
+
     def frame(self, name: str | None = None) -> Frame:
         """Return a frame by name, the tip when no name is given.
 
@@ -220,3 +225,10 @@ class RobotModel:
             massless=tuple(name for name in self.massless if name != self.link_names[link]),
             without_payload=self,
         )
+
+
+def is_base(frame: Frame | None) -> bool:
+    """Return whether a frame is the one that everything hangs on."""
+    if frame is None or frame.link >= 0:
+        return False
+    return np.array_equal(frame.pose.rotation, np.eye(3)) and not frame.pose.position.any()

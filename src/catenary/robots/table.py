@@ -84,6 +84,7 @@ class RobotTable(Settings):
     base_rotation: Matrix = ((1, 0, 0), (0, 1, 0), (0, 0, 1))  # R_base_table, base z up
     base_position_m: Vector = (0.0, 0.0, 0.0)
     base_frame: str | None = None
+    root: str = "base"  # what all hangs on; another name where the table's frame is "base"
     tip: str | None = None
     closed_form: Literal["raven2"] | None = None
     link: Annotated[list[LinkTable], Field(min_length=1)]
@@ -128,6 +129,7 @@ def _robot(path: Path, table: RobotTable, massless: Massless, *, strict: bool) -
         rows=rows,
         base=Pose(np.array(table.base_rotation, dtype=float), np.array(table.base_position_m)),
         base_frame=table.base_frame,
+        root=table.root,
         coordinates=coordinates,
         frames={
             f.name: (f.link, Pose(np.array(f.rotation, dtype=float), np.array(f.position_m)))

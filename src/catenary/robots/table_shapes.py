@@ -7,7 +7,7 @@ import numpy as np
 from catenary.config import load_toml
 from catenary.errors import InputError
 from catenary.robots.geometry import Geometry, capsule_between, shape_on
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.robots.table import RobotTable
 
 
@@ -26,7 +26,7 @@ def table_shapes(path: Path, model: RobotModel) -> Geometry | None:
         pose, capsule = capsule_between(start, end, row.radius_m)
         try:
             link = model.frame(row.frame).link
-            name = BASE if link < 0 else model.link_names[link]
+            name = model.base if link < 0 else model.link_names[link]
             shapes.append(shape_on(table.name, model, row.frame, name, pose, capsule))
         except InputError as error:
             raise InputError(f"{path}: {error}") from error

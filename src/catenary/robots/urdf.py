@@ -15,18 +15,27 @@ from catenary.robots.description import (
     Mimic,
     file_source,
     left_out,
-    names_beside_base,
     naming_the_file,
     read_description,
-    renaming_notes,
     resolve_mimics,
 )
 from catenary.robots.link_inertia import LinkInertia
-from catenary.robots.model import BASE, Massless, RobotModel
+from catenary.robots.model import Massless, RobotModel
 from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
 XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
+_READ = {
+    "parent",
+    "child",
+    "axis",
+    "origin",
+    "limit",
+    "mimic",
+    "inertial",
+    "mass",
+    "inertia",
+}  # of these a model is made
 _KINDS: dict[str, JointKind] = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -76,12 +85,11 @@ def parse_urdf(
     if not links:
         raise FileFormatError(f"{where}: no <link>, expected at least one")
     root = _only_root(where, links, joints)
-    names = names_beside_base(name for name in links if name != root) | {root: BASE}
     free, following = _leaders(where, joints)
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
         tree_links = [
-            _tree_link(where, joint, links[joint.child], names, following, stepping, strict=strict)
+            _tree_link(where, joint, links[joint.child], following, stepping, strict=strict)
             for joint in joints
         ]
     with naming_the_file(where):
@@ -89,12 +97,9 @@ def parse_urdf(
             robot.get("name") or "unnamed",
             tree_links,
             [joint.coordinate for joint in joints if joint.name in free],
-            frames={} if root == BASE else {root: (BASE, identity_pose())},
+            root=root,
             sources=sources,
-            notes=[
-                *renaming_notes({old: new for old, new in names.items() if old != root}),
-                *_notes(robot, joints, following),
-            ],
+            notes=_notes(robot, joints, following),
             doubts=[
                 f'link "{link.name}": has no mass, as the file says'
                 for link in tree_links
@@ -120,18 +125,21 @@ class _Joint:
 
 def urdf_root(text: str | bytes, where: str) -> Element:
     """Return the <robot> of a URDF text."""
-    try:
-        root = xml_tree(text, where)
-    except FileFormatError as error:
-        raw = text.encode(errors="replace") if isinstance(text, str) else text
-        if b"xacro:" in raw and "unbound prefix" in str(error):
-            raise FileFormatError(f"{where}: {XACRO_HINT}") from error
-        raise
+    root = xml_tree(text, where)
     if root.tag != "robot":
         raise FileFormatError(f"{where}: root element <{cut(root.tag)}>, expected <robot>")
+    xacro = {"xacro"}
     for element in root.iter():
-        if "xacro}" in element.tag or any("${" in v or "$(" in v for v in element.attrib.values()):
+        xacro |= {key[6:] for key, value in element.items() if key.startswith("xmlns:") and "xacro" in value}
+        values = element.attrib.values()
+        if element.tag.partition(":")[0] in xacro or any("${" in v or "$(" in v for v in values):
             raise FileFormatError(f"{where}: {XACRO_HINT}")
+    for part in (*root.iterfind("link//*"), *root.iterfind("joint//*")):
+        prefix, _, name = part.tag.rpartition(":")
+        if prefix and name in _READ:
+            raise FileFormatError(
+                f"{where}: <{cut(part.tag)}>, expected <{name}>: with a prefix it is not read"
+            )
     return root
 
 
@@ -251,7 +259,6 @@ def _tree_link(
     where: str,
     joint: _Joint,
     child: Element,
-    names: Mapping[str, str],
     following: Mapping[str, Mimic],
     stepping: Container[str],
     *,
@@ -262,8 +269,8 @@ def _tree_link(
     bare = len(child) == 0 and joint.child in stepping
     weightless = inertia is not None and inertia.mass == 0.0 and not strict
     return Link(
-        name=names[joint.child],
-        parent=names[joint.parent],
+        name=joint.child,
+        parent=joint.parent,
         joint=joint.kind,
         pose=joint.pose,
         axis=joint.axis,
@@ -364,7 +371,11 @@ def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mim
     transmitted = [str(j.get("name")) for t in robot.findall("transmission") for j in t.findall("joint")]
     notes += left_out("transmissions", dict.fromkeys(transmitted))
     others = {e.tag: None for e in robot if e.tag not in ("link", "joint", "material", "transmission")}
-    return notes + left_out("elements", (f"<{tag}>" for tag in others))
+    names = {name: None for e in robot.iter() for name in (e.tag, *e.keys()) if ":" in name}
+    marked = [name for name in names if name not in others and not name.startswith("xmlns:")]
+    spaces = {repr(e.attrib["xmlns"]): None for e in robot.iter() if "xmlns" in e.attrib}
+    notes += left_out("elements", (f"<{tag}>" for tag in others))
+    return notes + left_out("names with a prefix", marked) + left_out("namespaces", spaces)
 
 
 def _has_dynamics(joint: _Joint, key: str) -> bool:

@@ -15,7 +15,7 @@ from catenary.errors import UnsupportedModelError
 from catenary.files import write_atomically
 from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Shape
 from catenary.robots.joint_drives import JointDrives, joint_drives
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
 UNLIMITED = 1e3  # URDF's <limit> has no infinity [m, rad/s, m/s, Nm, N]
@@ -48,7 +48,7 @@ def urdf_text(model: RobotModel, shapes: Sequence[Shape] = ()) -> str:
             one to one.
     """
     root = Element("robot", name=model.name)
-    _add_shapes(SubElement(root, "link", name=BASE), shapes, -1)
+    _add_shapes(SubElement(root, "link", name=model.base), shapes, -1)
     drives = _drives(model)
     friction = None if model.actuation is None else joint_drives(model.actuation, model.n)
     for i in range(len(model.link_names)):
@@ -77,10 +77,10 @@ def fixed_frames(model: RobotModel) -> tuple[FixedFrame, ...]:
     found = []
     for name, (link, pose) in model.frames.items():
         moved = not (np.array_equal(pose.rotation, np.eye(3)) and not pose.position.any())
-        if name == BASE or (name in model.link_names and not moved):
+        if name == model.base or (name in model.link_names and not moved):
             continue
         label = f"{name}_frame" if name in model.link_names else name
-        found.append(FixedFrame(label, BASE if link < 0 else model.link_names[link], pose))
+        found.append(FixedFrame(label, model.base if link < 0 else model.link_names[link], pose))
     return tuple(found)
 
 
@@ -174,7 +174,7 @@ def _add_joint(
     kind = "prismatic" if slides else "continuous" if endless else "revolute"
     joint = SubElement(root, "joint", name=name, type=kind)
     parent = int(model.tree.parent[i])
-    SubElement(joint, "parent", link=BASE if parent < 0 else model.link_names[parent])
+    SubElement(joint, "parent", link=model.base if parent < 0 else model.link_names[parent])
     SubElement(joint, "child", link=model.link_names[i])
     R, p, axis = model.tree.rotation[i], model.tree.origin[i], model.tree.axis[i]
     # one that leads is the coordinate itself: its offset goes into its place, its sign into its axis

@@ -22,7 +22,7 @@ from catenary.robots.geometry import (
     links_without_shape,
     shape_on,
 )
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.robots.urdf import named_elements, number_of, numbers_of, origin_of, urdf_root
 
 FORMS = ("box", "cylinder", "sphere", "capsule", "mesh")
@@ -58,12 +58,11 @@ def urdf_shapes(
     for name, link in named_elements(where, robot, "link"):
         for number, element in enumerate(link.findall(kind), start=1):
             what = f'{where}: link "{name}": <{kind}> {number}'
-            frame = _frame(model, name)
-            if frame is None or element.find("geometry") is None:
+            if name not in model.frames or element.find("geometry") is None:
                 continue
             form = _form(what, element, _Meshes(path, packages))
             with naming_the_file(where):
-                shapes.append(shape_on(what, model, frame, name, origin_of(what, element), form))
+                shapes.append(shape_on(what, model, name, name, origin_of(what, element), form))
     if len(shapes) > MOST_SHAPES:
         raise FileFormatError(f"{where}: {len(shapes)} shapes, expected at most {MOST_SHAPES}")
     if not shapes:
@@ -73,14 +72,6 @@ def urdf_shapes(
     if bare := links_without_shape(model, shapes):
         notes.append(f"{where}: links without a shape, whose collisions are unchecked: {', '.join(bare)}")
     return Geometry(model.name, tuple(shapes), f"the {kind} shapes of {where}", notes=tuple(notes))
-
-
-def _frame(model: RobotModel, link: str) -> str | None:
-    """Return the frame of a link, which has another name in the model where the file calls a link "base"."""
-    if link in model.frames and link != BASE:
-        return link
-    marked = f"{link} (file)"
-    return marked if marked in model.frames else link if link in model.frames else None
 
 
 def _form(what: str, element: Element, meshes: "_Meshes") -> Form:

@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.spatial import quaternion_from_rotation
 
 # MuJoCo refuses moving bodies below mjMINVAL = 1e-15; a massless link gets this much, which no torque shows
@@ -16,7 +16,7 @@ _ROUNDING = 1e-9  # of the largest moment, by which the triangle inequality may 
 
 
 def tree_mjcf(model: RobotModel) -> str:
-    """Write the tree as MJCF, on a body "base" with a free joint, in weightlessness.
+    """Write the tree as MJCF, on a body, the base, with a free joint, in weightlessness.
 
     Body and joint i have the name of link i, the body's frame is frame i of the tree. The joints are the tree's
     own, each free to move by itself: MJCF has no joint that moves by a linear combination of others, only soft
@@ -39,7 +39,7 @@ def tree_mjcf(model: RobotModel) -> str:
         f"<mujoco model={quoteattr(model.name)}>\n"
         '<compiler angle="radian"/>\n'
         '<option gravity="0 0 0"><flag contact="disable"/></option>\n'
-        f'<worldbody><body name="{BASE}"><freejoint/>'
+        f"<worldbody><body name={quoteattr(model.base)}><freejoint/>"
         f'<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>\n{links}</body></worldbody>\n</mujoco>\n'
     )
 

@@ -1,7 +1,8 @@
 """A recording and its robot for others' viewers, such as Foxglove, PlotJuggler and Rerun: MCAP, and a URDF beside it.
 
 All messages are ROS 2's own. Link frames bear the URDF's names; those of the calibrated and of the measured arm stand
-behind `calibrated/` and `measured/`. `world` has its z axis up, so that `base` is tilted as gravity says.
+behind `calibrated/` and `measured/`. `world` (`level_world` for a robot with a frame of that name) has its z axis up,
+so that the robot's base is tilted as gravity says.
 """
 
 import heapq
@@ -35,13 +36,12 @@ from catenary.plant import MotionLog
 from catenary.recording.layout import layout_of
 from catenary.recording.messages import Field, fields_of, ros2_name
 from catenary.robots.geometry import Shape
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import RobotModel
 from catenary.robots.urdf_export import fixed_frames, urdf_text
 from catenary.spatial import LEVEL, Pose, identity_pose, quaternion_from_rotation
 from catenary.view.recorded import RecordedArm
 from catenary.view.scene import base_orientation
 
-WORLD = "world"
 POSE_SPACING = 0.02  # [s] between two poses of the links at least; joints have every row
 BLOCK = 4096  # messages that are made at once
 SECOND = 1_000_000_000
@@ -107,13 +107,15 @@ def write_mcap(arm: RecordedArm, log: MotionLog, out: Path, shapes: tuple[Shape,
     for one in sets:
         counts[one.topic] = counts.get(one.topic, 0) + len(one.time)
     urdf = None if description is None else out.with_suffix(".urdf")
+    place = out
     try:
         with tempfile.TemporaryDirectory() as folder:
-            made = _write_bag(Path(folder) / "bag", store, sets, round(start * SECOND))
+            place = Path(folder)
+            made = _write_bag(place / "bag", store, sets, round(start * SECOND))
             with made.open("rb") as source, written_whole(out) as file:
                 shutil.copyfileobj(source, file)
     except OSError as error:
-        raise FileFormatError(f"{out}: cannot be written: {error.strerror or error}") from error
+        raise FileFormatError(f"{place}: cannot be written: {error.strerror or error}") from error
     if urdf is not None and description is not None:
         write_atomically(urdf, description.encode())
     return McapSummary(out, urdf, counts, tuple(notes))
@@ -191,6 +193,8 @@ def _joints(store: Typestore, arm: RecordedArm, log: MotionLog) -> list[_Message
 
 def _transforms(store: Typestore, arm: RecordedArm, gravity: Floats | None) -> list[_Messages]:
     """Return the poses of links in their parents' frames, and of what is fixed."""
+    model, base = arm.model, arm.model.base
+    world = "level_world" if "world" in model.frames else "world"
     chosen = np.flatnonzero(np.diff(np.floor(arm.time / POSE_SPACING + 1e-6), prepend=-1.0) != 0.0)
     fixed: list[tuple[str, str, Pose]] = []
     found: list[_Messages] = []
@@ -199,16 +203,16 @@ def _transforms(store: Typestore, arm: RecordedArm, gravity: Floats | None) -> l
         if len(rows) == 0:
             continue
         if prefix:
-            fixed.append((BASE, prefix + BASE, identity_pose()))
-        fixed += [(prefix + frame.on, prefix + frame.name, frame.pose) for frame in fixed_frames(arm.model)]
-        found.append(_link_transforms(store, arm.model, prefix, arm.time[rows], q[rows]))
+            fixed.append((base, prefix + base, identity_pose()))
+        fixed += [(prefix + frame.on, prefix + frame.name, frame.pose) for frame in fixed_frames(model)]
+        found.append(_link_transforms(store, model, prefix, arm.time[rows], q[rows]))
     if gravity is None:
-        fixed.append((WORLD, BASE, identity_pose()))
+        fixed.append((world, base, identity_pose()))
     else:
         felt = chosen[np.isfinite(gravity[chosen]).all(axis=1)]
         wxyz = np.array([base_orientation(vector) for vector in gravity[felt]]).reshape(-1, 4)
         numbers = _pose_numbers(0, np.zeros((len(felt), 3)), np.roll(wxyz, -1, axis=1))
-        found.append(_tf(store, "/tf", [(WORLD, BASE)], arm.time[felt], numbers))
+        found.append(_tf(store, "/tf", [(world, base)], arm.time[felt], numbers))
     at_first: dict[str, Floats] = {}
     for k, (_, _, pose) in enumerate(fixed):
         xyzw = np.roll(quaternion_from_rotation(pose.rotation), -1)
@@ -228,7 +232,7 @@ def _link_transforms(store: Typestore, model: RobotModel, prefix: str, time: Flo
             turned = back @ turned
             moved = (back @ (moved - positions[:, parent])[:, :, None])[:, :, 0]
         numbers |= _pose_numbers(i, moved, Rotation.from_matrix(turned).as_quat())
-        pairs.append((prefix + (BASE if parent < 0 else model.link_names[parent]), prefix + name))
+        pairs.append((prefix + (model.base if parent < 0 else model.link_names[parent]), prefix + name))
     return _tf(store, "/tf", pairs, time, numbers)
 
 
@@ -257,7 +261,7 @@ def _vector(store: Typestore, arm: RecordedArm, gravity: Floats | None) -> _Mess
     rows = np.tile(LEVEL, (len(arm.time), 1)) if gravity is None else gravity
     types = store.types
     first = types["geometry_msgs/msg/Vector3Stamped"](
-        header=_header(store, BASE), vector=types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+        header=_header(store, arm.model.base), vector=types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
     )
     known = np.isfinite(rows).all(axis=1)
     numbers = {f"vector.{axis}": rows[known, k] for k, axis in enumerate("xyz")}

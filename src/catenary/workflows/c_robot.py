@@ -43,9 +43,9 @@ def c_gravity(model: RobotModel, name: str) -> CFunctions:
         raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
     gravity, regressor = gravity_line(model), gravity_regressor_line(model)
     links = len(model.link_names)
-    q = _to_check_at(model, 1)
+    q, base = _to_check_at(model, 1), "" if model.base == "base" else f" ({c_comment(model.base)})"
     text = [
-        "/* Gravity in m/s2 in the base frame, whose z points up on a level base: (0, 0, -9.81) there. */",
+        f"/* Gravity in m/s2 in the base frame{base}, whose z points up on a level base: (0, 0, -9.81) there. */",
         f"#define {name.upper()}_PARAMETERS {4 * links}",
         "",
         c_sines(name),

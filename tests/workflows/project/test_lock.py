@@ -1,5 +1,6 @@
 """Two processes at one project; the other one is a real process where it has to end."""
 
+import errno
 import json
 import os
 import signal
@@ -121,3 +122,16 @@ def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="cannot be written"):
         taken(tmp_path)
     assert precious.read_text() == "mine"
+
+
+def test_a_full_disk_names_the_locks_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")  # by a descriptor the system names no file
+
+    monkeypatch.setattr(os, "pwrite", full)
+    with pytest.raises(
+        FileFormatError, match=rf"^{tmp_path / LOCK}: cannot be written: No space left on device$"
+    ):
+        taken(tmp_path)
+    monkeypatch.undo()
+    taken(tmp_path).release()

@@ -55,8 +55,10 @@ class FolderLock:
                 raise InUseError(f"{self.path.parent}: {_told(holder)}; wait until it ends{gone}")
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, json.dumps(_myself()).encode(), 0)
-        except BaseException:
+        except BaseException as error:
             os.close(descriptor)
+            if isinstance(error, OSError):
+                raise FileFormatError(f"{self.path}: cannot be written: {error.strerror}") from error
             raise
         self._descriptor = descriptor
 
