@@ -27,7 +27,11 @@ def play(x: np.ndarray, r: float) -> np.ndarray:
     features = FeatureSet(("q:J1",), ("rad",), play=(("q:J1", r),))
     memory, places = features.memory(), []
     for position in x:
-        run(features.row_steps(np.array([[position]]), memory, np.empty((1, 2)), np.ones(1)))
+        run(
+            features.row_steps(
+                np.array([[position]]), memory, np.empty((1, 2)), np.ones(1), np.zeros(1, bool)
+            )
+        )
         places.append(memory.play[0])
     return np.array(places)
 

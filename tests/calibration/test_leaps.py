@@ -12,6 +12,7 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.leaps import MARGIN, largest_step, room_of
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -36,16 +37,17 @@ def spiked(rows: list[int], to: float = 3.0) -> Floats:
 
 @pytest.mark.parametrize("to", [3.0, -0.4, 1e300])
 def test_a_spike_leaves_no_trace_in_the_rows_after_it(to: float) -> None:
-    X, leaps = LIMITED.matrix_and_leaps(log_of(spiked([300], to)))
+    X, leaping, leaps = LIMITED.rows(log_of(spiked([300], to)))
     clean = LIMITED.matrix(log_of(SLOW))
     assert leaps == {"q:J1": 1}
     assert X[300, 0] == to
-    assert np.all(np.abs(X[300, 1:]) <= [0.05, 0.2])
+    assert np.all(np.abs(X[300, 1:]) <= np.array([0.05, 0.2]) + 1e-15)  # rounding of 3.0 - 0.2
+    assert np.flatnonzero(leaping).tolist() == [300]
     assert_array_equal(np.delete(X, 300, axis=0), np.delete(clean, 300, axis=0))
 
 
 def test_without_limits_play_states_follow_a_spike() -> None:
-    X, leaps = PLAIN.matrix_and_leaps(log_of(spiked([300], -3.0)))  # while the joint falls
+    X, _, leaps = PLAIN.rows(log_of(spiked([300], -3.0)))  # while the joint falls
     assert leaps == {"q:J1": 0}
     assert not np.array_equal(X[301:320], PLAIN.matrix(log_of(SLOW))[301:320])
 
@@ -55,7 +57,7 @@ def test_without_limits_play_states_follow_a_spike() -> None:
 def test_no_motion_within_the_limits_changes_a_bit(moves: list[float]) -> None:
     q = 0.999999 * np.cumsum(moves)  # sums are rounded
     log = log_of(q, None)
-    X, leaps = LIMITED.matrix_and_leaps(log)
+    X, _, leaps = LIMITED.rows(log)
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log))
 
@@ -64,7 +66,7 @@ def test_no_motion_within_the_limits_changes_a_bit(moves: list[float]) -> None:
 @given(st.sets(st.integers(1, 798), max_size=20), st.floats(2.0, 1e6))
 def test_single_spikes_are_counted_and_count_as_rows_that_were_not_there(rows: set[int], to: float) -> None:
     alone = sorted(row for row in rows if not rows & {row - 1, row - 2})
-    X, leaps = LIMITED.matrix_and_leaps(log_of(spiked(alone, to)))
+    X, _, leaps = LIMITED.rows(log_of(spiked(alone, to)))
     assert leaps == {"q:J1": len(alone)}
     held = SLOW.copy()
     held[alone] = SLOW[np.array(alone, dtype=int) - 1]
@@ -72,28 +74,95 @@ def test_single_spikes_are_counted_and_count_as_rows_that_were_not_there(rows: s
     assert_array_equal(X[kept], PLAIN.matrix(log_of(held))[kept])
 
 
-def test_a_leap_that_stays_is_the_truth_from_its_third_row_on() -> None:
-    moved = SLOW + 1.0 * (T > 5.0)
-    first = int(np.argmax(T > 5.0))
-    X, leaps = LIMITED.matrix_and_leaps(log_of(moved))
+@pytest.mark.parametrize("to", [[3.0, 3.0], [3.0, -2.0], [0.0, 0.0]])
+def test_two_spikes_in_a_row_leave_no_trace(to: list[float]) -> None:
+    q = SLOW.copy()
+    q[300:302] = to
+    X, _, leaps = LIMITED.rows(log_of(q))
     assert leaps == {"q:J1": 2}
-    held = moved.copy()
-    held[first : first + 2] = SLOW[first - 1]
-    assert_array_equal(X[first + 2 :], PLAIN.matrix(log_of(held))[first + 2 :])
+    assert_array_equal(X[302:], LIMITED.matrix(log_of(SLOW))[302:])
 
 
-def test_garbage_is_no_truth_however_long_it_lasts_and_the_joint_is_found_again() -> None:
+def test_a_leap_that_stays_was_the_truth_all_along() -> None:
+    moved = SLOW + 1.0 * (T > 5.0)
+    X, leaping, leaps = LIMITED.rows(log_of(moved))
+    assert leaps == {"q:J1": 0}
+    assert_array_equal(X, PLAIN.matrix(log_of(moved)))
+    assert np.flatnonzero(leaping).tolist() == [251, 252]  # until it is confirmed
+
+
+def test_after_long_garbage_the_joint_is_found_again() -> None:
     q = SLOW.copy()
     q[300:310] = np.where(np.arange(10) % 2, 5.0, -5.0)
-    X, leaps = LIMITED.matrix_and_leaps(log_of(q))
-    assert leaps == {"q:J1": 10}
-    assert_array_equal(X[310:], LIMITED.matrix(log_of(SLOW))[310:])
+    X = LIMITED.matrix(log_of(q))
+    wiped = 310 + int(np.argmax(np.abs(SLOW[310:] - SLOW[310]) > 2.0 * 0.2))  # the wider play state forgot it
+    assert_array_equal(X[wiped:], LIMITED.matrix(log_of(SLOW))[wiped:])
+
+
+def sparse(rng: np.random.Generator, rows: int = 200) -> Floats:
+    """Random targets, an order of magnitude farther from each other than training rows are."""
+    return rng.uniform(-0.5, 0.5, rows)
+
+
+def test_play_states_follow_random_targets_as_without_limits(rng: np.random.Generator) -> None:
+    log = log_of(sparse(rng), None)
+    X, leaping, _ = LIMITED.rows(log)
+    first = int(np.argmax(leaping[5:])) + 5
+    assert first <= 6
+    assert_array_equal(X[first:], PLAIN.matrix(log)[first:])
+    assert leaping[first:].all()
+
+
+def test_every_motion_begins_unknown(rng: np.random.Generator) -> None:
+    far, time = sparse(rng, 100), np.concatenate([T[:100], T])
+    log = log_of(np.concatenate([far, spiked([300])]), time)
+    assert log.starts == (0, 100)
+    X, leaping, _ = LIMITED.rows(log)
+    assert_array_equal(X[100:], LIMITED.matrix(log_of(spiked([300]))))
+    assert np.flatnonzero(leaping[100:]).tolist() == [300]
+
+
+def test_other_joints_targets_make_it_another_motion_too(rng: np.random.Generator) -> None:
+    features = FeatureSet(
+        ("q:J1", "q:J2"), ("rad", "rad"), play=(("q:J1", 0.05), ("q:J2", 0.05)),
+        steps=(("q:J1", STEP), ("q:J2", STEP)), period=0.02,
+    )  # fmt: skip
+    q = np.column_stack([spiked([300]), np.concatenate([np.zeros(200), sparse(rng, 600)])])
+    X, leaping, _ = features.rows(
+        MotionLog("run", ("J1", "J2"), ("rad",) * 2, q, np.ones(800, dtype=bool), time=T)
+    )
+    assert not leaping[:200].any()
+    assert leaping[210:].all()
+    assert_array_equal(X[210:], replace(features, steps=(), period=None).matrix(log_of_two(q))[210:])
+
+
+def log_of_two(q: Floats) -> MotionLog:
+    return MotionLog("run", ("J1", "J2"), ("rad", "rad"), q, np.ones(len(q), dtype=bool), time=T)
+
+
+def test_in_another_motion_the_half_width_is_that_of_the_fixed_offset(rng: np.random.Generator) -> None:
+    log = log_of(SLOW, q_encoder=1.01 * SLOW[:, None])
+    options = FitOptions(kind="linear", inputs=["q"], play=(0.05, 0.2))
+    inputs = choose_inputs([log], options)
+    model = fit(calibration_data([log], inputs.features), inputs, options)
+    model = replace(model, intervals=Intervals(0.9, np.array([0.001]), np.array([0.01])))
+    far = sparse(rng)
+    log = log_of(np.concatenate([SLOW[:400], far]), T[:600])
+    widths = model.half_widths(log)
+    assert (widths[:400] == 0.001).all()
+    assert (widths[410:] >= 0.01).all()
+    out, inside, interval = np.empty(1), np.empty(1, dtype=bool), np.empty(1)
+    corrector = Corrector(model, rate_hz=50.0)
+    for row, q in enumerate(log.q_nominal):
+        corrector.correct(q, q, out, inside, interval)
+        assert interval == widths[row]
+    assert model.inside(inputs.features.matrix(log)).all()  # the correction is kept
 
 
 def test_a_pause_gives_room_to_move() -> None:
     time, q = np.delete(T, np.s_[300:320]), np.delete(SLOW, np.s_[300:320])
     assert room_of(log_of(q, time), 0.02)[300] == pytest.approx(21.0)
-    X, leaps = LIMITED.matrix_and_leaps(log_of(q, time))
+    X, _, leaps = LIMITED.rows(log_of(q, time))
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log_of(q, time)))
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.recording.series import clean_series, interpolate, stopped_encoders
+from catenary.recording.series import clean_series, interpolate
 
 EPOCH = 1_700_000_000_000_000_000
 
@@ -104,26 +104,3 @@ def test_messages_without_stamps_take_their_arrival() -> None:
     assert_array_equal(series.stamp, arrival)
     assert series.report.stamped_by_arrival
     assert any("their arrival was taken" in note for note in series.report.notes())
-
-
-def test_an_encoder_that_stands_still_while_its_motor_moves_is_found() -> None:
-    time = 0.01 * np.arange(2000)
-    position = np.column_stack([0.1 * np.sin(time), 0.1 * np.cos(time)])
-    frozen = position.copy()
-    frozen[500:800, 1] = frozen[500, 1]
-    series = clean_series("x", _ns(time), frozen, max_gap=0.05)
-    (stop,) = stopped_encoders(series, _ns(time), position, ("a", "b"), stopped_after=0.5, moved=(0.02, 0.02))
-    assert (stop.joint, stop.start_ns, stop.end_ns) == ("b", _ns(5.0), _ns(8.0))
-    assert_allclose((stop.start, stop.length), (5.0, 2.99), atol=1e-9)
-    assert "stood still" in stop.note()
-
-
-def test_an_encoder_that_stands_still_with_its_motor_is_not_reported_and_one_that_never_moves_is() -> None:
-    time = 0.01 * np.arange(2000)
-    limits = {"stopped_after": 0.5, "moved": (0.02,)}
-    for position in (np.minimum(time, 5.0), np.maximum(time, 5.0)):
-        series = clean_series("x", _ns(time), position[:, None], max_gap=0.05)
-        assert stopped_encoders(series, _ns(time), position[:, None], ("a",), **limits) == ()
-    series = clean_series("x", _ns(time), np.zeros((2000, 1)), max_gap=0.05)
-    (stop,) = stopped_encoders(series, _ns(time), np.sin(time)[:, None], ("a",), **limits)
-    assert stop.length == pytest.approx(19.99)

@@ -10,6 +10,7 @@ from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
 from catenary.recording.synchronise_psm import ROBOT, synchronise_psm
 from catenary.recording.topics import PSM_JOINTS, PSM_TOPICS, psm_topic, psm_topics, topic_named
+from catenary.verdict.check import findings_of
 
 TIME = np.arange(4000) * 1e-3
 SPEED = np.array([0.1, -0.1, 0.02, 0.5, -0.4, 0.3])
@@ -45,12 +46,13 @@ def test_the_tracker_is_brought_onto_the_robots_stamps(tmp_path, namespace):
     assert_allclose(log.tau, 1.0)
 
 
-def test_a_tracker_that_stands_still_is_not_trusted(tmp_path):
-    record(tmp_path / "journal", "/PSM1", ext_jpos=np.zeros((len(TIME), 6)))
+def test_a_tracker_that_holds_its_last_pose_is_found_by_the_verdict(tmp_path):
+    held = TIME[:, None] * SPEED + OFFSET
+    held[1000:3000] = held[1000]
+    record(tmp_path / "journal", "/PSM1", ext_jpos=held)
     extract([tmp_path / "journal"], tmp_path / "extracted")
-    found = synchronise_psm(tmp_path / "extracted", "/PSM1")
-    assert found.stopped
-    assert not found.log.ok[1000:-1000].any()
+    log = synchronise_psm(tmp_path / "extracted", "/PSM1").log
+    assert "stuck" in [each.name for each in findings_of(log)]
 
 
 def test_a_recording_without_a_tracker_says_so(tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.calibration.kernels import Step
-from catenary.calibration.leaps import CONFIRM
+from catenary.calibration.leaps import CONFIRM, FADE, FAST, SEVERAL
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 
@@ -73,29 +73,49 @@ for (k = 0; k < lower_size; ++k) {
 int k;
 for (k = 0; k < joints_size; ++k) {
   const int joint = joints[k];
-  interval[joint] = inside[joint] ? near[joint] : PREFIX_is_finite(q[joint]) ? edge[joint] * far[0] : NAN;
+  const int known = PREFIX_is_finite(q[joint]);
+  interval[joint] = inside[joint] && !leaping[0] ? near[joint] : known ? edge[joint] * far[0] : NAN;
 }""",
-    "without_leaps": """\
+    "find_leaps": """\
+double fast = 0.0;
 int j;
+leaping[0] = 0;
 for (j = 0; j < joints_size; ++j) {
   const double q = signals[joints[j]];
-  double *of = seen + 4 * j;
-  believed[j] = q;
-  of[3] += room[0];
+  double *of = seen + 3 * j, step;
+  course[j] = PREFIX_AWAY;
+  of[2] += room[0];
   if (!PREFIX_is_finite(q)) continue;
-  if (fabs(q - of[0]) > limits[j] * of[3]) {
-    of[2] = fabs(q - of[1]) <= limits[j] * room[0] ? of[2] + 1.0 : 1.0;
-    of[1] = q;
-    if (of[2] < CONFIRM) {
-      believed[j] = of[0];
-      rejected[j] += 1.0;
+  step = fabs(q - of[0]);
+  if (step > limits[j] * of[2]) {
+    of[1] += 1.0;
+    if (of[1] < CONFIRM) {
+      leaping[0] = 1;
       continue;
     }
+    course[j] = PREFIX_ON;
+  } else {
+    course[j] = of[1] > 0.0 ? PREFIX_BACK : PREFIX_ON;
+    rejected[j] += of[1];
   }
+  if (step > FAST * limits[j] * of[2]) fast = 1.0;
   of[0] = q;
-  of[1] = NAN;
-  of[2] = of[3] = 0.0;
-}""".replace("CONFIRM", str(CONFIRM)),
+  of[1] = of[2] = 0.0;
+}
+strange[0] = FADE * strange[0] + fast;
+if (strange[0] >= SEVERAL) {
+  leaping[0] = 1;
+  for (j = 0; j < joints_size; ++j) {
+    const double q = signals[joints[j]];
+    course[j] = PREFIX_ANOTHER;
+    if (!PREFIX_is_finite(q)) continue;
+    seen[3 * j] = q;
+    seen[3 * j + 1] = seen[3 * j + 2] = 0.0;
+  }
+}""".replace("CONFIRM", str(CONFIRM))
+    .replace("FAST", str(FAST))
+    .replace("FADE", str(FADE))
+    .replace("SEVERAL", str(SEVERAL)),
     "gather": """\
 const int rows = positions_size > 0 ? ring_size / positions_size : 0;
 int i, k, at = signals_size;
@@ -108,13 +128,14 @@ if (rows > 0) {
   for (k = 0; k < positions_size; ++k) ring[now[0] * positions_size + k] = signals[positions[k]];
   now[0] = now[0] + 1 < rows ? now[0] + 1 : 0;
 }
-for (k = 0; k < played_size; ++k) {
-  const double position = believed[played[k]];
+for (k = 0; k < owners_size; ++k) {
+  const double position = signals[played[owners[k]]];
+  const int what = course[owners[k]];
   if (PREFIX_is_finite(position)) {
-    double y = play[k] == play[k] ? play[k] : position;
-    if (y < position - widths[k]) y = position - widths[k];
-    if (y > position + widths[k]) y = position + widths[k];
-    play[k] = y;
+    const double before = what == PREFIX_BACK ? kept[k] : play[k];
+    followed[k] = PREFIX_after(followed[k], position, widths[k]);
+    play[k] = what == PREFIX_ANOTHER ? followed[k] : PREFIX_after(before, position, widths[k]);
+    if (what != PREFIX_AWAY) kept[k] = play[k];
   }
   X[at++] = play[k] - position;
 }""",
@@ -122,6 +143,15 @@ for (k = 0; k < played_size; ++k) {
 HELPERS = """\
 static inline int PREFIX_is_finite(double x) {
   return x - x == 0.0;
+}
+
+/* What a row is to a joint: its motion goes on; perhaps a spike; back from one; part of another motion. */
+enum { PREFIX_ON, PREFIX_AWAY, PREFIX_BACK, PREFIX_ANOTHER };
+
+/* A play state after its position moved; NAN, before the first, becomes that position. */
+static inline double PREFIX_after(double state, double position, double width) {
+  const double y = state == state ? state : position, low = position - width, high = position + width;
+  return y < low ? low : y > high ? high : y;
 }
 
 /* exp(v) - 1 for |v| <= 40 */
@@ -142,8 +172,11 @@ typedef struct {{
   int now[1]; /* row of the ring that is to be written next */
   double ring[{ring}];
   double play[{play}];
+  double kept[{kept}]; /* play states before a leap */
+  double followed[{followed}]; /* play states that followed every position */
   double seen[{seen}];
-  double rejected[{rejected}]; /* leaps of the joints that play states follow */
+  double strange[1]; /* steps of another motion than that of training, as far as they are remembered */
+  double rejected[{rejected}]; /* rows that were spikes, of the joints that play states follow */
   double interval[{interval}]; /* half-widths about the calibrated positions of the last tick */
 }} PREFIX_state;
 
@@ -152,8 +185,9 @@ static inline void PREFIX_reset(PREFIX_state *state) {{
   int i;
   state->now[0] = 0;
   for (i = 0; i < {ring}; ++i) state->ring[i] = NAN;
-  for (i = 0; i < {play}; ++i) state->play[i] = NAN;
-  for (i = 0; i < {seen}; ++i) state->seen[i] = i % 4 < 2 ? NAN : 0.0;
+  for (i = 0; i < {play}; ++i) state->play[i] = state->kept[i] = state->followed[i] = NAN;
+  for (i = 0; i < {seen}; ++i) state->seen[i] = i % 3 ? 0.0 : NAN;
+  state->strange[0] = 0.0;
   for (i = 0; i < {rejected}; ++i) state->rejected[i] = 0.0;
   for (i = 0; i < {interval}; ++i) state->interval[i] = NAN;
 }}
@@ -243,6 +277,6 @@ def _declared(name: str, array: NDArray[Any], *, constant: bool) -> str:
     size = max(1, array.size)
     if not constant:
         return f"  {_kind(array)} {name}[{size}];"
-    items = ["NAN" if value != value else repr(value) for value in array.ravel().tolist()] or ["0"]
+    items = ["NAN" if value != value else repr(value) for value in (array + 0).ravel().tolist()] or ["0"]
     rows = [", ".join(items[k : k + 8]) for k in range(0, len(items), 8)]
     return f"  static const {_kind(array)} {name}[{size}] = {{\n    " + ",\n    ".join(rows) + "};"

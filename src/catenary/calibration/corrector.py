@@ -139,8 +139,8 @@ class Corrector:
 
     @property
     def leaps(self) -> dict[str, int]:
-        """How many positions of each signal the play states did not follow: no joint gets there so fast."""
-        return self.model.features.leaps(self._memory)
+        """How many positions of each signal leapt and returned: the play states forgot them."""
+        return self.model.features.spikes(self._memory)
 
     def reset(self) -> None:
         """Forget all previous ticks: another motion begins; `leaps` counts on."""

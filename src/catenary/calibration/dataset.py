@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ class TrainingSource:
     without_history: int  # rows that lack predecessors
     dropped: int  # rows beyond the error limit that was asked for
     simulated: bool
-    leaps: int = 0  # positions that the play states did not follow: no joint gets there so fast
+    leaps: int = 0  # positions that leapt and returned: the play states did not follow them
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class CalibrationData:
     X: Floats  # (N, F)
     q_nominal: Floats  # (N, n)
     error: Floats  # (N, n) q_encoder - q_nominal [rad|m]: what a model must add
+    leaping: NDArray[np.bool_]  # (N,) of another motion than the features' steps, or leaps; see FeatureRows
     recording: NDArray[np.int64]  # (N,) index into `sources`
     position: Floats  # (N,) how far into its recording the row lies, 0 to 1
     time: Floats  # (N,) [s], or the row number where a recording has no time
@@ -68,7 +70,7 @@ class CalibrationData:
 
     def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
-        columns = ("X", "q_nominal", "error", "recording", "position", "time")
+        columns = ("X", "q_nominal", "error", "leaping", "recording", "position", "time")
         return replace(self, **{name: getattr(self, name)[mask] for name in columns})
 
     def split_by_time(self, held_out: float) -> tuple["CalibrationData", "CalibrationData"]:
@@ -117,7 +119,7 @@ def calibration_data(
         if not (max_error > 0.0).all():
             raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
     has_time = all(log.time is not None for log in logs)
-    parts: list[tuple[Floats, ...]] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     sources: list[TrainingSource] = []
     for i, log in enumerate(logs):
         require_same_joints(first, log)
@@ -125,7 +127,7 @@ def calibration_data(
             raise InputError(
                 f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions'
             )
-        X, leaps = features.matrix_and_leaps(log)
+        X, leaping, spikes = features.rows(log)
         error = log.q_encoder - log.q_nominal
         complete = np.isfinite(X).all(axis=1)
         usable = log.ok & complete
@@ -142,14 +144,14 @@ def calibration_data(
                 without_history=int((log.ok & ~complete).sum()),
                 dropped=int((usable & ~inside).sum()),
                 simulated=log.simulated,
-                leaps=sum(leaps.values()),
+                leaps=sum(spikes.values()),
             )
         )
         index = np.arange(len(log), dtype=float)
         time = log.time if has_time and log.time is not None else index
-        columns = (X, log.q_nominal, error, np.full(len(log), i), index / len(log), time)
+        columns = (X, log.q_nominal, error, leaping, np.full(len(log), i), index / len(log), time)
         parts.append(tuple(column[keep] for column in columns))
-    X, q_nominal, error, recording, position, time = (np.concatenate(p) for p in zip(*parts, strict=True))
+    X, q_nominal, error, leaping, recording, position, time = map(np.concatenate, zip(*parts, strict=True))
     if len(X) == 0:
         raise InputError(
             "data: no usable row in "
@@ -166,6 +168,7 @@ def calibration_data(
         X=X,
         q_nominal=q_nominal,
         error=error,
+        leaping=leaping,
         recording=recording,
         position=position,
         time=time,
@@ -225,7 +228,7 @@ def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats 
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     """Return what readers of recordings noted, and what rows were left out."""
     notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
-    for source in data.sources:
+    for i, source in enumerate(data.sources):
         left_out = {
             "without measurement": source.without_truth,
             f"without {data.features.history} previous commands": source.without_history,
@@ -236,4 +239,8 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.leaps:
             notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
+        if strange := int(data.leaping[data.recording == i].sum()):
+            notes.append(
+                f"{source.name}: {strange} rows leap beyond training's motion: intervals are wider there"
+            )
     return notes

@@ -109,7 +109,7 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
         )
     if window is not None and not 0.0 < window < math.inf:
         raise InputError(f"window: expected a positive length, got {window}")
-    correction, inside, interval = model.correct(data.X, data.q_nominal)
+    correction, inside, interval = model.correct(data.X, data.q_nominal, data.leaping)
     corrected = data.error - correction
     errors = (data.error, data.error - model.offset, corrected)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])

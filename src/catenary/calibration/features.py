@@ -9,9 +9,9 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.kernels import Flags, Integers, Step, run
-from catenary.calibration.leaps import ANY, room_of, without_leaps
+from catenary.calibration.leaps import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
 from catenary.errors import InputError
-from catenary.kernels.compiled import compiled
+from catenary.kernels.compiled import compiled, inlined
 from catenary.plant import MotionLog
 from catenary.units import TORQUE_UNIT
 
@@ -29,15 +29,26 @@ class Memory(NamedTuple):
     now: Integers  # (1,) row of `ring` that is to be written next
     ring: Floats  # (rows, P) previous positions; NaN where there is none yet
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
-    seen: Floats  # (J, 4) of the joints that play states follow; see without_leaps
-    rejected: Floats  # (J,) leaps of these joints, which the play states did not follow
+    kept: Floats  # (K,) those before a leap, which count again when it returns
+    followed: Floats  # (K,) those that followed every position
+    seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
+    strange: Floats  # (1,) see find_leaps
+    rejected: Floats  # (J,) rows of these joints that were spikes
 
     def clear(self) -> None:
         """Forget all earlier rows: another motion begins; what was counted stays."""
         self.now[:] = 0
         self.ring[:] = np.nan
-        self.play[:] = np.nan
-        self.seen[:] = [np.nan, np.nan, 0.0, 0.0]
+        self.play[:], self.kept[:], self.followed[:] = np.nan, np.nan, np.nan
+        self.seen[:], self.strange[:] = [np.nan, 0.0, 0.0], 0.0
+
+
+class FeatureRows(NamedTuple):
+    """Features of a recording."""
+
+    X: Floats  # (N, F)
+    leaping: Flags  # (N,) rows that leap, or of another motion than training's: intervals are wider
+    spikes: dict[str, int]  # of each position that play states follow, how many rows these did not follow
 
 
 @dataclass(frozen=True)
@@ -50,9 +61,9 @@ class FeatureSet:
     speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
     The feature is y - x, which stays within -r and r.
 
-    A position farther from the one before than its joint's largest step is a leap, and play states take the last
-    position that was none (leaps.without_leaps); any step is believed of a joint that `steps` does not name. Rows
-    of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
+    A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
+    and play states are those before it (leaps.find_leaps); any step is believed of a joint that `steps` does not name.
+    Rows of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
     """
 
     signals: tuple[str, ...]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
@@ -123,23 +134,25 @@ class FeatureSet:
         Raises:
             InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
-        return self.matrix_and_leaps(log)[0]
+        return self.rows(log).X
 
-    def matrix_and_leaps(self, log: MotionLog) -> tuple[Floats, dict[str, int]]:
-        """Return `matrix`, and how many leaps of each position the play states did not follow.
+    def rows(self, log: MotionLog) -> FeatureRows:
+        """Return `matrix`, and what leaps on the way.
 
         Raises:
             InputError: As for `matrix`.
         """
         signals = self.signal_rows(log)
         X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
+        leaping = np.zeros(len(log), dtype=bool)
         starts = set(log.starts)
         for first, last in pairwise(sorted({*starts, *log.gaps(), len(log)})):
             if first in starts:
                 memory.clear()
             memory.ring[:] = np.nan  # behind a gap, the previous rows are no previous commands
-            run(self.row_steps(signals[first:last], memory, X[first:last], room[first:last]))
-        return X, self.leaps(memory)
+            rows = slice(first, last)
+            run(self.row_steps(signals[rows], memory, X[rows], room[rows], leaping[rows]))
+        return FeatureRows(X, leaping, self.spikes(memory))
 
     def signal_rows(self, log: MotionLog) -> Floats:
         """Return the signals of every row, (N, S).
@@ -161,46 +174,42 @@ class FeatureSet:
             columns.append(values)
         return np.column_stack(columns)
 
-    def leaps(self, memory: Memory) -> dict[str, int]:
-        """Return how many leaps of each position a memory has counted."""
+    def spikes(self, memory: Memory) -> dict[str, int]:
+        """Return how many rows that were spikes of each position a memory has counted."""
         return {name: int(count) for name, count in zip(self.played, memory.rejected, strict=True)}
 
     def memory(self, decimation: int = 1) -> Memory:
         """Return an empty memory for rows of which every `decimation`-th is a previous one."""
         ring = np.empty((self.history * decimation, len(self.positions)))
         joints = len(self.played)
-        memory = Memory(
-            np.zeros(1, dtype=np.int64),
-            ring,
-            np.empty(len(self.play)),
-            np.empty((joints, 4)),
-            np.zeros(joints),
-        )
+        play, kept, followed = np.empty((3, len(self.play)))
+        places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
+        memory = Memory(np.zeros(1, dtype=np.int64), ring, play, kept, followed, *places)
         memory.clear()
         return memory
 
-    def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats) -> list[Step]:
-        """Return the compiled steps that write features X (N, F) for rows of signals (N, S); see `room_of`."""
+    def row_steps(
+        self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags
+    ) -> list[Step]:
+        """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
         spacing = len(memory.ring) // max(1, self.history)
         lags = spacing * np.arange(1, self.history + 1, dtype=np.int64)
         limits = np.array([dict(self.steps).get(name, ANY) for name in self.played])
-        believed, owners = (
-            np.empty((len(signals), len(limits))),
-            [self.played.index(name) for name, _ in self.play],
-        )
+        course = np.zeros((len(signals), len(limits)), dtype=np.int64)
+        owners = np.array([self.played.index(name) for name, _ in self.play], dtype=np.int64)
         widths = np.array([width for _, width in self.play], dtype=float)
-        followed = (believed, np.array(owners, dtype=np.int64), widths)
+        played = self._places(self.played)
         leaps = Step(
-            without_leaps,
-            (signals, self._places(self.played), limits, room),
-            (memory.seen, memory.rejected, believed),
+            find_leaps,
+            (signals, played, limits, room),
+            (memory.seen, memory.strange, memory.rejected, course, leaping),
         )
         features = Step(
             gather,
-            (signals, self._places(self.positions), lags, *followed),
-            (memory.now, memory.ring, memory.play, X),
+            (signals, self._places(self.positions), lags, played, owners, widths, course),
+            (memory.now, memory.ring, memory.play, memory.kept, memory.followed, X),
         )
-        return [leaps, features] if self.play else [features]
+        return [leaps, features] if self.steps else [features]
 
     def _places(self, signals: Sequence[str]) -> Integers:
         return np.array([self.signals.index(name) for name in signals], dtype=np.int64)
@@ -211,12 +220,15 @@ def gather(
     signals: Floats,
     positions: Integers,
     lags: Integers,
-    believed: Floats,
     played: Integers,
+    owners: Integers,
     widths: Floats,
+    course: Integers,
     now: Integers,
     ring: Floats,
     play: Floats,
+    kept: Floats,
+    followed: Floats,
     X: Floats,
 ) -> None:
     """Write the features of rows of one motion, in the order of FeatureSet, and remember what later rows take.
@@ -227,12 +239,15 @@ def gather(
         signals: (N, S) what the robot reports, row after row.
         positions: (P,) which signals are positions.
         lags: (H,) how many rows ago each previous position lies.
-        believed: (N, J) positions without leaps.
-        played: (K,) which of these the play states follow.
+        played: (J,) which signals the play states follow.
+        owners: (K,) which of these each follows.
         widths: (K,) half-widths of the play states.
-        now: See Memory; so are `ring` and `play`.
+        course: (N, J) see `find_leaps`.
+        now: See Memory, as of all that follow.
         ring: As long as the largest lag.
         play: Play states.
+        kept: Play states.
+        followed: Play states.
         X: (N, S + H P + K) receives the features.
     """
     for row in range(len(signals)):
@@ -247,12 +262,22 @@ def gather(
             for i in range(len(positions)):
                 ring[now[0], i] = signals[row, positions[i]]
             now[0] = (now[0] + 1) % len(ring)
-        for i in range(len(played)):
-            position = believed[row, played[i]]
+        for i in range(len(owners)):
+            position, what = signals[row, played[owners[i]]], course[row, owners[i]]
             if np.isfinite(position):
-                state = position if np.isnan(play[i]) else play[i]
-                play[i] = min(max(state, position - widths[i]), position + widths[i])
+                before = kept[i] if what == BACK else play[i]
+                followed[i] = after(followed[i], position, widths[i])
+                play[i] = followed[i] if what == ANOTHER else after(before, position, widths[i])
+                if what != AWAY:
+                    kept[i] = play[i]
             X[row, at + i] = play[i] - position
+
+
+@inlined
+def after(state: float, position: float, width: float) -> float:
+    """Return a play state after its position moved; NaN, before the first, becomes that position."""
+    state = position if np.isnan(state) else state
+    return min(max(state, position - width), position + width)
 
 
 def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:

@@ -87,12 +87,20 @@ def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Flo
 
 @compiled
 def widen(
-    far: Floats, inside: Flags, q: Floats, joints: Integers, near: Floats, edge: Floats, interval: Floats
+    far: Floats,
+    leaping: Flags,
+    inside: Flags,
+    q: Floats,
+    joints: Integers,
+    near: Floats,
+    edge: Floats,
+    interval: Floats,
 ) -> None:
     """Write the half-widths of some joints.
 
     Args:
         far: (N,) from `distance`.
+        leaping: (N,) rows whose motion is none of training's: the half-width is that of the edge.
         inside: (N, n) whether each correction comes from a predictor, inside its valid range.
         q: (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN.
         joints: (m,) which of the n joints.
@@ -103,7 +111,7 @@ def widen(
     for row in range(len(q)):
         for k in range(len(joints)):
             joint = joints[k]
-            if inside[row, joint]:
+            if inside[row, joint] and not leaping[row]:
                 interval[row, joint] = near[joint]
             elif np.isfinite(q[row, joint]):
                 interval[row, joint] = edge[joint] * far[row]

@@ -141,8 +141,12 @@ class CalibrationModel:
         """
         return self.correct(X, q_nominal)[2]
 
-    def correct(self, X: Floats, q_nominal: Floats) -> tuple[Floats, Flags, Floats]:
+    def correct(
+        self, X: Floats, q_nominal: Floats, leaping: Flags | None = None
+    ) -> tuple[Floats, Flags, Floats]:
         """Return `correction`, `inside` and `interval` of features (N, F) and reported positions (N, n).
+
+        `leaping` (N,) is that of FeatureSet.rows; without it no row leaps.
 
         Raises:
             InputError: X is not (N, F), or q_nominal not (N, n).
@@ -150,12 +154,20 @@ class CalibrationModel:
         X = as_array("features", X, (None, len(self.features.names)), finite=False)
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
+        leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         for rows in kernels.blocks(len(X)):
-            kernels.run(self.steps(X[rows], q[rows], correction[rows], inside[rows], interval[rows]))
+            outputs = (correction[rows], inside[rows], interval[rows])
+            kernels.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
 
     def steps(
-        self, X: Floats, q: Floats, correction: Floats, inside: Flags, interval: Floats | None = None
+        self,
+        X: Floats,
+        q: Floats,
+        correction: Floats,
+        inside: Flags,
+        interval: Floats | None = None,
+        leaping: Flags | None = None,
     ) -> list[Step]:
         """Return the compiled steps from features to corrections.
 
@@ -165,7 +177,9 @@ class CalibrationModel:
             correction: (N, n) receives what to add [rad|m].
             inside: (N, n) receives whether each comes from a predictor, inside its valid range.
             interval: (N, n) receives half-widths [rad|m]; without it they are not computed.
+            leaping: (N,) see `correct`.
         """
+        leaping = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         steps = [] if interval is None or self.intervals is not None else no_intervals(interval)
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)
@@ -178,7 +192,7 @@ class CalibrationModel:
             steps.append(Step(kernels.choose, chosen_from, (correction, inside)))
             if far is not None and interval is not None and self.intervals is not None:
                 widths = (self.intervals.inside, self.intervals.outside)
-                steps.append(Step(widen, (far, inside, q, joints, *widths), (interval,)))
+                steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
         return steps
 
     def tick_steps(
@@ -206,9 +220,10 @@ class CalibrationModel:
         period = self.features.period
         slower = 1.0 if rate_hz is None or period is None else max(1.0, 1.0 / (rate_hz * period))
         X, correction = np.empty((len(q), len(self.features.names))), np.empty(q.shape)
+        leaping = np.zeros(len(q), dtype=bool)
         return [
-            *self.features.row_steps(signals, memory, X, np.full(len(q), slower)),
-            *self.steps(X, q, correction, inside, interval),
+            *self.features.row_steps(signals, memory, X, np.full(len(q), slower), leaping),
+            *self.steps(X, q, correction, inside, interval, leaping),
             Step(kernels.total, (q, correction), (calibrated,)),
         ]
 
@@ -228,7 +243,8 @@ class CalibrationModel:
             InputError: The recording is of other joints, or lacks an input.
         """
         self.require_joints(log)
-        return self.interval(self.features.matrix(log), log.q_nominal)
+        X, leaping, _ = self.features.rows(log)
+        return self.correct(X, log.q_nominal, leaping)[2]
 
     def require_joints(self, log: MotionLog) -> None:
         """Refuse a recording of other joints.

@@ -281,6 +281,6 @@ def _distance(graph: _Graph, step: Step) -> str:
 
 def _half_widths(graph: _Graph, step: Step, inside: str) -> str:
     """Write the half-widths of a group's joints, (rows, m), from its flags."""
-    far, _, _, joints, near, edge = step.inputs
+    far, _, _, _, joints, near, edge = step.inputs
     wider = graph.add("Mul", graph.tensor(far), graph.constant(edge[None, joints]))
     return graph.add("Where", inside, graph.constant(near[None, joints]), wider)

@@ -98,7 +98,7 @@ def extract(
             for t in report["topics"]
         ]
         print_table(f"{name}: {report['rows']} rows", header, rows)
-        print_notes(report["problems"] + report["stopped_encoders"])
+        print_notes(report["problems"])
         print(f"log: {report['log']}\n")
     for name, failure in failed.items():
         if found and opened.outputs_of(f"record {name}") is None:

@@ -67,25 +67,6 @@ class Series:
     report: TopicReport
 
 
-@dataclass(frozen=True)
-class StoppedEncoder:
-    """An encoder that stood still while its motor moved."""
-
-    joint: str
-    start_ns: int
-    end_ns: int  # of the first sample that differs again, or the last there is
-    start: float  # [s] from the first state message
-    length: float  # [s]
-    moved: float  # [rad|m] that the motor moved meanwhile
-
-    def note(self) -> str:
-        """Return this in words."""
-        return (
-            f"encoder of {self.joint}: stood still from {self.start:.2f} s for {self.length:.2f} s while the robot "
-            f"reported {self.moved:.4f} of motion; ok is cleared there"
-        )
-
-
 def clean_series(
     topic: str,
     stamp: NDArray[np.int64],
@@ -170,47 +151,3 @@ def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> tup
     values = a + share[:, None] * (b - a)
     values[~near] = np.nan
     return values, near
-
-
-def stopped_encoders(
-    encoder: Series,
-    stamp: NDArray[np.int64],
-    q_nominal: Floats,
-    joints: Sequence[str],
-    *,
-    stopped_after: float,
-    moved: Sequence[float],
-) -> tuple[StoppedEncoder, ...]:
-    """Find where an encoder gives one and the same number while its motor moves.
-
-    Args:
-        encoder: Positions (M, n).
-        stamp: Of the state (N,) [ns].
-        q_nominal: Positions that the robot reports (N, n).
-        joints: Names, n.
-        stopped_after: Shortest time to call it stopped [s].
-        moved: Least motion meanwhile, per joint [rad|m].
-    """
-    found = []
-    for j, joint in enumerate(joints):
-        changes = np.flatnonzero(np.diff(encoder.values[:, j]) != 0.0) + 1
-        starts = np.concatenate([[0], changes])
-        lasts = np.concatenate([changes, [len(encoder.stamp)]]) - 1
-        ends = encoder.stamp[np.minimum(lasts + 1, len(encoder.stamp) - 1)]
-        long = encoder.stamp[lasts] - encoder.stamp[starts] >= stopped_after * SECOND
-        for start, last, end in zip(starts[long], lasts[long], ends[long], strict=True):
-            within = slice(*np.searchsorted(stamp, (encoder.stamp[start], encoder.stamp[last])))
-            motion = float(np.ptp(q_nominal[within, j])) if within.stop > within.start else 0.0
-            if motion > moved[j]:
-                begin = int(encoder.stamp[start])
-                found.append(
-                    StoppedEncoder(
-                        joint=joint,
-                        start_ns=begin,
-                        end_ns=int(end),
-                        start=(begin - int(stamp[0])) / SECOND,
-                        length=int(encoder.stamp[last] - begin) / SECOND,
-                        moved=motion,
-                    )
-                )
-    return tuple(found)

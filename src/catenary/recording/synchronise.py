@@ -14,14 +14,7 @@ from catenary.plant import UNUSED, MotionLog
 from catenary.recording.clock_steps import ClockStep
 from catenary.recording.extract import TopicFile, topic_file
 from catenary.recording.raven_transmission import COUPLING, RATIO
-from catenary.recording.series import (
-    Series,
-    StoppedEncoder,
-    TopicReport,
-    clean_series,
-    interpolate,
-    stopped_encoders,
-)
+from catenary.recording.series import Series, TopicReport, clean_series, interpolate
 from catenary.recording.topics import (
     AXES,
     EXT_JPOS,
@@ -48,13 +41,10 @@ JOINT_TORQUE: Mapping[str, float] = {
 
 @dataclass(frozen=True)
 class SynchroniseOptions:
-    """Limits on gaps between samples, and on how long an encoder may stand still."""
+    """Arm, columns, and the limit on gaps between samples."""
 
     arm: Arm = "gold"
     max_gap: float = 0.05  # [s] between two samples that are interpolated between
-    stopped_after: float = 0.5  # [s] that an encoder stays put while its motor moves
-    # [rad, rad, m] by which the motor must move: more than slack and stretch give
-    moved: Sequence[float] = (0.02, 0.02, 0.001)
     # further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",)
     columns: Sequence[str] = ()
 
@@ -65,7 +55,6 @@ class Synchronisation:
 
     log: MotionLog
     topics: tuple[TopicReport, ...]
-    stopped: tuple[StoppedEncoder, ...]
     without_encoder: int  # rows whose `ok` is not set
     dropped: int  # rows left out since the robot's own numbers were not finite
 
@@ -75,7 +64,7 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
 
     A row is a raven_state message. `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
     joint, `q_encoder` ext_jpos between its two neighbours in time. `ok` is cleared where these lie further apart
-    than `max_gap`, before the first and after the last, and while an encoder stands still although its motor moves.
+    than `max_gap`, before the first and after the last.
     Signals are q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel, and the further columns that
     `options` asks for: an arm's own as mpos:<axis>, pos:x, ori:11, type, the other arm's as green_mpos:<axis>, those
     of neither as runlevel. measured_js, which repeats jpos, is only reported on. Messages with a stamp that was there
@@ -90,10 +79,8 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
         InputError: An option is out of range, or nothing is left.
     """
     options = options if options is not None else SynchroniseOptions()
-    if not options.max_gap > 0.0 or not options.stopped_after > 0.0 or len(options.moved) != len(CALIBRATED):
-        raise InputError(
-            f"synchronise: expected a positive gap and time, and {len(CALIBRATED)} distances; got {options}"
-        )
+    if not options.max_gap > 0.0:
+        raise InputError(f"synchronise: expected a positive gap, got {options.max_gap}")
     arm = options.arm
     state_names = list(dict.fromkeys([*needed_columns(arm), *state_columns(options.columns)]))
     file = open_state(folder)
@@ -157,11 +144,6 @@ def build_log(
     q_nominal = np.column_stack([state[f"jpos:{arm}_{joint}"] for joint in CALIBRATED])
     q_encoder, ok = interpolate(encoder, stamp, options.max_gap)
     ok &= np.isfinite(q_encoder).all(axis=1)
-    stopped = stopped_encoders(
-        encoder, stamp, q_nominal, CALIBRATED, stopped_after=options.stopped_after, moved=options.moved
-    )
-    for stop in stopped:
-        ok &= ~((stamp > stop.start_ns) & (stamp < stop.end_ns))
     signals = {f"q:{joint}": state[f"jpos:{arm}_{joint}"] for joint in OTHERS}
     signals |= {f"tau:{joint}": state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in OTHERS}
     # as published, of no unit that means anything
@@ -174,7 +156,7 @@ def build_log(
     if force is not None:
         signals |= {f"force_{axis}": column[whole] for axis, column in zip("xyz", force.T, strict=True)}
         units |= dict.fromkeys(("force_x", "force_y", "force_z"), "N")
-    notes = [note for report in reports for note in report.notes()] + [stop.note() for stop in stopped]
+    notes = [note for report in reports for note in report.notes()]
     if not whole.all():
         notes.append(f"{int((~whole).sum())} state messages with numbers that are not finite were left out")
     log = MotionLog(
@@ -194,7 +176,7 @@ def build_log(
         simulated=simulated,
         notes=tuple(notes),
     )
-    return Synchronisation(log, reports, stopped, int((~ok).sum()), int((~whole).sum()))
+    return Synchronisation(log, reports, int((~ok).sum()), int((~whole).sum()))
 
 
 def needed_columns(arm: Arm) -> list[str]:

@@ -7,16 +7,13 @@ import numpy as np
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.extract import topic_file
-from catenary.recording.series import interpolate, stopped_encoders
+from catenary.recording.series import interpolate
 from catenary.recording.synchronise import Synchronisation, read_first_column, read_series
 from catenary.recording.topics import PSM_JOINTS, SECOND, psm_topic
 
 ROBOT = "dvrk_psm_joint"  # of the catalogue, in the joints of measured_js
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
 MAX_GAP = 0.05  # [s] between two samples that are interpolated between
-STOPPED_AFTER = 0.5  # [s] that a tracker stays put while the motors move
-# by which they must move: more than slack and stretch give, of which the wrist has many degrees
-MOVED = (0.02, 0.02, 0.002, 0.3, 0.6, 0.6)  # [rad, rad, m, rad, rad, rad]
 
 
 def synchronise_psm(folder: Path, namespace: str) -> Synchronisation:
@@ -24,7 +21,7 @@ def synchronise_psm(folder: Path, namespace: str) -> Synchronisation:
 
     A row is a message of measured_js: `q_nominal`, `qd` and `tau` are its positions, velocities and efforts,
     `q_encoder` is the tracker between its two neighbours in time. `ok` is cleared where these lie further apart than
-    MAX_GAP, before the first and after the last, and while the tracker stands still although the motors move.
+    MAX_GAP, before the first and after the last.
 
     Args:
         folder: What `extract` wrote.
@@ -50,13 +47,8 @@ def synchronise_psm(folder: Path, namespace: str) -> Synchronisation:
     q_nominal = values[:, :n]
     q_encoder, ok = interpolate(tracker, stamp, MAX_GAP)
     ok &= np.isfinite(q_encoder).all(axis=1)
-    stopped = stopped_encoders(
-        tracker, stamp, q_nominal, PSM_JOINTS, stopped_after=STOPPED_AFTER, moved=MOVED
-    )
-    for stop in stopped:
-        ok &= ~((stamp > stop.start_ns) & (stamp < stop.end_ns))
     reports = (state.report, tracker.report)
-    notes = [note for report in reports for note in report.notes()] + [stop.note() for stop in stopped]
+    notes = [note for report in reports for note in report.notes()]
     # a driver may leave velocities or efforts out
     qd, tau = (
         part if np.isfinite(part).all() else None for part in (values[:, n : 2 * n], values[:, 2 * n :])
@@ -76,4 +68,4 @@ def synchronise_psm(folder: Path, namespace: str) -> Synchronisation:
         simulated=file.about.simulated,
         notes=tuple(notes),
     )
-    return Synchronisation(log, reports, stopped, int((~ok).sum()), int((~whole).sum()))
+    return Synchronisation(log, reports, int((~ok).sum()), int((~whole).sum()))

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales
+from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales, slack_of
 
 # Hysteresis looks like a lag, at most half of the unexplained variance of a wrist's joint is gone a row later; rows
-# out of step leave 3 to 9000 times as much on a real arm's tight joints.
+# out of step leave 3 to 9000 times as much on a real arm's tight joints. What slack explains as well is no lag.
 CLEARLY = 3.0
 MOST_ROWS = 64  # that the two are moved against each other
 LONGEST = (
@@ -105,12 +106,24 @@ def _lag(log: MotionLog, place: NDArray[np.int64], part: slice, stride: int) -> 
         return None
     lags = stride * np.arange(-reach, reach + 1)
     costs = np.column_stack([_unexplained(q[:, place[i]], m[:, i], ok, lags) for i in joints])
-    gains = costs[reach] - costs  # (lags, joints), logarithms
+    slack = [_behind_slack(q[:, place[i]], 0.5 * slack_of(q[ok, place[i]], m[ok, i])) for i in joints]
+    with_slack = [_unexplained(x, m[:, i], ok, lags[[reach]])[0] for i, x in zip(joints, slack, strict=True)]
+    gains = np.minimum(costs[reach], with_slack) - costs  # (lags, joints), logarithms
     mean = gains.mean(axis=1)
     best = int(np.argmax(mean))
     if mean[best] < np.log(CLEARLY) or (gains[best] < -np.log(WORSE)).any():
         return 0
     return int(lags[best])
+
+
+@compiled
+def _behind_slack(command: Floats, half_width: float) -> Floats:
+    """Return where a joint is whose motor moves freely by `half_width` to either side, (N,)."""
+    joint = command.copy()
+    for row in range(1, len(joint)):
+        low, high = command[row] - half_width, command[row] + half_width
+        joint[row] = min(max(joint[row - 1], low), high)
+    return joint
 
 
 def _unexplained(command: Floats, measured: Floats, ok: NDArray[np.bool_], lags: NDArray[np.int64]) -> Floats:

@@ -30,6 +30,12 @@ def _far(errors: Floats, least: float) -> tuple[NDArray[np.bool_], Floats]:
     return deviation > OUTLIER_SPREADS * np.maximum(spread, least), spread
 
 
+def slack_of(command: Floats, measured: Floats) -> float:
+    """Return how far errors lie apart on rows where the measurement moves; nearly all of them, as some are wild."""
+    moving = np.diff(measured, prepend=measured[:1]) != 0.0
+    return float(np.ptp(np.percentile((measured - command)[moving], [1.0, 99.0]))) if moving.any() else 0.0
+
+
 @dataclass(frozen=True)
 class Pairs:
     """Commands and measurements of the trusted rows, in deg and mm, and their correlations.

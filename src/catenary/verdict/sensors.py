@@ -7,11 +7,12 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers
+from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers, slack_of
 
-# Slack keeps a joint still while its command moves by a fifth of a wrist's range at most, and a camera or an encoder
-# never gives the same number twice for long.
-SHARE_OF_RANGE = 0.25  # of a command's range, passed while the measurement repeats itself to the last bit
+# A joint behind slack repeats its number to the last bit at every reversal, until its motor has taken the slack up: as
+# far as the errors of the rows on which it moves lie apart, which are those of both ways through the slack.
+SLACKS = 1.5  # times that far a command moves before a measurement that repeats itself is stuck
+SHARE_OF_RANGE = 0.1  # of a command's range that it moves too: a coarse encoder repeats itself in slow motion
 FEWEST_ROWS = 10  # of such a stretch
 LEAST_RANGE = 5.0  # [deg, mm] of a command from which on a measurement must move with it
 FROZEN_SHARE = 0.6  # of a command's range, passed while the measurement all but stands
@@ -20,10 +21,12 @@ WINDOWS = (20, 100, 400)  # rows
 # of the rows: fewer that stand still are, like outliers, no reason to refuse the others; a real arm stalled on 1.8 %
 FEW = 0.02
 SAME = 0.5  # of the rows, on which joints stand still together
-MOST_SHOWN = 4  # stretches that a message lists
+SINGLE = 0.1  # of the errors: more are no single failures, such as those on the rarer side of slack
+MOST_SHOWN, MOST_MENDED = 4, 40  # stretches that a message lists, and that its remedy does
 # of the rows that repeat all of the last measurement, and of what a command moves in the others: encoders repeat
 # themselves where the arm is slow, a slow sensor's last reading is repeated at any speed
 HELD, AS_FAST = 0.1, 0.5
+CATCHES_UP = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack
 
 
 def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
@@ -41,7 +44,8 @@ def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
         reach = float(np.ptp(np.percentile(command, [1.0, 99.0])))
         if reach < LEAST_RANGE:
             continue
-        still = _repeated(command, measured, SHARE_OF_RANGE * reach)
+        slack = SLACKS * slack_of(command, measured)
+        still = _repeated(command, measured, max(SHARE_OF_RANGE * reach, slack))
         still |= _frozen(command, measured, FROZEN_SHARE * reach)
         if not still.any():
             continue
@@ -60,10 +64,14 @@ def _held(pairs: Pairs) -> list[Finding]:
     moved = np.abs(np.diff(pairs.q, axis=0)).max(axis=1)
     repeats = (np.diff(pairs.m, axis=0) == 0.0).all(axis=1) & (moved > 0.0)
     anew = ~repeats & (moved > 0.0)
+    caught_up = anew & np.concatenate([[False], repeats[:-1]])
+    jumps = np.abs(np.diff(pairs.m, axis=0)).max(axis=1)[caught_up]
     if (
         not anew.any()
         or repeats.mean() < HELD
         or np.median(moved[repeats]) < AS_FAST * np.median(moved[anew])
+        or not caught_up.any()
+        or np.median(jumps) < CATCHES_UP * np.median(moved[caught_up])
     ):
         return []
     says = (
@@ -87,10 +95,10 @@ def _stuck(pairs: Pairs, joints: list[int], still: NDArray[np.bool_]) -> Finding
     return Finding(
         "stuck",
         tuple(pairs.names[i] for i in joints),
-        f"the measurement stands still on {int(still.sum())} of {len(still)} measured rows ({shown}{more}), while the "
-        "commands move",
+        f"the measurement stands still on {int(still.sum())} of {len(still)} measured rows, {still.mean():.1%} of them "
+        f"({shown}{more}), while the commands move beyond any slack that the other rows show",
         culprit,
-        f"--leave-out {','.join(f'{a}:{b}' for a, b in stretches)}" if len(stretches) <= MOST_SHOWN else "",
+        f"--leave-out {','.join(f'{a}:{b}' for a, b in stretches)}" if len(stretches) <= MOST_MENDED else "",
         refuses=bool(still.mean() > FEW),
     )
 
@@ -160,8 +168,8 @@ def outlier_findings(log: MotionLog) -> list[Finding]:
             (name,),
             f"{count} of {len(errors)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations "
             f"({_plain(OUTLIER_SPREADS * spread)} {DISPLAY[unit][0]})",
-            "measurement failures",
-            _max_error(log, log.ok),
+            "measurement failures" if count < SINGLE * len(errors) else "the other side of slack",
+            _max_error(log, log.ok) if count < SINGLE * len(errors) else "",
             refuses=False,
         )
         for name, unit, count, spread in zip(log.joint_names, log.joint_units, counts, spreads, strict=True)

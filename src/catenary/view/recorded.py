@@ -139,8 +139,8 @@ def _calibrated(
     places = places_of(model, log.joint_names, log.joint_units, whose=f'recording "{log.name}"')
     calibrated, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
     inside = np.ones(log.q_nominal.shape)
-    features = model.features.matrix(log)
-    correction, flags, widths = model.correct(features, log.q_nominal[:, places])
+    features, leaping, _ = model.features.rows(log)
+    correction, flags, widths = model.correct(features, log.q_nominal[:, places], leaping)
     calibrated[:, places] += correction
     interval[:, places], inside[:, places] = widths, flags
     return calibrated, interval, inside

@@ -169,7 +169,7 @@ STATES: dict[str, Any] = {
     },
     "train.synchronised.json": {
         "topics": [{"topic": "/ravenstate", "messages": 5, "rate": 30.0, "longest_gap": 0.1}],
-        "stopped_encoders": [], "rows": 5, "rows_without_encoder": 0, "problems": ["none"],
+        "rows": 5, "rows_without_encoder": 0, "problems": ["none"],
     },
     ".lock": {"host": "a", "boot": "b", "pid": 3, "command": "catenary home", "since": "now"},
 }  # fmt: skip

@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
-from catenary.dynamics.kinematics import forward_kinematics
+from catenary.dynamics.kinematics import forward_kinematics, jacobian
 from catenary.errors import InputError
+from catenary.recording.foreign.pose import open_joints
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
 from catenary.workflows.import_recording import import_recording
@@ -66,11 +67,45 @@ def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
     assert_allclose(
         log.q_encoder, q + error, atol=1e-5
     )  # the CSV has all digits; the search ends within 1e-9 m
-    blind = import_recording(path, mapping("raven2_full", match="position"))
-    assert blind.q_encoder is not None
-    assert (
-        np.abs(blind.q_encoder - q - error).max() > 0.01
-    )  # a position alone leaves the wrist where it was reported
+
+
+@pytest.mark.parametrize(
+    ("robot", "match", "lost", "choice"),
+    [
+        ("raven2_full", "position", "shoulder, elbow, insertion, roll, wrist, tool", 'match = "pose" or'),
+        ("dvrk_psm", "pose", "q4, q5, q6, q7", "a frame that they move"),  # its file ends at the insertion
+        ("planar_3r", "position", "link1, link2, link3", 'match = "pose" or'),
+        ("panda", "pose", "q1, q2, q3, q4, q5, q6, q7", "a frame that they move"),  # one joint too many
+    ],
+)
+def test_a_pose_that_leaves_joints_open_is_refused(
+    tmp_path: Path, robot: str, match: str, lost: str, choice: str
+) -> None:
+    q = motion(robot, rows=12)
+    path = tracked(tmp_path / "arm.csv", robot, q, q + 0.01)
+    said = f"the {match} of .* leaves {lost} open, of {q.shape[1]} joints: .* expected {choice}"
+    with pytest.raises(InputError, match=said):
+        import_recording(path, mapping(robot, match=match))
+
+
+def test_a_pose_turned_about_the_tools_own_axis_leaves_its_roll_open_and_no_other() -> None:
+    model = load_robot("raven2_full")
+    q = motion("raven2_full", 3)[1]
+    roll = model.joint_names.index("roll")
+    axis = jacobian(model, q)[3:, roll]
+    assert np.linalg.norm(axis) == pytest.approx(1.0)
+    for chosen in ([0, 1, 2], [roll]):
+        assert not open_joints(model, q, None, "pose", chosen).any()
+    arm = load_robot("raven2")  # the first three joints, whose tip is on the tool's axis
+    assert not open_joints(arm, motion("raven2", 3)[1], None, "position", [0, 1, 2]).any()
+
+
+def test_a_singular_pose_in_passing_is_one_row_without_a_measurement(tmp_path: Path) -> None:
+    q = motion("two_link")
+    q[30, 1] = 0.0  # stretched: the tip does not tell which way the elbow bends
+    log = import_recording(tracked(tmp_path / "arm.csv", "two_link", q, q), mapping("two_link"))
+    assert np.flatnonzero(~log.ok).tolist() == [30]
+    assert any("singular" in note for note in log.notes)
 
 
 @pytest.mark.slow  # as above
@@ -85,7 +120,7 @@ def test_an_arm_that_reaches_no_measured_pose_is_taken_at_its_nearest(tmp_path: 
     assert np.sqrt(np.mean((log.q_encoder - q - 0.01)[log.ok] ** 2)) < 4e-3
     few = import_recording(path, mapping("planar_3r", match="pose", within_mm=0.2))
     assert 0 < few.ok.sum() < 0.9 * len(q)
-    assert any("farther than 0.2 mm and 1 deg from all that the robot reaches" in note for note in few.notes)
+    assert any("beyond 0.2 mm and 1 deg from all that the robot reaches" in note for note in few.notes)
     with pytest.raises(InputError, match="measured on no row"):
         import_recording(
             tracked(tmp_path / "far.csv", "planar_3r", q, q, 50.0), mapping("planar_3r", match="pose")

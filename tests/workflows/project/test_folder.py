@@ -330,7 +330,7 @@ HOME = '{"simulated": true, "joint_names": ["J1"], "believed": [0.1], "external_
         (HomeFile, HOME.replace('"J1"', "1," * 2_000 + "1")),
         (HomeFile, "[" + "0," * 2**20 + "0]"),
         (DeploymentFile, '{"ticks": -1}'),
-        (ExtractionFile, '{"topics": [3], "rows": 1, "problems": [], "stopped_encoders": []}'),
+        (ExtractionFile, '{"topics": [3], "rows": 1, "problems": []}'),
     ],
 )
 def test_a_state_file_that_holds_something_else_is_refused(tmp_path: Path, schema, content: str) -> None:

@@ -93,7 +93,7 @@ class DriftWatch:
         torque, X = day.torque, np.empty((1, len(day.torque.features.names)))
         self._memory = torque.features.memory()
         return [
-            *torque.features.row_steps(self._q, self._memory, X, np.ones(1)),
+            *torque.features.row_steps(self._q, self._memory, X, np.ones(1), np.zeros(1, dtype=bool)),
             Step(finite, (X,), (known,)),
             *torque.valid_range.steps(self._q, known),
             *torque.predictor.steps(X, expected),

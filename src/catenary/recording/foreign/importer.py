@@ -20,13 +20,11 @@ from catenary.recording.foreign.sources import Sources
 from catenary.recording.foreign.stream import Place, Stream, places_of
 from catenary.recording.foreign.table_rows import TableRows
 from catenary.recording.foreign.turns import in_one_turn, unwrap_columns
-from catenary.recording.series import Series, interpolate, stopped_encoders
-from catenary.recording.synchronise import SynchroniseOptions
+from catenary.recording.series import Series, interpolate
 from catenary.recording.topics import SECOND
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 
-MOVED = {"rad": 0.02, "m": 0.001}  # by which a motor moves at least while its encoder is said to stand still
 _SIGNED = "-"
 
 
@@ -144,10 +142,6 @@ def import_sources(
     if not whole.any():
         raise InputError(f"{where}: no row has all of {', '.join([*rows, *further])}; {'; '.join(notes)}")
     ok = np.ones(len(whole), dtype=bool)
-    encoder: Series | None = None
-    if isinstance(clock, OneClock) and "q_encoder" in joints:
-        found = clock.samples(joints["q_encoder"].places)
-        encoder = found and Series(found.stamp, found.values * scaled["q_encoder"], found.report)
     if tracked is not None and model is not None:
         encoder = _tracked(
             clock, tracked, model, pose, joints["q_nominal"], scaled["q_nominal"], names, notes
@@ -162,14 +156,6 @@ def import_sources(
         ok &= np.isfinite(rows["q_encoder"]).all(axis=1)
     if valid.places:
         ok &= (clock.rows(valid.places) > 0.5).all(axis=1)
-    if encoder is not None:
-        stopped = stopped_encoders(
-            encoder, clock.stamp, rows["q_nominal"], names,
-            stopped_after=SynchroniseOptions().stopped_after, moved=[MOVED[unit] for unit in units],
-        )  # fmt: skip
-        for stop in stopped:
-            ok &= ~((clock.stamp > stop.start_ns) & (clock.stamp < stop.end_ns))
-            notes.append(stop.note())
     if "q_encoder" in rows and not ok.any():
         raise InputError(f"{where}: q_encoder is measured on no row of q_nominal; {'; '.join(clock.notes)}")
     notes += [f"{int((~ok[whole]).sum())} of {int(whole.sum())} rows have no q_encoder"] * bool(
@@ -257,11 +243,11 @@ def _tracked(
     ]
     start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
     start[:, chosen] = near
-    found = joints_from_poses(model, tracked, poses.values, start)
+    found = joints_from_poses(model, tracked, poses.values, start, chosen)
     lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(start).any(axis=1).sum())
     if lost > 0:
         notes.append(
-            f"{lost} of {len(found)} poses were left out: not finite, or farther than {tracked.within_mm:g} mm"
+            f"{lost} of {len(found)} poses were left out: not finite, singular, or beyond {tracked.within_mm:g} mm"
             + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
             + " from all that the robot reaches"
         )

@@ -224,7 +224,7 @@ def _without_encoder(poses: Sequence[str], robot: str | None, draft: _Draft) -> 
         "# joints from a tracked marker: take the # away, and fill in the robot (above) and the transforms",
         "# [q_encoder.pose]",
         f"# columns = {_text(poses[0])}",
-        '# match = "position"     # or "pose", for a robot of six joints or more',
+        '# match = "position"     # or "pose", for more joints than a position tells',
         "# T_base_tracker = { position_m = [0, 0, 0], quaternion_wxyz = [1, 0, 0, 0] }",
         "# T_marker_frame = { position_m = [0, 0, 0], quaternion_wxyz = [1, 0, 0, 0] }",
     ]

@@ -56,7 +56,6 @@ def extract_recording(project: Project, name: str) -> bool:
         write_parquet(replace(result.log, notes=(*result.log.notes, *notes)), path)
         found = {
             "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
-            "stopped_encoders": [stop.note() for stop in result.stopped],
             "rows": len(result.log),
             "rows_without_encoder": result.without_encoder,
             "problems": [*notes, *changed, *extraction.problems],

@@ -119,7 +119,6 @@ class ExtractionFile(Recorded):
     topics: tuple[ExtractedTopic, ...]
     rows: Count
     problems: tuple[str, ...]
-    stopped_encoders: tuple[str, ...]
 
 
 def read_state(path: Path, schema: type[Settings], remedy: str, *, below: str | None = None) -> Any:

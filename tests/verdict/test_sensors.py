@@ -1,0 +1,136 @@
+"""Stuck encoders and slack, over every container that a recording may come in."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catenary.arrays import Floats
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import fit_logs
+from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import Quantity, RecordingMapping
+from catenary.recording.foreign.read import Reading, read_recording
+from catenary.verdict.check import findings_of
+from tests.foreign_bags import JOINT_STATE, joint_state, write_bag
+
+NAMES = ("a", "b")
+STEP = 0.02  # [s]
+COUNT = 2.0 * np.pi / 16384.0  # [rad] of an encoder of 14 bits
+CONTAINERS = ["ros1", "mcap", "csv", "npz", "mapped npz"]
+
+
+def motor(rows: int, seed: int = 0) -> Floats:
+    """Two joints that go to and fro, each stroke as long and as fast as chance will have it, (rows, 2) [rad]."""
+    rng, columns = np.random.default_rng(seed), []
+    for _ in NAMES:
+        turning = np.cumsum(rng.uniform(0.5, 5.0, rows))
+        side = np.where(np.arange(rows) % 2, 1.0, -1.0) * rng.uniform(0.02, 0.5, rows)
+        columns.append(np.interp(STEP * np.arange(rows), turning, side))
+    return np.column_stack(columns)
+
+
+def behind_slack(q: Floats, half_width: float = 0.1) -> Floats:
+    """Where joints are behind slack, in whole counts of their encoders, (N, n) [rad]."""
+    joints = q.copy()
+    for i in range(1, len(q)):
+        joints[i] = np.clip(joints[i - 1], q[i] - half_width, q[i] + half_width)
+    counted: Floats = np.round(joints / COUNT) * COUNT
+    return counted
+
+
+def recorded(folder: Path, container: str, q: Floats, measured: Floats) -> MotionLog:
+    """Write motors and encoders as a container has them, and read it as a user does."""
+    time = STEP * np.arange(len(q))
+    if container in ("ros1", "mcap"):
+        topics = {"/motors": JOINT_STATE, "/encoders": JOINT_STATE}
+        messages = [
+            (t, topic, joint_state(NAMES, row))
+            for topic, rows in zip(topics, (q, measured), strict=True)
+            for t, row in zip(time, rows, strict=True)
+        ]
+        path = write_bag(folder / "bag", "ros1" if container == "ros1" else "mcap", topics, messages)
+        columns = ("/motors.position", "/encoders.position")
+    elif container == "csv":
+        path = folder / "run.csv"
+        table = np.column_stack([time, q, measured])
+        np.savetxt(path, table, delimiter=",", header="time,q_a,q_b,e_a,e_b", comments="", fmt="%.17g")
+        columns = ("q_*", "e_*")
+    else:
+        path = folder / "run.npz"
+        np.savez(path, q_des=q, q_act=measured, ok=np.ones(len(q), dtype=bool), t=time)
+        if container == "npz":
+            return read_recording(path, Reading(units=("rad", "rad"), joint_names=NAMES))
+        columns = ("q_des", "q_act")
+    mapping = RecordingMapping(
+        q_nominal=Quantity(columns=(columns[0],), units=("rad", "rad")),
+        q_encoder=Quantity(columns=(columns[1],), units=("rad", "rad")),
+        joint_names=NAMES,
+    )
+    return read_recording(path, Reading(mapping=mapping))
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_slack_is_no_stuck_encoder_in_any_container(tmp_path: Path, container: str) -> None:
+    q = motor(3000)
+    log = recorded(tmp_path, container, q, behind_slack(q))
+    assert (len(log), int(log.ok.sum())) == (3000, 3000)
+    assert [each for each in findings_of(log) if each.name == "stuck"] == []
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_an_encoder_stuck_in_the_middle_of_a_stroke_is_found_in_every_container(
+    tmp_path: Path, container: str
+) -> None:
+    q = motor(3000)
+    measured = behind_slack(q, 0.05)
+    measured[1000:1100, 1] = measured[1000, 1]
+    assert np.ptp(q[1000:1100, 1]) > 3 * 0.1
+    log = recorded(tmp_path, container, q, measured)
+    assert log.ok.all()
+    (found,) = [each for each in findings_of(log) if each.name == "stuck"]
+    assert found.joints == (log.joint_names[1],)
+    assert found.refuses
+    assert "3.3% of them" in found.says
+    assert found.remedy == "--leave-out 1000:1100"
+
+
+@pytest.mark.parametrize("joints", [[0], [0, 1]])
+def test_encoders_that_stop_for_ever_are_found(joints: list[int]) -> None:
+    q = motor(3000)
+    measured = behind_slack(q, 0.03)
+    measured[2000:, joints] = measured[2000, joints]
+    log = MotionLog("run", NAMES, ("rad", "rad"), q, np.ones(3000, dtype=bool), q_encoder=measured)
+    (found,) = [each for each in findings_of(log) if each.name == "stuck"]
+    assert found.joints == tuple(NAMES[j] for j in joints)
+    assert found.remedy.endswith(":3000")
+
+
+def test_a_drop_of_messages_repeated_for_all_joints_is_found_though_one_has_much_slack() -> None:
+    q = motor(3000)
+    measured = np.column_stack([behind_slack(q, 0.2)[:, 0], behind_slack(q, 0.01)[:, 1]])
+    measured[1000:1100] = measured[1000]
+    log = MotionLog("run", NAMES, ("rad", "rad"), q, np.ones(3000, dtype=bool), q_encoder=measured)
+    (found,) = [each for each in findings_of(log) if each.name == "stuck"]
+    assert "b" in found.joints
+
+
+@pytest.mark.parametrize("container", ["ros1", "csv"])
+def test_the_error_claimed_behind_slack_is_the_error_on_motion_to_come(
+    tmp_path: Path, container: str
+) -> None:
+    rows = 6000
+    q, later = motor(rows), motor(5 * rows, seed=1)
+    log = recorded(tmp_path, container, q, behind_slack(q))
+    found = fit_logs([log], FitOptions(kind="linear"))
+    assert len(found.data) == rows
+    test = MotionLog(
+        "later", log.joint_names, log.joint_units, later, np.ones(len(later), dtype=bool),
+        q_encoder=behind_slack(later), time=STEP * np.arange(len(later)),
+    )  # fmt: skip
+    seen = evaluate(found.model, calibration_data([test], found.model.features))
+    for claimed, joint in zip(found.spread, seen.joints, strict=True):
+        assert claimed.rmse_mean == pytest.approx(joint.rmse, rel=0.15)
+        assert joint.coverage > 0.85
