@@ -14,7 +14,7 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import ANY, CalibrationModel
 from catenary.calibration.valid_range import ValidRange
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import Direction
@@ -100,14 +100,14 @@ def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:
 
 
 def unguarded(model: CalibrationModel) -> CalibrationModel:
-    """Return a model that is asked wherever the robot is, as the paper's are: no feature is watched.
+    """Return a model that is asked wherever the robot is, as the paper's are: no feature is watched, nothing bounds it.
 
     Ours gives the fixed offset outside its valid range. The tool stands elsewhere after every homing, and a model that
     takes its positions then is outside.
     """
     nothing = np.zeros(0, dtype=np.int64)
     groups = tuple(replace(group, valid_range=EVERYWHERE, watched=nothing) for group in model.groups)
-    return replace(model, groups=groups)
+    return replace(model, groups=groups, largest=np.full(len(model.joint_names), ANY), limits=None)
 
 
 def rows_of(model: CalibrationModel, log: MotionLog) -> CalibrationData:

@@ -11,7 +11,7 @@ import re
 import secrets
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -136,6 +136,11 @@ def _sync_folder(folder: Path) -> None:
 def card_path(path: Path) -> Path:
     """Return where the readable copy of the card of a model or of parameters is: beside it, and of it alone."""
     return path.parent / f"{path.name.removesuffix('.npz')}.card.json"
+
+
+def card_text(card: Mapping[str, Any]) -> str:
+    """Return a card as it stands inside a file and beside it."""
+    return json.dumps(card, indent=2, ensure_ascii=False) + "\n"
 
 
 def damage(path: Path, why: object, remedy: str) -> str:

@@ -115,6 +115,7 @@ def test_each_joint_gets_the_bits_of_its_kind(log: MotionLog, chosen: FitResult)
     for j, kind in enumerate(kinds):
         alone = fit_logs([log], FitOptions(kind=kind), FitRun(held_out=0.2, folds=0)).model  # type: ignore[arg-type]
         assert_array_equal(corrected[:, j], alone.calibrate(log)[:, j])
+        assert chosen.model.largest[j] == max(alone.largest[j], abs(chosen.model.offset[j]))
 
 
 def test_its_errors_on_blocks_are_those_of_the_kinds(chosen: FitResult) -> None:

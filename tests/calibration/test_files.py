@@ -100,7 +100,8 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
     save_model(fitted(LOG, kind="offset"), {}, path)  # which is replaced
     save_model(MODEL, CARD, path)
     assert sorted(p.name for p in path.parent.iterdir()) == ["arm.card.json", "arm.npz"]
-    assert json.loads(card_path(path).read_text(encoding="utf-8")) == CARD
+    written = json.loads(card_path(path).read_text(encoding="utf-8"))
+    assert written == CARD | {"arrays_sha256": written["arrays_sha256"]}
     with np.load(path, allow_pickle=False) as arrays:
         assert all(arrays[key].dtype.kind in "fiU" for key in arrays.files)
     first = path.read_bytes()
@@ -108,7 +109,7 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
     assert path.read_bytes() == first
     card_path(path).unlink()
     model, card = load_model(path)
-    assert (model.kind, card) == ("linear", CARD)
+    assert (model.kind, card) == ("linear", written)
 
 
 @pytest.mark.parametrize(
@@ -156,11 +157,28 @@ def test_failed_write_leaves_the_old_model_and_nothing_else(path, monkeypatch) -
     assert {p.name: p.read_bytes() for p in path.parent.iterdir()} == before
 
 
+@pytest.mark.parametrize("written", [1, 2])
+def test_disk_that_fills_between_model_and_card_leaves_the_old_pair(path, monkeypatch, written: int) -> None:
+    save_model(fitted(LOG, kind="offset"), CARD, path)
+    before, sync, calls = {p.name: p.read_bytes() for p in path.parent.iterdir()}, os.fsync, list[int]()
+
+    def fills(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) == written:
+            raise OSError(28, os.strerror(28))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fills)
+    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be written: No space left on device"):
+        save_model(MODEL, CARD, path)
+    assert {p.name: p.read_bytes() for p in path.parent.iterdir()} == before
+
+
 @pytest.mark.parametrize("place", ["none/arm.npz", "file/arm.npz", "folder"])
 def test_place_that_cannot_be_written_to_is_named(tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(FileFormatError, match=f"{place}: cannot be written"):
+    with pytest.raises(FileFormatError, match=f"{place.removesuffix('.npz')}.*: cannot be written"):
         save_model(MODEL, CARD, tmp_path / place)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
 
@@ -182,6 +200,28 @@ def test_any_missing_array_is_noticed(path: Path) -> None:
     for key in np.load(path).files:
         with pytest.raises(FileFormatError, match=r"arm.npz: (damaged: )?is no calibration model"):
             load_model(altered(path, lambda arrays, key=key: arrays.pop(key)))
+
+
+def test_any_number_that_was_changed_is_noticed_and_so_is_a_card_of_another_model(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    message = (
+        "arm.npz: damaged: its numbers are not those that its card was written for .*; `catenary fit` makes"
+    )
+    for key, values in dict(np.load(path)).items():
+        if values.dtype.kind == "f":
+            other = values.copy()
+            other.flat[-1] += 1e-9 + 1e-9 * abs(other.flat[-1])
+            with pytest.raises(FileFormatError, match=message):
+                load_model(altered(path, lambda arrays, key=key, other=other: arrays.update({key: other})))
+    with pytest.raises(FileFormatError, match=message):
+        load_model(altered(path, restructured(rate_hz=9.0)))
+    with pytest.raises(FileFormatError, match=message):
+        load_model(altered(path, lambda arrays: arrays.update(card=np.array(json.dumps(CARD)))))
+
+
+def test_archive_that_was_packed_otherwise_is_the_same_model(path: Path) -> None:
+    np.savez_compressed(altered(path, lambda _: None), **dict(np.load(path)))
+    assert load_model(path)[0].kind == "linear"
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -10,8 +10,10 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit import PLAY_SHARES, FitOptions, choose_inputs, fit
+from catenary.calibration.fitting import FitRun, fit_logs
 from catenary.calibration.regression import fit_linear
 from catenary.errors import InputError
+from catenary.robots.catalog import load_robot
 from recordings import data_of, fitted, recording
 
 
@@ -220,3 +222,42 @@ def test_recordings_of_different_joints_are_refused_before_their_inputs_are_chos
     logs = [three, two] if first == 0 else [two, three]
     with pytest.raises(InputError, match=r"are not of the same joints: J1 \[rad\], J2 \[rad\].* against J1"):
         choose_inputs(logs, FitOptions(kind="linear", play=play))
+
+
+def test_largest_correction_is_what_training_shows_without_failed_measurements() -> None:
+    run = recording(np.random.default_rng(0), rows=1000, error=lambda q: 0.1 * q)
+    failed = run.q_encoder.copy()
+    failed[::200] += 5.0  # five rows of a thousand
+    reach = 0.1 * np.abs(run.q_nominal).max(axis=0)
+    assert_allclose(fitted(run, kind="linear").largest, reach, rtol=1e-9)
+    largest = fitted(replace(run, q_encoder=failed), kind="linear").largest
+    assert (largest < reach + 0.1).all()  # the fit itself follows them a little
+    # errors that a model does not give are shown all the same
+    coarse = fitted(run, kind="offset")
+    assert_allclose(coarse.largest, 0.1 * np.quantile(np.abs(run.q_nominal), 0.99, axis=0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial"])
+def test_every_training_row_is_believed_also_where_a_joint_has_no_error_at_all(kind: str) -> None:
+    for error in (lambda q: 0.0 * q, lambda q: 0.1 * q * [1.0, 0.0, 1.0]):
+        run = recording(np.random.default_rng(0), error=error)
+        model = fitted(run, kind=kind)
+        data = calibration_data([run], model.features)
+        assert model.correct(data.X, data.q_nominal)[1].all()
+
+
+def test_model_knows_the_limits_of_a_robot_that_has_its_joints_and_of_no_other() -> None:
+    raven = load_robot("raven2")
+    names, units = raven.joint_names[:3], raven.joint_units[:3]
+    middle = 0.5 * (raven.lower + raven.upper)[:3]
+    plain = recording(np.random.default_rng(0), units=units, joint_names=names)
+    q, truth = 0.1 * plain.q_nominal + middle, 0.1 * plain.q_encoder + middle
+    q[7, 0] = truth[7, 0] = beyond = raven.upper[0] + 0.01
+    shifted = replace(plain, q_nominal=q, q_encoder=truth)
+    options, run = FitOptions(kind="linear"), FitRun(robot="raven2", folds=0, accept=("range",))
+    limits = fit_logs([shifted], options, run).model.limits
+    assert limits is not None
+    assert_allclose(limits[0], raven.lower[:3])
+    assert_allclose(limits[1], [beyond, *raven.upper[1:3]])
+    other = replace(shifted, joint_names=("J1", "J2", "J3"))
+    assert fit_logs([other], options, replace(run, robot=None)).model.limits is None

@@ -30,7 +30,7 @@ def model(**options: Any) -> CalibrationModel:
 
 
 def half_widths(at: CalibrationModel, X: np.ndarray) -> np.ndarray:
-    return at.interval(X, X[:, :3])
+    return at.correct(X, X[:, :3])[2]
 
 
 def test_half_widths_are_constant_inside_and_grow_outside_to_a_bound() -> None:
@@ -60,7 +60,9 @@ def test_an_unknown_input_has_the_offsets_half_width_and_an_unknown_position_non
     q = X[:, :3].copy()
     X[0, 4] = np.nan
     q[1, 2] = np.nan
-    assert_array_equal(model().interval(X, q), [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]])
+    assert_array_equal(
+        model().correct(X, q)[2], [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]]
+    )
 
 
 def test_a_model_without_intervals_gives_nan() -> None:

@@ -33,6 +33,7 @@ def one_of_each(target: Target = "error") -> CalibrationModel:
         features=INPUTS,
         target=target,
         offset=OFFSET,
+        largest=np.array([10.0, 10.0]),
         groups=(
             JointGroup((0,), both, Linear(np.array([[2.0], [3.0]]), np.array([1.0])), unit_box(2), both),
             JointGroup((1,), own, Linear(np.array([[4.0]]), np.array([0.0])), unit_box(1), own),

@@ -78,7 +78,7 @@ def test_a_robot_without_position_control_is_left_without_torque() -> None:
     plant = BlindPlant(AT)
     plant.supports = frozenset({"servo_jf"})
     with pytest.raises(NotFiniteError):
-        run_loop(plant, PD, Rest(AT + 0.1, 0.2))
+        run_loop(plant, PD, Rest(AT + 0.09, 0.2))
     assert_array_equal(plant.tau, np.zeros(2))
     assert plant.state.state == "PAUSED"
 

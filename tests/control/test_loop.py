@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.intervals import Intervals
+from catenary.control.fading import FADE
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
@@ -102,9 +103,10 @@ def test_limits_taper_by_the_robots_own_positions() -> None:
     plant, seen = MassPlant(np.array([0.95, 0.0])), list[Tick]()
     limits = TorqueLimits([9.0, 9.0], lower=[-1.0, -1.0], upper=[1.0, 1.0], taper=[0.1, 0.1])
     push = Pushing(np.full(2, 4.0))
-    run_loop(plant, push, Swing(0.0), limits=limits, corrector=Shift(7.0), observers=[seen.append])
+    there = Rest(np.array([7.95, 7.0]), 0.0)
+    run_loop(plant, push, there, limits=limits, corrector=Shift(7.0), observers=[seen.append])
     assert_allclose(seen[0].tau, [2.0, 4.0])
-    assert_allclose(seen[0].state.q, [7.95, 7.0])
+    assert_allclose(seen[0].state.q, there(0.0).q)
 
 
 class Shift:
@@ -118,6 +120,7 @@ class Shift:
 
     def correct_state(self, state: JointState, out: Floats, inside: Floats, interval: Floats) -> None:
         out[:] = state.q + self.shift
+        interval[:] = 0.0
         inside[:] = [True, self.ticks % 2 == 0]
         self.ticks += 1
 
@@ -195,19 +198,79 @@ def test_robots_without_the_verb_are_refused(controller: JointPD | None) -> None
         run_loop(plant, controller, Swing(0.1))
 
 
-@pytest.mark.parametrize("q", [[0.1, 0.0], [0.0, np.nan]])
-def test_setpoints_are_not_made_to_leap_at_the_start(q: list[float]) -> None:
+@pytest.mark.parametrize("q", [[0.2, 0.0], [0.0, np.nan]])
+@pytest.mark.parametrize("controller", [None, PD])
+def test_robots_are_not_made_to_leap_at_the_start(q: list[float], controller: JointPD | None) -> None:
     plant = MassPlant(np.array(q))
     with pytest.raises(LimitError, match=r'joint "j[01]": the trajectory begins at 0 rad, .* go there first'):
-        run_loop(plant, None, Swing(0.1))
+        run_loop(plant, controller, Swing(0.1))
     assert plant.log == []
+
+
+def test_a_start_that_neither_reported_nor_calibrated_positions_have_is_refused_with_both() -> None:
+    plant = MassPlant(ZERO)
+    with pytest.raises(LimitError, match=r"begins at 0.15 rad, the robot is at 0 rad \(0.3 rad calibrated\)"):
+        run_loop(plant, PD, Rest(ZERO + 0.15, 0.1), corrector=Shift(0.3))
+    assert plant.log == []
+
+
+def positions_seen(start: float, corrector: Any, seconds: float = 2.0) -> tuple[Floats, Floats, Floats]:
+    """Return what the controller saw, what the robot reported, and half-widths, of an arm that rests at 0."""
+    seen: list[Tick] = []
+    run_loop(
+        MassPlant(ZERO, friction=1.0),
+        PD,
+        Rest(ZERO + start, seconds),
+        corrector=corrector,
+        observers=[seen.append],
+    )
+    q, nominal = (
+        np.array(rows)[:, 0] for rows in zip(*((t.state.q, t.q_nominal) for t in seen), strict=True)
+    )
+    return q, nominal, np.array([t.state.q_interval[0] for t in seen])
+
+
+def test_an_arm_at_rest_does_not_jump_by_its_own_calibration() -> None:
+    q, nominal, widths = positions_seen(0.0, Shift(0.3))
+    assert abs(q[0]) < 1e-12
+    assert (
+        np.abs(np.diff(nominal)).max() / 0.001 < 1.2 * 0.3 / FADE
+    )  # [rad/s]; it follows the fade, which lasts 1.5 s
+    assert_allclose(nominal[-1], -0.3, atol=1e-2)
+    assert_allclose(q - nominal, 0.3 - widths, atol=1e-12)  # what is left out is in the half-widths
+    assert widths[-1] == 0.0
+
+
+def test_a_loop_that_begins_at_calibrated_positions_has_the_whole_correction_at_once() -> None:
+    q, nominal, widths = positions_seen(0.3, Shift(0.3))
+    assert_allclose(q - nominal, 0.3, atol=1e-12)
+    assert_allclose(nominal, 0.0, atol=1e-12)
+    assert (widths == 0.0).all()
+
+
+class LeavesItsRange(Shift):
+    """Gives 0.2 rad more while it is outside its range, from 0.5 s to 0.6 s."""
+
+    def correct_state(self, state: JointState, out: Floats, inside: Floats, interval: Floats) -> None:
+        super().correct_state(state, out, inside, interval)
+        outside = 0.5 <= state.time < 0.6
+        inside[:], interval[:] = not outside, 0.0
+        out[0] += 0.2 * outside
+
+
+def test_a_correction_that_changes_between_model_and_offset_moves_the_arm_slowly() -> None:
+    q, nominal, _ = positions_seen(0.3, LeavesItsRange(0.3), 3.0)
+    speed = np.abs(np.diff(nominal)).max() / 0.001
+    assert 0.0 < speed < 1.2 * 0.2 / FADE
+    assert np.abs(np.diff(q)).max() < 0.2 / FADE * 0.0011 + np.abs(np.diff(nominal)).max()
+    assert_allclose(q[-1], 0.3, atol=1e-6)
 
 
 @pytest.mark.parametrize("error", [ValueError("a mistake"), KeyboardInterrupt()])
 def test_whatever_ends_the_loop_the_robot_holds_and_pauses(error: BaseException) -> None:
     plant = MassPlant(np.array([0.3, -0.3]))
     with pytest.raises(type(error)) as caught:
-        run_loop(plant, Pushing(np.full(2, 5.0), error=error), Swing(np.inf))
+        run_loop(plant, Pushing(np.full(2, 5.0), error=error), Rest(plant.q, 1.0))
     assert caught.value is error
     assert [verb for verb, _ in plant.log] == ["servo_jf"] * 5 + ["servo_jp", "state_command"]
     assert_allclose(plant.q, [0.3, -0.3], atol=1e-3)

@@ -89,6 +89,7 @@ def damaged(path, change):
         ),
         (lambda a, s: s["tests"][0].update(verdict="fine"), "tests[0]: verdict: Input should be"),
         (lambda a, s: a.update(card=np.array("[]")), "card: holds [], expected a table"),
+        (lambda a, s: a["beta"].__setitem__(0, 9.0), "numbers are not those that its card was written for"),
     ],
 )
 def test_a_damaged_file_is_refused(saved, change, said):
@@ -97,6 +98,14 @@ def test_a_damaged_file_is_refused(saved, change, said):
         load_identification(saved)
     assert said in str(caught.value)
     assert str(caught.value).startswith(str(saved))
+
+
+def test_the_robot_in_a_file_whose_numbers_were_changed_is_refused_too(saved):
+    damaged(saved, lambda a, s: a["phi"].__setitem__(0, 9.0))
+    with pytest.raises(
+        FileFormatError, match=r"damaged: its numbers are not .*; `catenary identify` makes it again"
+    ):
+        load_robot(str(saved))
 
 
 def test_a_recording_is_no_parameter_file(tmp_path):

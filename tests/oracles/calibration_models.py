@@ -123,6 +123,7 @@ def random_model(
         features=features,
         target=target,
         offset=rng.normal(size=joints),
+        largest=np.full(joints, 1e3),  # beyond what any of them gives
         groups=tuple(groups),
         rate_hz=rate_hz,
     )

@@ -125,6 +125,21 @@ def test_no_model_is_much_worse_than_the_offset_on_motion_it_was_not_made_for(ki
         assert joint.rmse <= 1.15 * joint.offset_rmse, joint.name
 
 
+@pytest.mark.parametrize("kind", KINDS_BY_TIME)
+@pytest.mark.parametrize("trained", ["random_train", "sampled_train"])
+def test_no_correction_of_another_motion_is_taken_for_one_that_was_never_seen(
+    kind: str, trained: str
+) -> None:
+    options = FitOptions(**KINDS[kind])
+    data, inputs = prepared(trained, options, held_out=0.2)
+    early, late = data.split_by_time(0.2)
+    model = fit(early, inputs, options)
+    others = [recording(path.stem) for path in sorted(FOLDER.glob("*.npz")) if path.stem != trained]
+    for rows in (late, *(calibration_data([log], model.features) for log in others)):
+        inside = model.correct(rows.X, rows.q_nominal)[1]
+        assert (model.inside(rows.X) & ~inside).mean() < 1e-3, rows.sources[0].name
+
+
 def test_history_of_the_sparse_recording_begins_anew_where_its_clock_goes_back() -> None:
     log = recording("insertion_train")
     assert log.starts == (0, 800)

@@ -4,9 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from catenary.control.fading import FADE
 from catenary.plant import JointState
 from catenary.trajectories.point_to_point import go_to
-from catenary.view.steering import BLEND, SteeredTrajectory, SwitchedCorrector
+from catenary.view.steering import SteeredTrajectory, SwitchedCorrector
 
 DT = 1e-3
 
@@ -84,4 +85,4 @@ def test_model_is_faded_in_and_out_and_always_says_its_own() -> None:
     assert seen[99] == 0.0
     assert seen[2499] == pytest.approx(0.1)
     assert seen[-1] == 0.0
-    assert np.abs(np.diff(seen)).max() <= 0.1 * DT / BLEND + 1e-12
+    assert np.abs(np.diff(seen)).max() <= 0.1 * DT / FADE + 1e-12

@@ -56,7 +56,10 @@ for (k = 0; k < Z_size; ++k) {
     "choose": """\
 int k;
 for (k = 0; k < joints_size; ++k) {
-  const int joint = joints[k], trusted = known[0] && PREFIX_is_finite(q[joint]);
+  const int joint = joints[k];
+  const double error = prediction[k], position = q[joint] + error;
+  const int trusted = known[0] && PREFIX_is_finite(q[joint]) && fabs(error) <= reach[joint] &&
+                      lower[joint] <= position && position <= upper[joint];
   correction[joint] = trusted ? prediction[k] : offset[joint];
   inside[joint] = trusted;
 }""",

@@ -11,7 +11,7 @@ from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
 from catenary.calibration.fit import FitOptions, extrapolation
 from catenary.calibration.intervals import FARTHEST
-from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model import REACH, CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
 from catenary.calibration.trained_day.day import day_in_card
 from catenary.units import DISPLAY
@@ -64,6 +64,7 @@ def model_card(
                 "inputs": [names[c] for c in group_of[j].columns],
                 "widened_by": extrapolation(of_joint[j], features, group_of[j].columns),
                 "fixed_offset": float(model.offset[j]),
+                "largest_correction": float(model.largest[j]),
                 "half_width": None if intervals is None else float(intervals.inside[j]),
                 "half_width_outside": None if intervals is None else float(intervals.outside[j]),
             }
@@ -87,7 +88,8 @@ def model_card(
         "choice": [asdict(choice) for choice in choices] or None,
         "settings": _settings(options, kinds),
         "valid_range": "of each joint: box around its inputs in training and box along their principal axes, "
-        "each widened by `widened_by` times their range; outside it the fixed offset is used. `valid` of an input: "
+        "each widened by `widened_by` times their range; outside it, and where a correction is beyond "
+        f"{REACH:g} times `largest_correction`, the fixed offset is used. `valid` of an input: "
         "in the first box of all joints that take it",
         "intervals": None
         if intervals is None

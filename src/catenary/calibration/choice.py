@@ -150,11 +150,13 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
                 )
     began = [taken[choice.chosen].priors[j : j + 1] for j, choice in enumerate(choices)]
     priors = tuple(each[0] if each else None for each in began)
+    largest = np.array([taken[choice.chosen].largest[j] for j, choice in enumerate(choices)])
     return replace(
         first,
         kind="auto",
         preset=None,
         features=features,
+        largest=np.maximum(largest, np.abs(first.offset)),
         groups=tuple(groups),
         priors=priors if any(priors) else (),
     )

@@ -1,6 +1,5 @@
 """Calibration models on disk: a NumPy archive that executes nothing, with its card inside and beside it."""
 
-import io
 import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,13 +16,14 @@ from catenary.calibration.model import CalibrationModel, Card, JointGroup, Targe
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.trained_day.file import DayStructure, day_arrays, day_of, day_structure
 from catenary.calibration.valid_range import ValidRange
+from catenary.cards import card_of, write_with_card
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import CatenaryError, FileFormatError
-from catenary.files import card_path, damage, write_atomically
+from catenary.files import damage
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
-FORMAT = "catenary.calibration.1"
+FORMAT = "catenary.calibration.2"
 SIMPLE: dict[str, type[Predictor]] = {each.kind: each for each in (Constant, Linear, Quadratic)}
 INTERVAL_ARRAYS = ("inside", "outside")
 NETWORK_ARRAYS = ("mean", "scale", "out_mean", "out_scale")
@@ -61,9 +61,7 @@ class ModelStructure(Recorded):
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
-    """Write a model to `path` and a readable copy of its card beside it.
-
-    Each of the two appears whole or not at all.
+    """Write a model to `path` and a readable copy of its card beside it, as `write_with_card` does.
 
     Raises:
         FileFormatError: The file cannot be written.
@@ -87,12 +85,10 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "trained_day": None if model.trained_day is None else day_structure(model.trained_day),
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
     }
-    text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
-    arrays: Arrays = {
-        "structure": np.array(json.dumps(structure)),
-        "card": np.array(text),
-        "offset": model.offset,
-    }
+    structure_text = np.array(json.dumps(structure))
+    arrays: Arrays = {"structure": structure_text, "offset": model.offset, "largest": model.largest}
+    if model.limits is not None:
+        arrays["limits"] = model.limits
     if model.intervals is not None:
         arrays |= {f"interval.{key}": getattr(model.intervals, key) for key in INTERVAL_ARRAYS}
     if model.trained_day is not None:
@@ -101,17 +97,14 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         arrays |= {f"{i}.columns": group.columns, f"{i}.watched": group.watched}
         arrays |= {f"{i}.range.{key}": values for key, values in vars(group.valid_range).items()}
         arrays |= {f"{i}.predictor.{key}": values for key, values in _to_arrays(group.predictor).items()}
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
-    write_atomically(path, buffer.getvalue())
-    write_atomically(card_path(path), text.encode())
+    write_with_card(path, arrays, card)
 
 
 def load_model(path: Path) -> tuple[CalibrationModel, Card]:
     """Read a model and its card.
 
     Raises:
-        FileFormatError: No such file, not a model, of another version, or damaged.
+        FileFormatError: No such file, not a model, of another version, damaged, or changed since it was written.
     """
     remedy = "`catenary fit` makes a model again, `catenary calibrate` those of its project"
     try:
@@ -140,7 +133,8 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         structure = parse_settings(found, ModelStructure, "structure")
         check_names("joint", structure.joint_names)
         check_different("joint", structure.joint_names)
-        check_within("offset", arrays["offset"], FARTHEST, "rad or m")
+        for key in ("offset", "largest"):
+            check_within(key, arrays[key], FARTHEST, "rad or m")
         features = FeatureSet(
             structure.signals,
             structure.signal_units,
@@ -157,14 +151,15 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             features=features,
             target=structure.target,
             offset=arrays["offset"],
+            largest=arrays["largest"],
             groups=tuple(_group(arrays, i, entry) for i, entry in enumerate(structure.groups)),
             rate_hz=structure.rate_hz,
             intervals=_intervals(arrays, structure.coverage),
             priors=structure.priors,
             trained_day=None if structure.trained_day is None else day_of(structure.trained_day, arrays),
+            limits=arrays.get("limits"),
         )
-        card = json_table(str(arrays["card"]), "card", finite=False)
-        return model, card
+        return model, card_of(arrays, path, remedy)
     except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         if str(error).startswith(f"{path}: "):
             raise

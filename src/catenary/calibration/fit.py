@@ -13,7 +13,7 @@ from catenary.calibration.dataset import CalibrationData, require_same_joints, s
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.kernels import Integers
 from catenary.calibration.leaps import largest_step, room_of
-from catenary.calibration.model import CalibrationModel, JointGroup, Target
+from catenary.calibration.model import ANY, CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import Linear, Predictor
 from catenary.calibration.priors.prior import (
@@ -41,6 +41,8 @@ SMALLEST_DATA = 10  # rows
 # with memory has hundreds of terms, and its error grows fast.
 EXTRAPOLATION = 0.5
 POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
+SHOWN = 0.99  # share of training errors that count for the largest correction: the others may be failed measurements
+RESOLUTION = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
 
 @dataclass(frozen=True)
@@ -242,7 +244,7 @@ def fit(
             )
         )
         report(1.0)
-    return CalibrationModel(
+    model = CalibrationModel(
         kind=options.kind,
         preset=options.network,
         joint_names=data.joint_names,
@@ -250,10 +252,24 @@ def fit(
         features=inputs.features,
         target=target,
         offset=offset,
+        largest=np.full(len(offset), ANY),
         groups=tuple(groups),
         rate_hz=data.rate_hz,
         priors=tuple(priors) if any(priors) else (),
     )
+    return replace(model, largest=largest_shown(model, data))
+
+
+def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
+    """Return the largest correction of each joint that rows show, (n,) [rad|m].
+
+    It is the largest that the model gives on them, or the error that all rows but those measured worst show, whichever
+    is larger: no failed measurement widens it, and an error that was seen is believed again.
+    """
+    given = np.abs(model.correction(data.X, data.q_nominal)).max(axis=0)
+    seen = np.quantile(np.abs(data.error), SHOWN, axis=0)
+    largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), RESOLUTION)], axis=0)
+    return largest
 
 
 def _fit_predictor(

@@ -4,6 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from catenary.arrays import Floats
 from catenary.calibration.card import model_card
 from catenary.calibration.choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.conformal import estimate_intervals, fewest_rows
@@ -18,6 +21,8 @@ from catenary.calibration.progress import Progress, part_of, silent
 from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.robots.model import RobotModel
+from catenary.robots.plausible import FARTHEST
 from catenary.verdict.check import robot_of, verdict
 
 FOLDS = 5
@@ -169,7 +174,7 @@ def _concluded(
     notes = (*data_notes(logs, everything), *found)
     notes = (*notes, *prior_notes(model))
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
-    model = replace(model, intervals=intervals)
+    model = replace(model, intervals=intervals, limits=_limits(robot_of(logs, run.robot), data))
     seen = None if validation is None else validation.inside
     model = replace(model, trained_day=learn_day(model, logs, data, seen))
     if intervals is None:
@@ -195,6 +200,19 @@ def _concluded(
         choices=choices,
     )
     return FitResult(model, card, data, spread, held_out, notes, choices)
+
+
+def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
+    """Return a robot's joint limits (2, n) [rad|m], or where rows went beyond them; None where it is not known."""
+    joints, q = list(zip(data.joint_names, data.joint_units, strict=True)), data.q_nominal
+    known = [] if robot is None else list(zip(robot.joint_names, robot.joint_units, strict=True))
+    if robot is None or not set(joints) <= set(known):
+        return None
+    places = [known.index(joint) for joint in joints]
+    lower = np.minimum(robot.lower[places], q.min(axis=0))
+    upper = np.maximum(robot.upper[places], q.max(axis=0))
+    limits: Floats = np.clip([lower, upper], -FARTHEST, FARTHEST)  # a joint may have none
+    return limits
 
 
 def prior_notes(model: CalibrationModel) -> list[str]:

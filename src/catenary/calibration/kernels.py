@@ -200,23 +200,31 @@ def choose(
     q: Floats,
     joints: Integers,
     offset: Floats,
+    reach: Floats,
+    lower: Floats,
+    upper: Floats,
     correction: Floats,
     inside: Flags,
 ) -> None:
     """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted.
 
     Args:
-        prediction: (N, m) errors of `joints`.
+        prediction: (N, m) errors of `joints`; one that is not finite is not to be trusted.
         known: (N,) whether the features are inside the valid range.
         q: (N, n) reported positions; where one is not finite, nothing is known of that joint.
         joints: (m,) which of the n joints.
         offset: (n,) fixed offsets.
+        reach: (n,) largest errors that are believed.
+        lower: (n,) calibrated positions that are believed.
+        upper: (n,)
         correction: (N, n) receives them.
         inside: (N, n) receives whether each is a prediction.
     """
     for row in range(len(q)):
         for k in range(len(joints)):
             joint = joints[k]
-            trusted = known[row] and np.isfinite(q[row, joint])
+            error, position = prediction[row, k], q[row, joint] + prediction[row, k]
+            trusted = known[row] and np.isfinite(q[row, joint]) and abs(error) <= reach[joint]
+            trusted = trusted and lower[joint] <= position <= upper[joint]
             correction[row, joint] = prediction[row, k] if trusted else offset[joint]
             inside[row, joint] = trusted

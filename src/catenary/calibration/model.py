@@ -1,6 +1,6 @@
 """A fitted calibration model: what to add to the reported joint positions, and where it may be trusted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -17,6 +17,8 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 
 Target = Literal["error", "position"]
+ANY = 1e300  # [rad|m] any correction, any position
+REACH = 2.0  # times the largest correction that training showed: the largest that is believed
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
 
@@ -74,10 +76,11 @@ class CalibrationModel:
     """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
     `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
-    training data instead.
+    training data instead; so does a joint whose correction is beyond REACH times `largest`, or brings it more than
+    `largest` beyond its limits, whatever made it so large: such a correction was never seen.
 
     Raises:
-        InputError: Parts do not fit together.
+        InputError: Parts do not fit together, or a fixed offset is larger than `largest`.
     """
 
     kind: str  # "offset", "linear", "polynomial", "neural", or "auto": each joint has its own
@@ -87,11 +90,13 @@ class CalibrationModel:
     features: FeatureSet
     target: Target  # what the predictors give: the joint error, or the joint position (end to end)
     offset: Floats  # (n,) mean error of the training data [rad|m]
+    largest: Floats  # (n,) largest correction that training showed [rad|m]; see `fit.largest_shown`
     groups: tuple[JointGroup, ...]
     rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
     priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
     trained_day: TrainedDay | None = None  # what a watch compares with; None where that is not known
+    limits: Floats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
@@ -114,14 +119,26 @@ class CalibrationModel:
                 f"model: expected a prior, or none, for each of its {n} joints, got {len(self.priors)}"
             )
         object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
+        object.__setattr__(self, "largest", as_array("largest", self.largest, (n,)))
+        if not (np.abs(self.offset) <= self.largest).all():
+            raise InputError(
+                f"model: fixed offsets {self.offset.tolist()}: expected none beyond the largest corrections that "
+                f"training showed, {self.largest.tolist()}"
+            )
+        if self.limits is not None:
+            object.__setattr__(self, "limits", as_array("limits", self.limits, (2, n)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
         if self.trained_day is not None and len(self.trained_day.reach) != n:
             raise InputError(f"model: expected a day of its {n} joints, got {len(self.trained_day.reach)}")
 
     def inside(self, X: Floats) -> Flags:
-        """Return whether features (N, F) lie in the valid range of each joint, (N, n); NaN does not."""
-        return self.correct(X, np.zeros((len(X), len(self.joint_names))))[1]
+        """Return whether features (N, F) lie in the valid range of each joint, (N, n); NaN does not.
+
+        Whether the correction there is believed, too: `correct`.
+        """
+        n = len(self.joint_names)
+        return replace(self, largest=np.full(n, ANY), limits=None).correct(X, np.zeros((len(X), n)))[1]
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
         """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range.
@@ -130,16 +147,6 @@ class CalibrationModel:
             InputError: X is not (N, F), or q_nominal not (N, n).
         """
         return self.correct(X, q_nominal)[0]
-
-    def interval(self, X: Floats, q_nominal: Floats) -> Floats:
-        """Return half-widths of intervals about calibrated positions, (N, n) [rad|m]; what they hold: `intervals`.
-
-        NaN where the model has none, and where q_nominal (N, n) is not finite.
-
-        Raises:
-            InputError: X is not (N, F), or q_nominal not (N, n).
-        """
-        return self.correct(X, q_nominal)[2]
 
     def correct(
         self, X: Floats, q_nominal: Floats, leaping: Flags | None = None
@@ -175,12 +182,16 @@ class CalibrationModel:
             X: (N, F) features.
             q: (N, n) reported positions [rad|m]; the correction of one that is not finite is the fixed offset.
             correction: (N, n) receives what to add [rad|m].
-            inside: (N, n) receives whether each comes from a predictor, inside its valid range.
+            inside: (N, n) receives whether each comes from a predictor, inside its valid range, and is believed.
             interval: (N, n) receives half-widths [rad|m]; without it they are not computed.
             leaping: (N,) see `correct`.
         """
         leaping = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         steps = [] if interval is None or self.intervals is not None else no_intervals(interval)
+        lower, upper = (
+            np.outer((-ANY, ANY), np.ones_like(self.offset)) if self.limits is None else self.limits
+        )
+        bounds = (REACH * self.largest, lower - self.largest, upper + self.largest)
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
@@ -188,7 +199,7 @@ class CalibrationModel:
             steps += group.steps(X, known, prediction, far)
             if self.target == "position":
                 steps.append(Step(kernels.errors_of_positions, (q, joints), (prediction,)))
-            chosen_from = (prediction, known, q, joints, self.offset)
+            chosen_from = (prediction, known, q, joints, self.offset, *bounds)
             steps.append(Step(kernels.choose, chosen_from, (correction, inside)))
             if far is not None and interval is not None and self.intervals is not None:
                 widths = (self.intervals.inside, self.intervals.outside)

@@ -31,7 +31,8 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
 
     Inputs, all float64; `rows` is free:
         signals (rows, S): current values of `model.features.signals`, in that order.
-        q_nominal (rows, n): reported positions [rad|m]; only where the model gives positions end to end.
+        q_nominal (rows, n): reported positions [rad|m]; only where the model gives positions end to end, or knows
+            joint limits.
         previous (rows, H * decimation, P): positions of earlier steps, the latest first; only with history.
         play (rows, K): play states; only where the model has some.
     Outputs:
@@ -60,7 +61,7 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
     n, features = len(model.joint_names), model.features
     graph = _Graph(onnx)
     graph.input("signals", len(features.signals), text=", ".join(features.signals))
-    if model.target == "position":
+    if model.target == "position" or model.limits is not None:
         graph.input("q_nominal", n, text=f"positions of {', '.join(model.joint_names)}")
     X, q = np.empty((1, len(features.names))), np.empty((1, n))
     graph.names |= {id(X): _features(graph, features, decimation), id(q): "q_nominal"}
@@ -258,11 +259,17 @@ def _written(graph: _Graph, step: Step) -> str:
 
 def _choice(graph: _Graph, step: Step, model: CalibrationModel) -> tuple[str, str]:
     """Write the last step of a group; return corrections and flags of its joints, (rows, m) each."""
-    prediction, known, q, joints, offset = step.inputs
-    inside = graph.add("And", graph.tensor(known), graph.constant(np.ones((1, len(joints)), dtype=bool)))
-    if model.target == "position":
-        inside = graph.add("And", inside, graph.finite(graph.take(graph.tensor(q), joints)))
-    return graph.add("Where", inside, graph.tensor(prediction), graph.constant(offset[joints])), inside
+    prediction, known, q, joints, offset, reach, lower, upper = step.inputs
+    add, error = graph.add, graph.tensor(prediction)
+    believed = add("LessOrEqual", add("Abs", error), graph.constant(reach[None, joints]))
+    inside = add("And", graph.tensor(known), believed)
+    if model.target == "position" or model.limits is not None:
+        reported = graph.take(graph.tensor(q), joints)
+        position = add("Add", reported, error)
+        for operator, limit in (("GreaterOrEqual", lower), ("LessOrEqual", upper)):
+            inside = add("And", inside, add(operator, position, graph.constant(limit[None, joints])))
+        inside = add("And", inside, graph.finite(reported))
+    return add("Where", inside, error, graph.constant(offset[joints])), inside
 
 
 def _distance(graph: _Graph, step: Step) -> str:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from typing import NamedTuple, Protocol
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import Controller
+from catenary.control.fading import Fade
 from catenary.control.leaving import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
 from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
@@ -23,6 +24,10 @@ from catenary.trajectories.reference import Reference, Trajectory
 Flags = NDArray[np.bool_]
 # [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
 LEAP = {"rad": 0.02, "m": 0.002}
+SAG = {
+    "rad": 0.1,
+    "m": 0.01,
+}  # from where it is measured, with a controller: an arm may have sagged under another
 
 
 class StateCorrector(Protocol):
@@ -81,6 +86,11 @@ def run_loop(
     late tick delays the motion, it never makes it leap. The clock starts when the first command has gone out, so that
     whatever is compiled on first use holds up nothing but the start.
 
+    The robot is where the trajectory begins: by its setpoint without a controller, else as it is measured, or by its
+    calibrated positions. A correction comes on within `fading.FADE` seconds where the trajectory begins at the
+    position that the robot reports, and where it changes between model and fixed offset: the controller sees no leap.
+    Until then the state's half-widths are wider by what is left out.
+
     At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
     paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last finite position or gets zero torque,
     and is paused; the error goes on, with the report so far as its attribute `loop_report`.
@@ -107,7 +117,7 @@ def run_loop(
     Raises:
         NotReadyError: The plant is not enabled, not homed or busy; nothing was sent.
         UnsupportedCommandError: It takes no torques, or without controller no positions.
-        LimitError: Without controller, and the trajectory begins elsewhere than the robot's setpoint is.
+        LimitError: The trajectory begins elsewhere than the robot is; nothing was sent.
         InputError: Rate, duration, trajectory or limits do not fit the plant.
         NotFiniteError: Torques or measured positions were not finite for `give_up_after` ticks in a row; the robot
             holds at its last finite position, and is paused.
@@ -121,16 +131,22 @@ def run_loop(
     # the last tick sends the reference at the end; 1e-9 forgives rounding
     numbers = range(math.ceil(length * rate_hz - 1e-9) + 1) if math.isfinite(length) else count()
     first = as_array("reference q", trajectory(0.0).q, (n,))
+    state, correction, inside = plant.measured_js(), np.zeros(n), np.ones(n, dtype=bool)
+    if corrector is not None:
+        corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)
+        corrector.correct_state(state, correction, inside, np.empty(n))
+        correction -= state.q
+        corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)  # the loop's ticks are the first
     if controller is None:
-        _require_near(plant, first)
-    state = plant.measured_js()
+        _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), LEAP)
+    else:
+        correction[~_require_near(plant, first, "the robot", state.q, correction, SAG)] = 0.0
+    fade = Fade(correction, dt)
     if limits is None:
         limits = TorqueLimits(np.full(n, np.inf))
     limits.reset(state.tau)
-    if corrector is not None:
-        corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)
     clock = RealTime(dt) if real_time or not plant.simulated else None
-    compute, inside, outside = Durations(), np.ones(n, dtype=bool), np.zeros(n)
+    compute, outside = Durations(), np.zeros(n)
     nominal, calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
     sensed = None if gravity is None else GravityTally()
     finite = FiniteTicks(plant.joint_names, state.q, give_up_after)
@@ -163,8 +179,13 @@ def run_loop(
             state = plant.measured_js()
             q_nominal = state.q
             if corrector is not None:
-                q, inside, interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+                q, was_inside, interval = np.empty(n), inside, np.empty(n)
+                inside = np.empty(n, dtype=bool)
                 corrector.correct_state(state, q, inside, interval)
+                if controller is not None:
+                    left = fade.left_out(q - q_nominal, (inside != was_inside) | (number == 0))
+                    q -= left
+                    interval += np.abs(left)
                 state = JointState(state.time, q, *state[2:8], interval)
             if gravity is not None and sensed is not None:
                 reading = gravity.read(state.time)
@@ -230,15 +251,21 @@ def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) 
     return waits
 
 
-def _require_near(plant: Plant, first: Floats) -> None:
-    """Refuse to make the setpoint leap."""
-    setpoint = plant.setpoint_js().q
+def _require_near(
+    plant: Plant, first: Floats, what: str, q: Floats, correction: Floats, most: Mapping[str, float]
+) -> Flags:
+    """Refuse to make a robot leap; return which joints begin at their calibrated positions, q + correction (n,)."""
+    calibrated = q + correction
+    reported, corrected = np.abs(first - q), np.abs(first - calibrated)
     for j, (name, unit) in enumerate(zip(plant.joint_names, plant.joint_units, strict=True)):
-        if not abs(first[j] - setpoint[j]) <= LEAP[unit]:
+        if not min(reported[j], corrected[j]) <= most[unit]:
+            also = f" ({calibrated[j]:.6g} {unit} calibrated)" if correction[j] else ""
             raise LimitError(
-                f'joint "{name}": the trajectory begins at {first[j]:.6g} {unit}, the setpoint is at '
-                f"{setpoint[j]:.6g} {unit}; go there first"
+                f'joint "{name}": the trajectory begins at {first[j]:.6g} {unit}, {what} is at '
+                f"{q[j]:.6g} {unit}{also}; go there first"
             )
+    at_calibrated: Flags = corrected <= reported
+    return at_calibrated
 
 
 def _hand_over(plant: Plant, last: Floats) -> None:

@@ -1,6 +1,5 @@
 """Identified parameters on disk: a NumPy archive that executes nothing, with its card inside and beside it."""
 
-import io
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -12,10 +11,10 @@ from pydantic import Field, JsonValue
 from catenary import __version__
 from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
+from catenary.cards import card_of, write_with_card
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
-from catenary.files import card_path, write_atomically
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.columns import Parameters
 from catenary.identification.friction_choice import FrictionPart
@@ -24,7 +23,7 @@ from catenary.identification.options import IdentifyOptions, Terms
 from catenary.identification.reasons import MovedRange
 from catenary.identification.residuals import LogResidual, Verdict
 from catenary.robots.actuation import Weighting
-from catenary.robots.identified import IDENTIFIED
+from catenary.robots.identified import IDENTIFIED, REMEDY
 from catenary.robots.model_record import robot_from_record, robot_record
 
 FORMAT = "catenary.identification.1"
@@ -160,9 +159,7 @@ def residual_record(result: LogResidual) -> dict[str, Any]:
 
 
 def save_identification(result: Identification, card: Card, path: Path) -> None:
-    """Write an identification to `path` and a readable copy of its card beside it.
-
-    Each of the two appears whole or not at all.
+    """Write an identification to `path` and a readable copy of its card beside it, as `write_with_card` does.
 
     Raises:
         FileFormatError: The file cannot be written.
@@ -180,10 +177,8 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
         "moved_base": result.moved_base,
         "seen": None if result.seen is None else {k: v.tolist() for k, v in result.seen._asdict().items()},
     }
-    text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
     arrays: dict[str, Any] = {
         "structure": np.array(json.dumps(structure)),
-        "card": np.array(text),
         "columns": result.base.columns,
         "combination": result.base.combination,
         "beta": result.beta,
@@ -193,10 +188,7 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
     if result.phi is not None:
         arrays["phi"] = result.phi
         arrays[IDENTIFIED] = np.array(json.dumps(robot_record(result.robot())))
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
-    write_atomically(path, buffer.getvalue())
-    write_atomically(card_path(path), text.encode())
+    write_with_card(path, arrays, card)
 
 
 def load_identification(path: Path) -> tuple[Identification, Card]:
@@ -244,7 +236,7 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             moved_base=structure.moved_base,
             seen=_motion(structure.seen, n),
         )
-        card = json_table(str(arrays["card"]), "card", finite=False)
+        card = card_of(arrays, path, REMEDY)
         parse_settings(card, IdentificationCard, "card")
         return result, card
     except FileFormatError as error:

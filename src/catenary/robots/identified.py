@@ -3,11 +3,13 @@
 from pathlib import Path
 
 from catenary.archives import content_in_words, read_arrays
+from catenary.cards import card_of
 from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError
 from catenary.robots.model import Massless, RobotModel
 from catenary.robots.model_record import robot_from_record
 
+REMEDY = "`catenary identify` makes it again"
 IDENTIFIED = "identified"  # array of the archive that holds the robot, as JSON
 
 
@@ -30,7 +32,8 @@ def load_identified(path: Path, *, massless: Massless = ()) -> RobotModel:
             f"{path}: holds no robot ({content_in_words(arrays)}); catenary identify writes one beside its parameters"
         )
     try:
+        card_of(arrays, path, REMEDY)
         robot = robot_from_record(json_table(str(arrays[IDENTIFIED]), IDENTIFIED))
     except FileFormatError as error:
-        raise FileFormatError(f"{path}: {cut(str(error))}") from error
+        raise FileFormatError(f"{path}: {cut(str(error).removeprefix(f'{path}: '))}") from error
     return robot.with_massless(massless) if massless else robot

@@ -1,7 +1,6 @@
 """What somebody changes while a control loop runs: the motion, the controller, the correction; none of them leaps."""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,12 +8,13 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.calibration.kernels import Flags
 from catenary.control.controller import SplitController
+from catenary.control.fading import Fade
+from catenary.control.loop import StateCorrector
 from catenary.plant import JointState
 from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.reference import Reference, Trajectory
 
 STOP = 0.4  # [s] in which a motion that is left comes to rest
-BLEND = 1.5  # [s] in which a correction is faded in or out
 
 Motion = Callable[[Floats], Trajectory]  # makes a motion that begins at joint positions (n,) [rad|m]
 
@@ -101,20 +101,6 @@ class ChosenController:
         return self.controller.torque(state, reference)
 
 
-class Correcting(Protocol):
-    """What corrects the positions of a robot, such as a calibration model's Corrector."""
-
-    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
-        """Get ready for a robot."""
-        ...
-
-    def correct_state(
-        self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None
-    ) -> None:
-        """Write calibrated positions, whether each is inside the valid range, and half-widths, each (n,)."""
-        ...
-
-
 class SwitchedCorrector:
     """A model that always says where the joints are, and whose say counts in the loop once it is switched on.
 
@@ -123,7 +109,7 @@ class SwitchedCorrector:
     """
 
     def __init__(
-        self, corrector: Correcting, whole: Callable[[JointState], JointState], n: int, period: float
+        self, corrector: StateCorrector, whole: Callable[[JointState], JointState], n: int, period: float
     ) -> None:
         """Take a model's corrector, switched off.
 
@@ -134,8 +120,8 @@ class SwitchedCorrector:
             period: [s] of the loop.
         """
         self._corrector, self._whole, self._n = corrector, whole, n
-        self._share, self._step = 0.0, period / BLEND
-        self.is_on = False
+        self._fade = Fade(np.zeros(n), period)
+        self.is_on = self._was_on = False
         self.calibrated, self.interval = np.full(n, np.nan), np.full(n, np.nan)
         self.inside: Flags = np.ones(n, dtype=bool)
 
@@ -149,6 +135,7 @@ class SwitchedCorrector:
         q, flags, widths = np.empty(size), np.empty(size, dtype=bool), np.empty(size)
         self._corrector.correct_state(whole, q, flags, widths)
         self.calibrated, self.inside, self.interval = q[:n], flags[:n], widths[:n]
-        self._share = float(np.clip(self._share + (self._step if self.is_on else -self._step), 0.0, 1.0))
-        out[:] = state.q + self._share * (self.calibrated - state.q)
+        correction = self.calibrated - state.q if self.is_on else np.zeros(n)
+        out[:] = state.q + correction - self._fade.left_out(correction, self.is_on != self._was_on)
+        self._was_on = self.is_on
         inside[:], interval[:] = self.inside, self.interval

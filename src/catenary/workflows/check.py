@@ -10,8 +10,9 @@ import numpy as np
 from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
+from catenary.calibration.model import Card
 from catenary.errors import FileFormatError, InputError
-from catenary.files import table_ending
+from catenary.files import card_path, card_text, table_ending
 from catenary.identification.files import load_identification
 from catenary.identification.identification import Identification
 from catenary.identification.residuals import LogResidual
@@ -215,7 +216,17 @@ def _check_identification(path: Path) -> FileReport:
         version=card["version"],
     )
     faults = [f"fails on {one.log}" for one in result.tests if one.verdict == "fails"]
-    return FileReport("identified dynamics", facts, faults, list(card["notes"]))
+    return FileReport("identified dynamics", facts, [*_copy_faults(path, card), *faults], list(card["notes"]))
+
+
+def _copy_faults(path: Path, card: Card) -> list[str]:
+    """Return whether the readable copy of a card, which may be missing, is another one."""
+    copy = card_path(path)
+    if not copy.is_file() or copy.read_bytes() == card_text(card).encode():
+        return []
+    return [
+        f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"
+    ]
 
 
 def _torque_errors(result: Identification, on: LogResidual, part: Part) -> TorqueErrors:
@@ -255,4 +266,4 @@ def _check_model(path: Path) -> FileReport:
         for name, errors in unseen.items()
         if errors.is_worse_than_offset
     ]
-    return FileReport("calibration model", facts, faults, list(card["notes"]))
+    return FileReport("calibration model", facts, [*_copy_faults(path, card), *faults], list(card["notes"]))

@@ -160,6 +160,18 @@ def test_intervals_are_the_wider_of_both_days(models: dict[str, CalibrationModel
     assert new.inside[1] == 10.0 * NOISE
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_arm_that_drifted_farther_than_any_correction_was_is_believed_again(
+    models: dict[str, CalibrationModel], kind: str
+) -> None:
+    old, drifted = models[kind], a_day(9, 1800, zero=0.5)
+    assert (old.largest < 0.1).all()
+    refreshed, data = refresh_model(old, rows_of(old, drifted)).model, rows_of(old, a_day(10, 1800, zero=0.5))
+    assert refreshed.correct(data.X, data.q_nominal)[1].all()
+    assert 0.5 < refreshed.largest[1] < 0.7
+    assert (refreshed.largest >= old.largest).all()
+
+
 def test_too_few_rows_are_refused(models: dict[str, CalibrationModel]) -> None:
     old = models["linear"]
     with pytest.raises(InputError, match="30 usable rows of the new day, expected at least 40"):

@@ -21,10 +21,10 @@ from catenary.calibration.conformal import estimate_intervals
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.features import joints_text
-from catenary.calibration.fit import EXTRAPOLATION
+from catenary.calibration.fit import EXTRAPOLATION, largest_shown
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.kernels import Flags
-from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.calibration.model import ANY, CalibrationModel, JointGroup
 from catenary.calibration.predictors import Predictor
 from catenary.calibration.upkeep.last_layer import Adjustment, adjusted, layer_inputs
 from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
@@ -104,15 +104,20 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
         for k, joint in enumerate(group.joints):
             offset[joint] += one.offset_moved[k]
             found[joint] = one.how[k]
-    refreshed = replace(model, offset=offset, groups=tuple(groups))
+    old = model.correction(data.X, data.q_nominal)
+    refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY), groups=tuple(groups))
+    change = refreshed.correction(data.X, data.q_nominal) - old
+    # where the new rows did not go, corrections moved as far as on them
+    largest = np.maximum(model.largest + np.abs(change).max(axis=0), largest_shown(refreshed, data))
+    refreshed = replace(refreshed, largest=largest)
     if model.intervals is not None:
-        errors = CrossValidation((), data.error - offset, left, refreshed.inside(data.X), data.recording)
+        inside = refreshed.correct(data.X, data.q_nominal)[1]
+        errors = CrossValidation((), data.error - offset, left, inside, data.recording)
         intervals = _widest(model.intervals, errors)
         if intervals is None:
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
         refreshed = replace(refreshed, intervals=intervals)
-    old = model.correction(data.X, data.q_nominal)
-    moved = (refreshed.correction(data.X, data.q_nominal) - old).mean(axis=0)
+    moved = change.mean(axis=0)
     before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
     changes = tuple(
         JointChange(name, unit, found[j], float(moved[j]), float(before[j]), float(after[j]))
