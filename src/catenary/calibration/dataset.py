@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +112,7 @@ def calibration_data(
         if not (max_error > 0.0).all():
             raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
     has_time = all(log.time is not None for log in logs)
-    parts: list[tuple[Floats, ...]] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     sources: list[TrainingSource] = []
     for i, log in enumerate(logs):
         require_same_joints(first, log)
@@ -143,9 +144,7 @@ def calibration_data(
         time = log.time if has_time and log.time is not None else index
         columns = (X, log.q_nominal, error, leaping, np.full(len(log), i), index / len(log), time)
         parts.append(tuple(column[keep] for column in columns))
-    X, q_nominal, error, leaping, recording, position, time = (
-        np.concatenate(p) for p in zip(*parts, strict=True)
-    )
+    X, q_nominal, error, leaping, recording, position, time = map(np.concatenate, zip(*parts, strict=True))
     if len(X) == 0:
         raise InputError(
             "data: no usable row in "
@@ -234,7 +233,6 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
             notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
         if strange := int(data.leaping[data.recording == i].sum()):
             notes.append(
-                f"{source.name}: {strange} rows step farther than twice as far as training rows did: "
-                "another motion, where intervals are those of the fixed offset"
+                f"{source.name}: {strange} rows leap beyond training's motion: intervals are wider there"
             )
     return notes

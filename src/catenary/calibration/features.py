@@ -47,9 +47,7 @@ class FeatureRows(NamedTuple):
     """Features of a recording."""
 
     X: Floats  # (N, F)
-    leaping: (
-        Flags  # (N,) rows of another motion than the training rows', or that leap: intervals are wider there
-    )
+    leaping: Flags  # (N,) rows that leap, or of another motion than training's: intervals are wider
     spikes: dict[str, int]  # of each position that play states follow, how many rows these did not follow
 
 
@@ -181,25 +179,16 @@ class FeatureSet:
         """Return an empty memory for rows of which every `decimation`-th is a previous one."""
         ring = np.empty((self.history * decimation, len(self.positions)))
         joints = len(self.played)
-        states = (np.empty(len(self.play)) for _ in range(3))
-        memory = Memory(
-            np.zeros(1, dtype=np.int64), ring, *states, np.empty((joints, 3)), np.empty(1), np.zeros(joints)
-        )
+        play, kept, followed = np.empty((3, len(self.play)))
+        places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
+        memory = Memory(np.zeros(1, dtype=np.int64), ring, play, kept, followed, *places)
         memory.clear()
         return memory
 
     def row_steps(
         self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags
     ) -> list[Step]:
-        """Return the compiled steps that write features X (N, F) for rows of signals (N, S).
-
-        Args:
-            signals: What the robot reports.
-            memory: What earlier rows left.
-            X: Receives the features.
-            room: (N,) see `room_of`.
-            leaping: (N,) receives that of FeatureRows where `steps` names a joint; otherwise it stays as it is.
-        """
+        """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
         spacing = len(memory.ring) // max(1, self.history)
         lags = spacing * np.arange(1, self.history + 1, dtype=np.int64)
         limits = np.array([dict(self.steps).get(name, ANY) for name in self.played])

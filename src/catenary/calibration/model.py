@@ -156,8 +156,8 @@ class CalibrationModel:
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         for rows in kernels.blocks(len(X)):
-            arrays = (X[rows], q[rows], correction[rows], inside[rows], interval[rows], leaps[rows])
-            kernels.run(self.steps(*arrays))
+            outputs = (correction[rows], inside[rows], interval[rows])
+            kernels.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
 
     def steps(

@@ -14,12 +14,7 @@ from catenary.plant import UNUSED, MotionLog
 from catenary.recording.clock_steps import ClockStep
 from catenary.recording.extract import TopicFile, topic_file
 from catenary.recording.raven_transmission import COUPLING, RATIO
-from catenary.recording.series import (
-    Series,
-    TopicReport,
-    clean_series,
-    interpolate,
-)
+from catenary.recording.series import Series, TopicReport, clean_series, interpolate
 from catenary.recording.topics import (
     AXES,
     EXT_JPOS,

@@ -70,6 +70,7 @@ def _held(pairs: Pairs) -> list[Finding]:
         not anew.any()
         or repeats.mean() < HELD
         or np.median(moved[repeats]) < AS_FAST * np.median(moved[anew])
+        or not caught_up.any()
         or np.median(jumps) < CATCHES_UP * np.median(moved[caught_up])
     ):
         return []
@@ -167,9 +168,7 @@ def outlier_findings(log: MotionLog) -> list[Finding]:
             (name,),
             f"{count} of {len(errors)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations "
             f"({_plain(OUTLIER_SPREADS * spread)} {DISPLAY[unit][0]})",
-            "measurement failures"
-            if count < SINGLE * len(errors)
-            else "slack, on whose other side these rows are",
+            "measurement failures" if count < SINGLE * len(errors) else "the other side of slack",
             _max_error(log, log.ok) if count < SINGLE * len(errors) else "",
             refuses=False,
         )

@@ -16,7 +16,6 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, rotation_from_quaternion
 
 OPEN = 1e-4  # of what other motions move a frame by: less than a measured pose tells
-POSES = 50  # of a recording, by which a mapping is judged
 # geometry_msgs/Pose and Transform
 _PARTS = (("position", "orientation"), ("translation", "rotation"))
 
@@ -65,31 +64,26 @@ def open_joints(
     return np.asarray(np.abs(free[:, list(chosen)]).max(axis=0, initial=0.0) > OPEN)
 
 
-def _require_determined(
+def _determined(
     model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]
 ) -> NDArray[np.bool_]:
-    """Return the rows of q (M, n) at which the chosen joints are determined, (M,).
+    """Return the rows of q (M, n) at which all chosen joints are determined, (M,).
 
     Raises:
-        InputError: They are on hardly any, such as three numbers for six joints.
+        InputError: Fewer than half are, such as where three numbers are to give six joints.
     """
-    where = q[:: len(q) // POSES + 1]
-    short = np.array([open_joints(model, row, tracked.frame, tracked.match, chosen) for row in where])
+    short = np.array([open_joints(model, row, tracked.frame, tracked.match, chosen) for row in q])
     if short.any(axis=1).mean() <= 0.5:
-        return np.array(
-            [not open_joints(model, row, tracked.frame, tracked.match, chosen).any() for row in q]
-        )
-    lost = [model.joint_names[j] for j, each in zip(chosen, short.mean(axis=0) > 0.5, strict=True) if each]
-    whole = [open_joints(model, row, tracked.frame, "pose", chosen) for row in where]
-    by_pose = tracked.match != "pose" and np.any(whole, axis=1).mean() <= 0.5
-    choices = ['match = "pose"'] if by_pose else []
-    choices += [
-        "a frame that they move (frame = ...)",
-        "only the joints before them, of a robot that ends there",
-    ]
+        return np.asarray(~short.any(axis=1))
+    lost = ", ".join(
+        model.joint_names[j] for j, share in zip(chosen, short.mean(axis=0), strict=True) if share > 0.5
+    )
+    by_pose = [not open_joints(model, row, tracked.frame, "pose", chosen).any() for row in q[:50]]
+    choices = 'match = "pose" or ' if tracked.match != "pose" and np.mean(by_pose) > 0.5 else ""
     raise InputError(
-        f'q_encoder: the {tracked.match} of "{tracked.frame or model.tip}" leaves {", ".join(lost)} open, of '
-        f"{len(chosen)} joints: they would stay where the robot reported them; expected {' or '.join(choices)}"
+        f'q_encoder: the {tracked.match} of "{tracked.frame or model.tip}" leaves {lost} open, of {len(chosen)} '
+        f"joints: they would stay where the robot reported them; expected {choices}a frame that they move "
+        "(frame = ...) or only the joints before them, of a robot that ends there"
     )
 
 
@@ -120,7 +114,7 @@ def joints_from_poses(
     norms = np.linalg.norm(poses[:, 3:], axis=1)
     usable = np.isfinite(poses).all(axis=1) & np.isfinite(q_start).all(axis=1) & (np.abs(norms - 1.0) < 0.1)
     if usable.any():
-        usable[usable] = _require_determined(model, tracked, q_start[usable], chosen)
+        usable[usable] = _determined(model, tracked, q_start[usable], chosen)
     for row in np.flatnonzero(usable).tolist():
         x, y, z, w = poses[row, 3:] / norms[row]
         marker = Pose(rotation_from_quaternion((w, x, y, z)), scale * poses[row, :3])
