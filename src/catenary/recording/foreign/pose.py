@@ -74,7 +74,7 @@ def _determined(
     """
     short = np.array([open_joints(model, row, tracked.frame, tracked.match, chosen) for row in q])
     if short.any(axis=1).mean() <= 0.5:
-        return ~short.any(axis=1)
+        return np.asarray(~short.any(axis=1))
     lost = ", ".join(
         model.joint_names[j] for j, share in zip(chosen, short.mean(axis=0), strict=True) if share > 0.5
     )
