@@ -99,6 +99,7 @@ def test_a_saved_model_is_loaded_by_a_string(tmp_path: Path) -> None:
     model = catenary.fit(LOG, model="polynomial", held_out=0.2, inputs={"J1": ["q:J1"]})
     model.save(path)
     again = catenary.load_model(path)
+    assert again.card.pop("arrays_sha256")
     assert again.card == json.loads(json.dumps(model.card))
     assert len(again.card["errors"]["held_out"]) == 3
     assert_array_equal(again.predict(LOG), model.predict(LOG))

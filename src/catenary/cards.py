@@ -5,6 +5,7 @@ import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,8 @@ def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mappin
         for each, content in ((file, buffer.getvalue()), (copy, text.encode())):
             each.write(content)
             each.flush()
-            os.fsync(each.fileno())  # a full disk is noticed before either appears
+            if S_ISREG(os.fstat(each.fileno()).st_mode):  # no device or pipe
+                os.fsync(each.fileno())  # a full disk is noticed before either appears
 
 
 def card_of(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> dict[str, Any]:

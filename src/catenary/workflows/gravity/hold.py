@@ -65,7 +65,7 @@ def hold(
     report = run_loop(
         plant,
         controller,
-        Rest(pose, seconds),
+        Rest(plant.measured_js().q, seconds),
         limits=limits,
         rate_hz=rate,
         gravity=gravity,
