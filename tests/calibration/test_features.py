@@ -193,3 +193,14 @@ def test_features_of_a_whole_log_are_those_of_its_parts() -> None:
     features = FeatureSet(NAMES, UNITS, history=2, play=(("q:J2", 0.1),))
     part = replace(LOG, q_nominal=LOG.q_nominal[:8], q_encoder=None, ok=LOG.ok[:8], time=LOG.time[:8])
     assert_allclose(features.matrix(part), features.matrix(LOG)[:8], rtol=0.0)
+
+
+def test_previous_commands_do_not_reach_across_a_gap_in_time_and_play_does() -> None:
+    log = recording(np.random.default_rng(4), rows=60, units=("rad",))
+    time = np.array(log.time)
+    time[40:] += 5.0
+    features = FeatureSet(("q:J1",), ("rad",), history=2, play=(("q:J1", 0.1),))
+    late, whole = features.matrix(replace(log, time=time)), features.matrix(log)
+    assert np.isnan(late[[40, 41], 1:3]).any(axis=1).all()
+    assert_array_equal(np.delete(late, [40, 41], axis=0), np.delete(whole, [40, 41], axis=0))
+    assert_array_equal(late[:, 3], whole[:, 3])

@@ -115,3 +115,11 @@ def test_signs_scales_torques_and_stamps() -> None:
 def test_an_option_that_does_not_fit_is_refused(mend: Mend, says: str) -> None:
     with pytest.raises(InputError, match=says):
         mend(recording())
+
+
+def test_a_shift_does_not_reach_across_a_gap_in_time() -> None:
+    log = recording()
+    time = np.arange(40) / 10.0
+    time[20:] += 5.0
+    shifted = Mend(shift=2)(replace(log, time=time))
+    assert_array_equal(np.flatnonzero(~shifted.ok), [18, 19, 38, 39])
