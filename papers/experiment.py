@@ -113,8 +113,8 @@ def run(*, revision: int) -> Callable[[Callable[..., Result]], Run]:
 
 # robots of the catalogue that experiments load by themselves; others count where a case names them
 LOADED = (
-    "dual_arm_19", "dvrk_mtm", "dvrk_mtm_joint", "dvrk_psm", "panda", "raven2", "raven2_full", "raven2_full_right",
-    "raven2_right", "two_link",
+    "dual_arm_19", "dvrk_mtm", "dvrk_mtm_motors", "dvrk_psm_motors", "panda", "raven2", "raven2_full",
+    "raven2_full_right", "raven2_right", "two_link",
 )  # fmt: skip
 
 

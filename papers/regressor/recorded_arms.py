@@ -19,11 +19,11 @@ from papers.experiment import Result, run
 
 # recording: robot, and whether it holds poses at rest
 RECORDINGS = {
-    "dvrk_mtm_static_gravity/grid4_pos.npz": ("dvrk_mtm_joint", True),
-    "dvrk_mtm_static_gravity/grid4_neg.npz": ("dvrk_mtm_joint", True),
-    "dvrk_wpi_dynamics/mtm_one.npz": ("dvrk_mtm", False),
-    "dvrk_wpi_dynamics/psm_one.npz": ("dvrk_psm", False),
-    "dvrk_wpi_dynamics/psm_one_no_weight.npz": ("dvrk_psm", False),
+    "dvrk_mtm_static_gravity/grid4_pos.npz": ("dvrk_mtm", True),
+    "dvrk_mtm_static_gravity/grid4_neg.npz": ("dvrk_mtm", True),
+    "dvrk_wpi_dynamics/mtm_one.npz": ("dvrk_mtm_motors", False),
+    "dvrk_wpi_dynamics/psm_one.npz": ("dvrk_psm_motors", False),
+    "dvrk_wpi_dynamics/psm_one_no_weight.npz": ("dvrk_psm_motors", False),
 }
 LEARNT_SHARE = 0.6  # of a recording, before the part that is held out
 OMEGA = 4.0  # [1/s] as for the 19 joints

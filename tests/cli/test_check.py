@@ -17,7 +17,7 @@ def write_text(path: Path, text: str) -> Path:
 
 
 def test_a_robot_of_the_catalogue_without_inertia_says_what_it_is_good_for() -> None:
-    outcome = catenary("check", "dvrk_psm_joint", "--json")
+    outcome = catenary("check", "dvrk_psm", "--json")
     assert (outcome.code, outcome.json["faults"]) == (0, [])
     assert "has no inertia: kinematics work, gravity and torques are refused" in outcome.json["remarks"]
 

@@ -148,7 +148,7 @@ REFUSALS = {
     "excitation panda --out x.npz --trajectory x.json --static 20": "one of --static and --trajectory",
     "excitation panda --out x.npz --static 2 --fourier": "one of --static and --fourier",
     "excitation panda --out x.npz --harmonics 1": "three or more harmonics",
-    "excitation dvrk_psm --out x.npz": "no lower limit of q1: give --lower",
+    "excitation dvrk_psm_motors --out x.npz": "no lower limit of q1: give --lower",
     "excitation panda --out x.npz --upper 1,2": "upper: expected shape (7,)",
     "excitation panda --out x.txt --static 9": "expected .npz or .csv",
     "check raven": "no such file, and no robot of that name; robots: dual_arm_19, dvrk_mtm",

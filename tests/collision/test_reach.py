@@ -10,7 +10,7 @@ from catenary.robots.shapes import load_geometry
 from colliding_arm import PANDA, capsule_arm
 
 
-@pytest.mark.parametrize("name", ["panda", "raven2", "ur10e", "dual_arm_19", "dvrk_mtm"])
+@pytest.mark.parametrize("name", ["panda", "raven2", "ur10e", "dual_arm_19", "dvrk_mtm_motors"])
 def test_no_distance_changes_faster_than_the_reach_allows(name):
     model = load_robot(name)
     scene = scene_of(model, load_geometry(name, model, link_radius=0.02), [floor_at(0.0)])

@@ -44,7 +44,7 @@ def test_regressor_is_pinocchios(random_robots, rng):
 
 
 def test_a_robot_without_inertia_has_a_regressor():
-    Y = torque_regressor(load_robot("dvrk_psm"), np.ones(7), np.ones(7), np.ones(7), TILTED)
+    Y = torque_regressor(load_robot("dvrk_psm_motors"), np.ones(7), np.ones(7), np.ones(7), TILTED)
     assert Y.shape == (7, 80)
     assert np.abs(Y[:3]).max() > 1.0
     assert_allclose(Y[3:], 0.0)  # the tool's motors move no link of the model

@@ -31,4 +31,4 @@ def test_a_slide_goes_to_its_limits_and_no_farther() -> None:
 
 def test_a_joint_that_slides_without_limits_is_refused_by_name() -> None:
     with pytest.raises(InputError, match='joint "q3" slides without limits'):
-        reachable_points(load_robot("dvrk_psm"), rng=np.random.default_rng(0))
+        reachable_points(load_robot("dvrk_psm_motors"), rng=np.random.default_rng(0))

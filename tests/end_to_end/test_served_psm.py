@@ -32,7 +32,7 @@ from oracles.ticking_clock import TickingClock
 from oracles.tree_poses import frame_pose
 
 JointState = message_class("sensor_msgs/JointState")
-MODEL = load_robot("dvrk_psm_joint")
+MODEL = load_robot("dvrk_psm")
 PSM = Serving(robot="dvrk_psm", dialect="crtk")
 # what a dVRK's PSM publishes and takes [jhu-dvrk/dvrk_robot_ros, crtk-cisst]; it has more
 PUBLISHED = {

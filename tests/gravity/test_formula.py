@@ -54,4 +54,4 @@ def test_a_ur10e_is_written_in_six_short_lines_that_latex_reads() -> None:
 
 def test_a_robot_without_masses_has_no_formulas_of_them() -> None:
     with pytest.raises(MissingInertiaError):
-        gravity_latex(load_robot("dvrk_psm"))
+        gravity_latex(load_robot("dvrk_psm_motors"))

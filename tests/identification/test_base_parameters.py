@@ -42,8 +42,8 @@ def base_of(model, terms="full", gravity=LEVEL):
     ("name", "count"),
     [
         # published by Wang et al. 2019, and Gaz et al. 2019 (43 inertial, 21 friction)
-        ("dvrk_psm", 49),
-        ("dvrk_mtm", 73),
+        ("dvrk_psm_motors", 49),
+        ("dvrk_mtm_motors", 73),
         ("panda", 64),
         # a planar 3R: I, mcx, mcy per link less what is the same about parallel axes (Khalil, Dombre 2002), 9 friction
         ("planar_3r", 9 + 9),
@@ -82,7 +82,7 @@ def test_massless_links_have_no_parameters():
 
 
 def test_at_rest_only_masses_first_moments_constants_and_springs_show():
-    names = Parameters(load_robot("dvrk_mtm"), "static").names
+    names = Parameters(load_robot("dvrk_mtm_motors"), "static").names
     assert {name.split()[0] for name in names} == {"m", "mcx", "mcy", "mcz", "offset", "spring"}
 
 

@@ -46,7 +46,7 @@ def test_a_file_gives_back_the_same_torques_to_the_bit_and_the_robot(found, save
     assert loaded.tests[0].verdict == "holds"
 
 
-@pytest.mark.parametrize("name", ["dvrk_mtm", "tiago"])
+@pytest.mark.parametrize("name", ["dvrk_mtm_motors", "tiago"])
 def test_robots_with_springs_and_scales_come_back_whole(name, found, tmp_path):
     from catenary.robots.model_record import robot_from_record, robot_record
 

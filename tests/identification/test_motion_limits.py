@@ -94,7 +94,7 @@ def test_poses_whose_weight_cannot_be_held_are_not_free():
         ("panda", {"acceleration": np.zeros(7)}, "limits of acceleration and torque above zero"),
         ("panda", {"upper": np.zeros(6)}, "upper: expected shape (7,)"),
         ("panda", {"upper": np.full(7, np.nan)}, "no upper limit of q1"),
-        ("dvrk_psm", {}, "no lower limit of q1: give --lower for all 7 joints"),
+        ("dvrk_psm_motors", {}, "no lower limit of q1: give --lower for all 7 joints"),
     ],
 )
 def test_limits_that_cannot_be_are_refused(name, limits, said):

@@ -38,13 +38,13 @@ def dvrk(recordings: Path) -> Path:
 @pytest.fixture(scope="module")
 def psm(dvrk: Path) -> Identification:
     names = ("psm_one.npz", "psm_one_no_weight.npz")
-    fitted, other_day = (log_of(dvrk, name, "dvrk_psm") for name in names)
-    return identify([fitted], load_robot("dvrk_psm"), tests=[other_day])
+    fitted, other_day = (log_of(dvrk, name, "dvrk_psm_motors") for name in names)
+    return identify([fitted], load_robot("dvrk_psm_motors"), tests=[other_day])
 
 
 def test_psm_is_fitted_as_well_as_published(dvrk: Path) -> None:
-    log = log_of(dvrk, "psm_one.npz", "dvrk_psm")
-    free = identify([log], load_robot("dvrk_psm"), PUBLISHED)
+    log = log_of(dvrk, "psm_one.npz", "dvrk_psm_motors")
+    free = identify([log], load_robot("dvrk_psm_motors"), PUBLISHED)
     assert free.base.count == free.rank == 49
     known = np.array([0.066, 0.143, 0.179, 0.110, 0.206, 0.196, 0.237])
     assert (free.training[0].relative_rms <= 1.05 * known).all()
@@ -58,7 +58,7 @@ def test_psm_of_another_day_is_predicted_as_well_as_with_other_tools(psm: Identi
 
 
 def test_mtm_is_fitted_with_the_published_number_of_parameters(dvrk: Path) -> None:
-    log, model = log_of(dvrk, "mtm_one.npz", "dvrk_mtm"), load_robot("dvrk_mtm")
+    log, model = log_of(dvrk, "mtm_one.npz", "dvrk_mtm_motors"), load_robot("dvrk_mtm_motors")
     free = identify([log], model, PUBLISHED)
     assert free.base.count == 73
     assert (free.training[0].relative_rms <= [0.09, 0.18, 0.19, 0.21, 0.26, 0.23, 0.34]).all()
@@ -69,10 +69,12 @@ def test_mtm_is_fitted_with_the_published_number_of_parameters(dvrk: Path) -> No
 
 @pytest.mark.slow
 def test_the_end_of_the_mtms_motion_is_predicted_better_than_by_plain_friction(dvrk: Path) -> None:
-    samples = prepare(log_of(dvrk, "mtm_one.npz", "dvrk_mtm"), load_robot("dvrk_mtm"), IdentifyOptions())
+    samples = prepare(
+        log_of(dvrk, "mtm_one.npz", "dvrk_mtm_motors"), load_robot("dvrk_mtm_motors"), IdentifyOptions()
+    )
     early = np.arange(len(samples)) < int(0.8 * len(samples))
     first, last = samples.rows(early, "first 80 %"), samples.rows(~early, "last 20 %")
-    found = identify_samples([first], load_robot("dvrk_mtm"), IdentifyOptions()).test([last])
+    found = identify_samples([first], load_robot("dvrk_mtm_motors"), IdentifyOptions()).test([last])
     known = np.array([0.089, 0.204, 0.125, 0.207, 0.215, 0.177, 0.327])  # Coulomb and viscous friction alone
     assert (found.tests[0].relative_rms <= 1.02 * known).all()  # bodies alone cost axis 1 2 %
     assert np.mean(found.tests[0].relative_rms / known) < 0.9
@@ -89,9 +91,9 @@ def test_panda_is_predicted_on_the_seconds_it_was_not_fitted_to(recordings: Path
 
 def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) -> None:
     folder = recordings / "dvrk_mtm_static_gravity"
-    logs = [log_of(folder, f"grid4_{side}.npz", "dvrk_mtm_joint") for side in ("pos", "neg")]
+    logs = [log_of(folder, f"grid4_{side}.npz", "dvrk_mtm") for side in ("pos", "neg")]
     options = IdentifyOptions(terms="static", blocks=128)
-    found = identify(logs, load_robot("dvrk_mtm_joint"), options)
+    found = identify(logs, load_robot("dvrk_mtm"), options)
     for test in found.tests:
         assert (test.rms[1:3] <= 0.075).all()  # [Nm] J2, J3
 
@@ -129,7 +131,7 @@ def test_tiagos_table_is_the_robots_own_chain(recordings: Path) -> None:
     [("psm_one_105g_insertion.npz", None, 0.010), ("psm_half_105g_insertion.npz", 8.48, 0.035)],
 )
 def test_a_known_weight_is_weighed(psm, dvrk, name, cutoff_hz, most) -> None:
-    log = log_of(dvrk, name, "dvrk_psm")
+    log = log_of(dvrk, name, "dvrk_psm_motors")
     samples = prepare(log, psm.model, IdentifyOptions(cutoff_hz=cutoff_hz))
     payload = estimate_payload(psm, [samples], at=WEIGHT)
     assert payload.detected
@@ -137,7 +139,9 @@ def test_a_known_weight_is_weighed(psm, dvrk, name, cutoff_hz, most) -> None:
 
 
 def test_an_unloaded_arm_of_another_day_carries_no_payload(psm: Identification, dvrk: Path) -> None:
-    samples = [prepare(log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm"), psm.model, IdentifyOptions())]
+    samples = [
+        prepare(log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())
+    ]
     payload = estimate_payload(psm, samples, at=WEIGHT)
     assert not payload.detected
     assert payload.mass is not None
@@ -146,7 +150,9 @@ def test_an_unloaded_arm_of_another_day_carries_no_payload(psm: Identification, 
 
 
 def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(psm, dvrk) -> None:
-    samples = [prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm"), psm.model, IdentifyOptions())]
+    samples = [
+        prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())
+    ]
     payload = estimate_payload(psm, samples)
     assert payload.detected
     assert payload.link in ("pitch", "top_bar", "middle_bar")
@@ -166,14 +172,14 @@ def test_a_panda_whose_torques_are_all_turned_names_all_joints(recordings: Path)
 
 
 def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> None:
-    log = log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm")
+    log = log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors")
     order = [1, 0, *range(2, 7)]
     mixed = tmp_path / "mixed.npz"
     assert log.qd is not None
     assert log.tau is not None
     np.savez(mixed, q=log.q_nominal[:, order], dq=log.qd[:, order], tau=log.tau[:, order], fs=200.0)
     result = identify_files(
-        [dvrk / "psm_one.npz"], "dvrk_psm", IdentifyOptions(), tests=[mixed], accept=("swapped",)
+        [dvrk / "psm_one.npz"], "dvrk_psm_motors", IdentifyOptions(), tests=[mixed], accept=("swapped",)
     )
     assert result.identification.tests[0].verdict != "holds"
     assert any(
@@ -182,15 +188,19 @@ def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> 
 
 
 def test_a_wrong_sampling_rate_is_noticed(dvrk: Path, tmp_path: Path) -> None:
-    log = log_of(dvrk, "psm_half_105g_insertion.npz", "dvrk_psm")
+    log = log_of(dvrk, "psm_half_105g_insertion.npz", "dvrk_psm_motors")
     path = tmp_path / "half.npz"
     np.savez(path, q=log.q_nominal, dq=log.qd, tau=log.tau, fs=200.0)  # its velocities fit 100 Hz
     with pytest.raises(InputError, match="another sampling rate than stated"):
-        prepare(read_torque_log(path, load_robot("dvrk_psm")), load_robot("dvrk_psm"), IdentifyOptions())
+        prepare(
+            read_torque_log(path, load_robot("dvrk_psm_motors")),
+            load_robot("dvrk_psm_motors"),
+            IdentifyOptions(),
+        )
 
 
 def test_one_moving_axis_shows_too_little(dvrk: Path) -> None:
-    log, model = log_of(dvrk, "psm_one.npz", "dvrk_psm"), load_robot("dvrk_psm")
+    log, model = log_of(dvrk, "psm_one.npz", "dvrk_psm_motors"), load_robot("dvrk_psm_motors")
     from dataclasses import replace
 
     q, qd = log.q_nominal.copy(), np.array(log.qd)

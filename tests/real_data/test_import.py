@@ -12,7 +12,7 @@ from catenary.workflows.import_recording import import_recording, propose_mappin
 LAYOUTS = {
     "dvrk_calibration_berkeley/random_train.npz": (None, 5600, 6),
     "dvrk_mtm_static_gravity/grid4_pos.npz": ("dvrk_mtm", 4096, 7),
-    "dvrk_wpi_dynamics/psm_one.npz": ("dvrk_psm", 5999, 7),
+    "dvrk_wpi_dynamics/psm_one.npz": ("dvrk_psm_motors", 5999, 7),
     "panda_dynamics/panda_first60.npz": ("panda", 12326, 7),
     "tiago_dynamics/tiago_dynamic.npz": ("tiago", None, 8),
     "raven2_recorded_state/raven_state_circle.npz": (None, None, 3),

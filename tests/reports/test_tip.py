@@ -45,7 +45,7 @@ def test_joints_are_matched_by_name_or_by_the_first_units_and_others_must_not_mo
     names = ("J1", "J2", "J3", "J4", "J5", "J6")
     units = (*UNITS, "rad", "rad", "rad")
     model, evaluation = found(np.full(6, 1e-3), names, units)
-    psm = kinematics_of("dvrk_psm", model)
+    psm = kinematics_of("dvrk_psm_motors", model)
     assert psm is not None
     tip = tip_errors(psm, model, evaluation)
     assert tip.moves == (True, True, True, False, False, False)

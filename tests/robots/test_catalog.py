@@ -32,7 +32,7 @@ def test_every_robots_inertias_are_those_of_bodies_that_can_exist(name):
         assert (mass > 0.0) == (moments[2] > 0.0)
 
 
-@pytest.mark.parametrize("name", ["dvrk_psm", "dvrk_psm_joint", "dvrk_mtm", "dvrk_mtm_joint", "tiago"])
+@pytest.mark.parametrize("name", ["dvrk_psm_motors", "dvrk_psm", "dvrk_mtm_motors", "dvrk_mtm", "tiago"])
 def test_robots_without_published_inertia_are_kinematics_only(name):
     model = load_robot(name)
     assert model.missing_inertia == model.link_names
@@ -41,7 +41,7 @@ def test_robots_without_published_inertia_are_kinematics_only(name):
 
 
 def test_both_masters_are_the_same_arm_in_other_coordinates(rng):
-    motor, joint = load_robot("dvrk_mtm"), load_robot("dvrk_mtm_joint")
+    motor, joint = load_robot("dvrk_mtm_motors"), load_robot("dvrk_mtm")
     for q in rng.normal(size=(10, 7)):
         own = [q[0], q[1], q[2] - q[1], 0.6697 * (q[1] - q[2]) + q[3], *q[4:]]
         for name in motor.link_names:
@@ -49,7 +49,7 @@ def test_both_masters_are_the_same_arm_in_other_coordinates(rng):
 
 
 def test_the_psms_shaft_always_passes_one_point_on_the_first_axis(rng):
-    model = load_robot("dvrk_psm")
+    model = load_robot("dvrk_psm_motors")
     first = frame_pose(model, "yaw", np.zeros(7))
     remote_centre = first[:3, 3] - 0.516 * first[:3, 2]  # the length of the parallelogram's top bar
     for q in rng.uniform(-0.7, 0.7, size=(10, 7)):
@@ -150,6 +150,8 @@ def test_a_file_of_another_kind_is_refused(tmp_path, file, text, said):
 def test_what_is_no_robot_is_refused_with_the_catalogue(tmp_path):
     with pytest.raises(FileFormatError, match=r'"raven": .*did you mean "raven2"\?.*planar_3r, raven2, '):
         load_robot("raven")
+    with pytest.raises(FileFormatError, match=r'did you mean "dvrk_psm"\?'):
+        load_robot("dvrk_psm_joint")
     with pytest.raises(FileFormatError, match="neither a file nor in the catalogue"):
         load_robot(tmp_path)
     with pytest.raises(FileFormatError, match=r"none\.urdf: no such file"):

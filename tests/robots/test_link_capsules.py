@@ -39,7 +39,7 @@ def test_a_centre_of_mass_beside_the_line_lies_in_the_capsules():
 
 
 def test_without_masses_a_radius_must_be_given():
-    model = load_robot("dvrk_psm")
+    model = load_robot("dvrk_psm_motors")
     assert capsules_along_links(model) is None
     found = capsules_along_links(model, 0.02)
     assert {shape.form.radius for shape in found.shapes} == {0.02}

@@ -113,7 +113,7 @@ def test_a_payload_on_a_massless_link_gives_it_a_mass():
         ("raven2", ("wrist", -1.0, PLACE), "mass -1 kg, expected zero or more"),
         ("raven2", ("wrist", np.nan, PLACE), "mass is nan"),
         ("raven2", ("wrist", 1.0, [0.0, 0.0]), "position: expected shape (3,)"),
-        ("dvrk_psm", ("pitch", 1.0, PLACE), "no inertia for link"),
+        ("dvrk_psm_motors", ("pitch", 1.0, PLACE), "no inertia for link"),
     ],
 )
 def test_a_payload_that_cannot_be_is_refused(name, arguments, said):

@@ -37,7 +37,7 @@ def test_pinocchio_reads_the_same_robot():
 
 
 def test_coupled_joints_mimic_and_idle_motors_are_left_out():
-    model = load_robot("dvrk_psm")
+    model = load_robot("dvrk_psm_motors")
     again = parse_urdf(urdf_text(model))
     assert again.joint_names == ("q1", "q2", "q3")  # q4 to q7 move no link
     q = np.array([0.3, -0.4, 0.15, 0.0, 0.0, 0.0, 0.0])
@@ -68,7 +68,7 @@ def test_a_joint_that_follows_two_coordinates_is_refused():
     with pytest.raises(
         UnsupportedModelError, match='link "forearm" moves with q2 and q3: URDF joints follow one'
     ):
-        urdf_text(load_robot("dvrk_mtm"))
+        urdf_text(load_robot("dvrk_mtm_motors"))
 
 
 def test_a_files_own_base_is_written_under_its_name():

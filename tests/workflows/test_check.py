@@ -126,6 +126,6 @@ def test_the_page_of_formats_names_every_fact(record: type) -> None:
 
 
 def test_a_robot_that_is_there_to_be_identified_has_no_fault() -> None:
-    finding = check_file("dvrk_psm")
+    finding = check_file("dvrk_psm_motors")
     assert not finding.faults
     assert any("has no inertia, to be identified" in remark for remark in finding.remarks)

@@ -72,12 +72,12 @@ def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
     found = design(MotionSurroundings(load_geometry("raven2", raven)), raven, room)
     assert any("torques are unchecked: raven2 has no limits of them" in note for note in found.notes)
     assert any("kept from hitting itself alone" in note for note in found.notes)
-    bare = load_robot("dvrk_psm")
+    bare = load_robot("dvrk_psm_motors")
     room = room_of(
         bare, lower=-np.full(7, 0.5), upper=np.full(7, 0.5), velocity=np.ones(7), effort=np.ones(7)
     )
     found = design(MotionSurroundings(None, unchecked="no shapes"), bare, room)
-    assert any("torques are unchecked: dvrk_psm has no masses" in note for note in found.notes)
+    assert any("torques are unchecked: dvrk_psm_motors has no masses" in note for note in found.notes)
 
 
 def test_poses_are_free_and_their_ways_said_to_be_unchecked():

@@ -108,7 +108,7 @@ def identify(
 ) -> None:
     """Identify an arm's dynamics from recordings of it.
 
-    Example: catenary identify psm_one.npz --robot dvrk_psm --test another_day.npz --out psm.npz
+    Example: catenary identify psm_one.npz --robot dvrk_psm_motors --test another_day.npz --out psm.npz
     """
     from catenary.identification.files import save_identification
     from catenary.identification.options import FRICTION_PARTS, IdentifyOptions

@@ -277,7 +277,7 @@ def _robots(client: CrtkReader, *, gravity_torque: bool) -> tuple[RobotModel, Ro
     if client.joint_names == PSM_JOINTS:
         if gravity_torque:
             raise InputError("deploy: --gravity-torque: no masses are published of a PSM")
-        return load_robot("dvrk_psm_joint"), None
+        return load_robot("dvrk_psm"), None
     if client.joint_names != JOINTS:
         raise InputError(
             f"deploy: the kinematics are a RAVEN-II's, with joints {', '.join(JOINTS)}, or a dVRK PSM's, with "
@@ -316,7 +316,7 @@ def reader_of(
         if dialect == "raven":
             raise InputError("--dialect raven: the model is a PSM's, which speaks crtk")
         place = psm_topic(namespace or "/PSM1", "measured_js").name.rpartition("/")[0]
-        psm = model_joints(load_robot("dvrk_psm_joint"))
+        psm = model_joints(load_robot("dvrk_psm"))
         return CrtkReader(transport, dialect="crtk", namespace=place, joints=psm, imu=imu)
     if namespace is not None:
         raise InputError("--namespace: the model is none of a PSM; a RAVEN-II's arms are chosen by --arm")

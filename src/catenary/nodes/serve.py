@@ -172,7 +172,7 @@ def _plants(serving: Serving) -> dict[str, Plant]:
 
 def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
     if serving.robot == PSM:
-        tool = ToolPose(load_robot("dvrk_psm_joint"), plant.joint_names)
+        tool = ToolPose(load_robot("dvrk_psm"), plant.joint_names)
         weight = gravity_kernel(load_psm().loaded_model())
         return ServedArm(plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=weight)
     model = MODELS[name]

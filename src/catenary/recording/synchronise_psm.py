@@ -11,7 +11,7 @@ from catenary.recording.series import interpolate
 from catenary.recording.synchronise import Synchronisation, read_first_column, read_series
 from catenary.recording.topics import PSM_JOINTS, SECOND, psm_topic
 
-ROBOT = "dvrk_psm_joint"  # of the catalogue, in the joints of measured_js
+ROBOT = "dvrk_psm"  # of the catalogue, in the joints of measured_js
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
 MAX_GAP = 0.05  # [s] between two samples that are interpolated between
 

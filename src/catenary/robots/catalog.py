@@ -45,7 +45,8 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
             return load_file(table, massless=massless, strict=strict)
     path = Path(source)
     if not _is_file(path):
-        close = get_close_matches(cut(name), robot_names(), n=1, cutoff=0.6)
+        begins = [known for known in robot_names() if name.startswith(known)]
+        close = begins[-1:] or get_close_matches(cut(name), robot_names(), n=1, cutoff=0.6)
         hint = f' (did you mean "{close[0]}"?)' if close else ""
         raise FileFormatError(
             f'robot "{cut(name)}": neither a file nor in the catalogue{hint}; '

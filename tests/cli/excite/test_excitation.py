@@ -24,10 +24,12 @@ def test_it_designs_poses_and_motions(tmp_path: Path) -> None:
 
 def test_a_robot_without_limits_takes_them_and_is_told_that_collisions_are_unchecked(tmp_path: Path) -> None:
     bounds = ["--lower=-1,-0.7,0.05,-1,-1,-1,-1", "--upper", "1,0.7,0.2,1,1,1,1"]
-    design = ("excitation", "dvrk_psm", "--static", 12, *bounds, "--out", tmp_path / "p.npz")
+    design = ("excitation", "dvrk_psm_motors", "--static", 12, *bounds, "--out", tmp_path / "p.npz")
     outcome = catenary(*design, "--json", "--no-notes")
     assert outcome.json["terms"] == "static"
-    assert "COLLISIONS ARE UNCHECKED: dvrk_psm has no shapes" in outcome.err  # --no-notes leaves warnings
+    assert (
+        "COLLISIONS ARE UNCHECKED: dvrk_psm_motors has no shapes" in outcome.err
+    )  # --no-notes leaves warnings
     assert (
         "UNCHECKED"
         in catenary(

@@ -28,7 +28,7 @@ def test_excite_begins_the_project_of_another_robot(tmp_path: Path) -> None:
     settings = project_settings(project)
     assert settings is not None
     assert (settings.robot, settings.namespace) == ("dvrk_psm", "/PSM2")
-    assert open_recording(project / "recordings" / "train").about.robot == "dvrk_psm_joint"
+    assert open_recording(project / "recordings" / "train").about.robot == "dvrk_psm"
     assert "nothing to do" in catenary("excite", project, *minutes).out
 
 

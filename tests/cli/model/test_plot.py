@@ -35,10 +35,10 @@ def test_pictures_have_the_kind_that_their_names_say(tmp_path: Path, ending: str
 
 
 def test_a_robot_without_masses_is_drawn_without_torques_and_that_is_said(tmp_path: Path) -> None:
-    outcome = catenary("plot", "dvrk_psm", "--out", tmp_path / "psm.png")
+    outcome = catenary("plot", "dvrk_psm_motors", "--out", tmp_path / "psm.png")
     assert outcome.code == 0
     assert "no torques: the description gives no mass of yaw, pitch" in outcome.err
-    assert catenary("plot", "dvrk_psm", "--out", tmp_path / "psm.png", "--no-notes").err == ""
+    assert catenary("plot", "dvrk_psm_motors", "--out", tmp_path / "psm.png", "--no-notes").err == ""
 
 
 def test_a_joint_beyond_its_limits_and_gravity_upwards_are_noted(tmp_path: Path) -> None:
@@ -59,7 +59,9 @@ def test_what_cannot_be_drawn_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     assert "hide: x: expected some of" in refusal(
         "plot", "raven2", "--hide", "x", "--out", tmp_path / "a.png"
     )
-    assert "slides without limits" in refusal("plot", "dvrk_psm", "--workspace", "--out", tmp_path / "a.png")
+    assert "slides without limits" in refusal(
+        "plot", "dvrk_psm_motors", "--workspace", "--out", tmp_path / "a.png"
+    )
     assert "give one of" in refusal("plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1")
     page = tmp_path / "other.png"
     page.write_text("mine")

@@ -6,7 +6,7 @@ from catenary import gravity_regressor, load_robot
 from papers.regressor.evaluation_time import evaluation, full_kernel, medians
 
 
-@pytest.mark.parametrize("name", ["planar_3r", "ur5e", "dvrk_mtm"])
+@pytest.mark.parametrize("name", ["planar_3r", "ur5e", "dvrk_mtm_motors"])
 def test_full_regressor_as_a_line_of_operations_is_the_papers(name: str, rng: np.random.Generator) -> None:
     model = load_robot(name)
     q, gravity = rng.normal(size=model.n), rng.normal(size=3)

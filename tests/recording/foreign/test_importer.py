@@ -148,9 +148,9 @@ def dvrk_bag(path: Path, kind: Kind, truth: np.ndarray) -> tuple[Path, dict[str,
         messages.append((t, "/PSM1/measured_js", joint_state(names, q, np.zeros(6), np.zeros(6))))
         messages.append((t, "/PSM1/setpoint_js", joint_state(names, q + 0.001, (), np.zeros(6))))
     for t in times:
-        full = np.zeros(7)
+        full = np.zeros(6)
         full[:3] = true_q(t) + truth
-        marker = tracker.inverse() @ forward_kinematics(robot, full) @ frame.inverse()
+        marker = tracker.inverse() @ forward_kinematics(robot, full, "outer_insertion") @ frame.inverse()
         messages.append((t, "/ndi/marker", pose(marker.position, quaternion_from_rotation(marker.rotation))))
     topics = {"/PSM1/measured_js": JOINT_STATE, "/PSM1/setpoint_js": JOINT_STATE, "/ndi/marker": POSE}
     transforms = {
@@ -168,10 +168,10 @@ def test_a_dvrk_s_joints_follow_from_a_tracked_marker(kind: Kind, tmp_path: Path
     mapping = {
         "robot": "dvrk_psm",
         "q_nominal": {"columns": "/PSM1/measured_js.position[0:3]"},
-        "q_encoder": {"pose": {"columns": "/ndi/marker.pose", **transforms}},
+        "q_encoder": {"pose": {"columns": "/ndi/marker.pose", "frame": "outer_insertion", **transforms}},
     }
     log = import_recording(bag, mapping)
-    assert log.joint_names == ("q1", "q2", "q3")
+    assert log.joint_names == ("outer_yaw", "outer_pitch", "outer_insertion")
     assert log.time is not None
     assert log.q_encoder is not None
     assert log.ok.mean() > 0.95

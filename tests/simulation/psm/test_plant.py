@@ -68,8 +68,8 @@ def test_a_joint_that_is_held_up_stops_it_in_fault():
 
 
 def test_its_tool_has_the_joints_that_it_reports():
-    assert load_robot("dvrk_psm_joint").joint_names == PSM_JOINTS[:6]
-    model = load_robot("dvrk_psm_joint")
+    assert load_robot("dvrk_psm").joint_names == PSM_JOINTS[:6]
+    model = load_robot("dvrk_psm")
     assert_allclose(model.lower, PsmPlant().lower[:6], atol=1e-6)
     assert_allclose(model.upper, PsmPlant().upper[:6], atol=1e-6)
 

@@ -3,6 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
+from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.sensing.vector import tilted_gravity
 from catenary.workflows.robot.operated_robot import robot_over, simulated_robot
 from catenary.workflows.robot.operator_motion import go_to_joints
@@ -34,3 +35,11 @@ def test_a_seed_for_a_robot_that_is_always_the_same_and_an_unknown_dialect_are_r
         simulated_robot("planar_3r", seed=3)
     with pytest.raises(InputError, match="raven, crtk"):
         robot_over(RobotOnLoopback(homed_plant("left")).transport, dialect="latin")
+
+
+@pytest.mark.parametrize("name", ["raven2", "raven2_right", "dvrk_psm", "planar_3r"])
+def test_a_name_is_one_robot_whether_it_moves_or_is_asked_of_the_catalogue(name: str) -> None:
+    pytest.importorskip("mujoco")
+    robot, known = simulated_robot(name, homed=False, real_time=False), load_robot(name)
+    assert (robot.name, robot.model.joint_names) == (name, known.joint_names)
+    assert robot.plant.joint_names[:3] == known.joint_names[:3] or name in RAVEN_SIDES

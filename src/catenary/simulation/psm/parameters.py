@@ -98,13 +98,13 @@ class PsmArm(NamedTuple):
     drive: PsmDrive
     controller: PsmController
     tracker: Tracker
-    links: Tree  # of robot dvrk_psm, in its own coordinates, with masses
+    links: Tree  # of robot dvrk_psm_motors, in its own coordinates, with masses
     coupling: Floats  # (LINKS, 3) the links' coordinates per yaw, pitch, insertion
     file: PsmFile
 
     def loaded_model(self) -> RobotModel:
-        """Return robot dvrk_psm with these masses; its first three coordinates are the arm's first joints."""
-        return replace(load_robot("dvrk_psm"), tree=self.links, missing_inertia=())
+        """Return robot dvrk_psm_motors with these masses; its first three coordinates are the arm's first joints."""
+        return replace(load_robot("dvrk_psm_motors"), tree=self.links, missing_inertia=())
 
 
 def load_psm(path: Path | None = None) -> PsmArm:
@@ -117,7 +117,7 @@ def load_psm(path: Path | None = None) -> PsmArm:
         with as_file(files("catenary.simulation") / "data" / "dvrk_psm.toml") as packaged:
             return load_psm(packaged)
     content = load_toml(path, PsmFile)
-    model = load_robot("dvrk_psm")
+    model = load_robot("dvrk_psm_motors")
     if set(content.links) != set(model.link_names):
         raise ConfigError(
             f"{path}: [links]: expected {', '.join(model.link_names)}, got {', '.join(content.links)}"

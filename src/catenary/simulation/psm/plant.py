@@ -93,7 +93,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         self.arm = drawn if seed is None else varied_psm(drawn, rng)
         super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
         self.seed, self.substeps = seed, substeps
-        self.model: RobotModel = load_robot("dvrk_psm_joint")
+        self.model: RobotModel = load_robot("dvrk_psm")
         # the arm's parameters and its controller's; others may be put in place of them
         self.drive, self.controller = self.arm.drive.copy(), self.arm.controller.copy()
         self.state = PsmState()

@@ -28,7 +28,7 @@ from catenary.simulation.psm.plant import PsmPlant
 from catenary.simulation.simulated_plant import PacedPlant
 
 TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
-PSM, PSM_PLACE = "dvrk_psm", "/PSM1"  # a da Vinci PSM moves and speaks in joints that are not its motors'
+PSM, PSM_PLACE = "dvrk_psm", "/PSM1"
 DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
 
 
@@ -141,7 +141,7 @@ def simulated_robot(
         MissingInertiaError: Links without inertia.
     """
     base = FixedBase(*(float(angle) for angle in np.deg2rad(base_tilt_deg)))
-    model = load_robot("dvrk_psm_joint" if robot == PSM else robot)
+    model = load_robot(robot)
     plant: CablePlant | PsmPlant | MujocoPlant
     if robot == PSM:
         plant = PsmPlant(seed=seed, base=base)
@@ -153,11 +153,10 @@ def simulated_robot(
         plant = MujocoPlant(model, base=base)
     if homed:
         plant.home()
-    name = robot if robot == PSM else model.name
     if not real_time:
-        return OperatedRobot(name, plant, model, lambda: 0)
+        return OperatedRobot(model.name, plant, model, lambda: 0)
     paced = PacedPlant(plant)
-    return OperatedRobot(name, cast(Plant, paced), model, lambda: paced.late)
+    return OperatedRobot(model.name, cast(Plant, paced), model, lambda: paced.late)
 
 
 def robot_over(
@@ -193,11 +192,10 @@ def robot_over(
         raise InputError(
             f'robot "{robot}": expected one of {", ".join(RAVEN_SIDES)} with the dialect raven; others speak crtk'
         )
-    model = load_robot("dvrk_psm_joint" if robot == PSM else robot)
+    model = load_robot(robot)
     arm: Arm = "green" if robot == "raven2_right" else "gold"
     joints = None if robot in RAVEN_SIDES else model_joints(model)
     client = (CrtkReader if only_read else CrtkClient)(
         transport, dialect=dialect, arm=arm, namespace=namespace, joints=joints, simulated=simulated, imu=imu
     )
-    name = robot if robot == PSM else model.name
-    return OperatedRobot(name, client, model, lambda: client.late), client
+    return OperatedRobot(model.name, client, model, lambda: client.late), client
