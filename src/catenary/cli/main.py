@@ -60,11 +60,12 @@ def main() -> None:
 
 
 def _run() -> None:
-    from catenary.cli.terminal import NotesOfLogs
+    from catenary.cli.terminal import NotesOfLogs, is_for_people
     from catenary.errors import CatenaryError
 
     notes, log = NotesOfLogs(), logging.getLogger("catenary")
     log.addHandler(notes)
+    logging.getLogger("matplotlib").addFilter(is_for_people)
     try:
         try:
             app(prog_name="catenary")

@@ -31,6 +31,11 @@ class NotesOfLogs(logging.Handler):
             print_notes([record.getMessage()])
 
 
+def is_for_people(record: logging.LogRecord) -> bool:
+    """Return whether a person needs to know what matplotlib logs: not where it keeps its fonts for this run."""
+    return not record.getMessage().startswith(("mkdir -p failed", "Matplotlib created a temporary"))
+
+
 @contextmanager
 def without_notes(silent: bool) -> Iterator[None]:
     """Leave notes out while a command runs."""

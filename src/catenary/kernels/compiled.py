@@ -4,7 +4,8 @@ numba takes half a second to import, and as long again to make ready. That is do
 called, so programs that call none start without it.
 
 numba keeps machine code on disk until the file of its function changes, whatever became of the functions in other
-files that it calls. Here it is made anew when any file with such functions has changed.
+files that it calls. Here it is made anew when any file with such functions has changed; and where numba has no folder
+that it could be kept in safely, functions are compiled in memory.
 """
 
 import contextlib
@@ -14,6 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
+
+from catenary.kernels.folders import cache_folder, check_room, private_folder, tell_in_memory
 
 Function = TypeVar("Function", bound=Callable[..., object])
 _inlined: list[Callable[..., object]] = []
@@ -49,10 +52,7 @@ class Compiled:
     def code(self) -> Any:
         """What numba made of it: calls of this cost 0.05 us less."""
         if self._code is None:
-            self._code = start_numba().njit(**self._options, error_model="numpy")(self._function)
-            stats = getattr(self._code, "stats", None)  # with NUMBA_DISABLE_JIT=1 it is the function itself
-            if stats is not None and self._function.__code__.co_filename in _sources:
-                _forget_older_code(Path(stats.cache_path), Path(self._function.__code__.co_filename))
+            self._code = _from_numba(self._function, self._options)
             # functions of its own file look its name up at every call: they call numba's from now on
             names = self._function.__globals__
             if names.get(self._function.__name__) is self:
@@ -69,6 +69,32 @@ class Compiled:
     @property
     def _numba_type_(self) -> Any:
         return self.code._numba_type_
+
+
+def _from_numba(function: Callable[..., object], options: dict[str, Any]) -> Any:
+    """Let numba take a function, without a cache on disk where none can be had."""
+    numba, source = start_numba(), Path(function.__code__.co_filename)
+    if options["cache"]:
+        try:
+            cache_folder()  # without a home numba would make one: a folder called ~, wherever it is
+            code = numba.njit(**options, error_model="numpy")(function)
+            if code is function:  # with NUMBA_DISABLE_JIT=1
+                return code
+            folder = Path(code.stats.cache_path)
+            if folder.parent not in (
+                source.parent,
+                Path(numba.config.CACHE_DIR),
+            ):  # chosen, or as safe as the source
+                private_folder(folder)
+            check_room(folder)
+            if str(source) in _sources:
+                _forget_older_code(folder, source)
+            return code
+        except OSError as error:
+            tell_in_memory(error)
+        except RuntimeError:  # numba's; or there is no home
+            tell_in_memory(f"neither {source.parent} nor ~/.cache can be written to")
+    return numba.njit(**{**options, "cache": False}, error_model="numpy")(function)
 
 
 def _of_module(module: str, name: str) -> Any:
