@@ -78,14 +78,17 @@ def _from_numba(function: Callable[..., object], options: dict[str, Any]) -> Any
         try:
             cache_folder()  # without a home numba would make one: a folder called ~, wherever it is
             code = numba.njit(**options, error_model="numpy")(function)
-            if hasattr(code, "stats"):  # with NUMBA_DISABLE_JIT=1 it is the function itself
-                folder = Path(code.stats.cache_path)
-                # beside the source it is as safe as that
-                if folder.parent not in (source.parent, Path(numba.config.CACHE_DIR)):
-                    private_folder(folder)
-                check_room(folder)
-                if str(source) in _sources:
-                    _forget_older_code(folder, source)
+            if code is function:  # with NUMBA_DISABLE_JIT=1
+                return code
+            folder = Path(code.stats.cache_path)
+            if folder.parent not in (
+                source.parent,
+                Path(numba.config.CACHE_DIR),
+            ):  # chosen, or as safe as the source
+                private_folder(folder)
+            check_room(folder)
+            if str(source) in _sources:
+                _forget_older_code(folder, source)
             return code
         except OSError as error:
             tell_in_memory(error)

@@ -2,9 +2,8 @@
 
 Code that is loaded from a folder is as safe as the folder. So every folder above must be the user's or root's, and
 writable by nobody else (but for sticky ones like /tmp); and the folder must be the user's own and no link, and nobody
-else may enter it: one that others could read is emptied, since they could have written to files in it.
-
-Where no such folder can be had, code is compiled in memory, for each process again, and one note says so.
+else may enter it: one that others could read is emptied, since they could have written to files in it. Where no such
+folder can be had, code is compiled in memory, for each process again, and one note says so.
 """
 
 import logging
@@ -24,11 +23,7 @@ ROOM = 4 << 20  # [B]; ten times the largest function
 
 
 def cache_folder() -> Path:
-    """Return where modules are kept: catenary/kernels under $XDG_CACHE_HOME, or under ~/.cache.
-
-    Raises:
-        RuntimeError: The account has no home.
-    """
+    """Return catenary/kernels under $XDG_CACHE_HOME, or under ~/.cache; RuntimeError where there is no home."""
     base = os.environ.get("XDG_CACHE_HOME", "")
     return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "catenary" / "kernels"
 
@@ -48,11 +43,7 @@ def tell_in_memory(why: object) -> None:
 
 @cache
 def check_room(folder: Path) -> None:
-    """Make sure that machine code can be written to a folder.
-
-    Raises:
-        OSError: It is full, or not to be written to.
-    """
+    """Raise OSError where a folder is full, or cannot be written to."""
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
             os.posix_fallocate(file.fileno(), 0, ROOM)
