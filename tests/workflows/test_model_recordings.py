@@ -327,6 +327,33 @@ def test_the_card_holds_its_mends_as_data(mended: Path) -> None:
     assert loaded.mends == {"sign:q_encoder": ("q_encoder:pitch",), "shift": ("4",)}
 
 
+def test_joints_without_names_are_mended_by_the_model_s(mended: Path, tmp_path: Path) -> None:
+    nameless = as_parquet(replace(spoilt(day(1)), joint_names=("J1", "J2", "J3")), tmp_path / "nameless")
+    assert_allclose(rmse(mended, nameless)[0], 0.0, atol=0.02)
+
+
+def test_python_mends_recordings_as_the_command_does(mended: Path, caplog: pytest.LogCaptureFixture) -> None:
+    found = load_model(mended).evaluate(spoilt(day(1)))
+    assert_allclose([joint.rmse for joint in found.joints], 0.0, atol=0.02)
+    assert SAID in caplog.text
+
+
+def test_a_payload_is_weighed_by_torques_mended_as_those_of_the_identification(tmp_path: Path) -> None:
+    def turned(log: MotionLog, name: str) -> Path:
+        assert log.tau is not None
+        return torques_as_npz(replace(log, tau=log.tau * [1.0, -1.0, 1.0]), tmp_path / name)
+
+    reading = Reading(mend=Mend(sign=("tau:elbow",)))
+    result = identify_files(
+        [turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", IdentifyOptions(), reading=reading
+    )
+    save_identification(result.identification, result.card, tmp_path / "arm.npz")
+    loaded = turned(recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1), "l")
+    found = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))
+    assert found.payload.mass == pytest.approx(0.2, abs=0.01)
+    assert any("--sign tau:elbow; --no-mend" in note for note in found.notes)
+
+
 @pytest.mark.parametrize("order", [[0, 1, 2], TURNED])
 def test_a_recording_is_mended_as_the_model_s_training_data_and_it_is_said(
     order: list[int], mended: Path, tmp_path: Path
@@ -348,7 +375,7 @@ def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_
     with pytest.raises(DataError, match="--shift 4"):
         evaluate_calibration(mended, [raw], reading=Reading(as_trained=False))
     assert_allclose(rmse(mended, late, Reading(as_trained=False))[0], 0.0, atol=0.02)
-    with pytest.raises(DataError, match=r'recording "late" was mended as the model\'s training data: --sign'):
+    with pytest.raises(DataError, match=r'"late" was mended as the model\'s training data: --sign'):
         evaluate_calibration(mended, [late])
     turned = as_parquet(
         replace(spoilt(day(2)), q_encoder=np.roll(day(2).q_encoder, 8, axis=0), ok=np.arange(800) >= 8),

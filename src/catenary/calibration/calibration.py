@@ -172,7 +172,7 @@ class Calibration(CalibrationModel):
         """Return recordings with the model's joints, mended as its training data were, or arrays as they are."""
         logs = _logs(motion, self.joint_names, self.joint_units, **quantities)
         if logs[0].name != ARRAYS:
-            logs = [mended_as_trained(self, log) for log in logs]
+            logs = [mended_as_trained(self, self.matched(log)) for log in logs]
         for note in [f"{log.name}: {n}" for log in logs for n in log.notes if n.startswith(AS_TRAINED)]:
             _log.warning(note)
         return [self.matched(log) for log in logs]

@@ -57,6 +57,9 @@ def recording_for(
     log = (
         _read(model, path) if reading.mapping is None else _by_mapping(model, path, reading, reading.mapping)
     )
+    n, names = len(log.joint_names), model.joint_names
+    if log.joint_names == nameless(n) and n == len(names) and not set(log.joint_names) & set(names):
+        log = log.in_order_of(Joints(names), of="the model is for")  # which its mends name
     if isinstance(model, CalibrationModel) and reading.as_trained:
         return mended_as_trained(model, log, reading.mend)
     return reading.mend(log)
@@ -82,10 +85,7 @@ def _read(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
 def _by_mapping(
     model: CalibrationModel | MotionLog, path: Path, reading: Reading, mapping: RecordingMapping
 ) -> MotionLog:
-    """Read a recording by a mapping; joints that have no names there are the model's, in order."""
+    """Read a recording by a mapping; joints without units there have the model's."""
     if not mapping.joint_units and mapping.robot is None:
         mapping = mapping.model_copy(update={"joint_units": model.joint_units})
-    log = read_recording(path, replace(reading, mapping=mapping, mend=Reading().mend))
-    n = len(log.joint_names)
-    unnamed = log.joint_names == nameless(n) and not mapping.joint_names and n == len(model.joint_names)
-    return log.in_order_of(Joints(model.joint_names), of="the model is for") if unnamed else log
+    return read_recording(path, replace(reading, mapping=mapping, mend=Reading().mend))

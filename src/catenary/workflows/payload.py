@@ -62,7 +62,8 @@ def payload_of_files(
         InputError: A recording is not of this robot, in other units, or too short; or an unknown frame.
     """
     result, card = load_identification(model)
-    mends = card.get("mends", {})
+    # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
+    mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
     options = result.options if cutoff_hz is None else replace(result.options, cutoff_hz=cutoff_hz)
     require_names(accept)
     read = [read_torque_recording(path, result.model, reading, mends) for path in (*logs, *unloaded)]

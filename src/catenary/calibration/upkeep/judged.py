@@ -50,9 +50,7 @@ def judge_recordings(
             done=done,
         )
     except DataError as error:
-        said = [
-            f'recording "{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)
-        ]
+        said = [f'"{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)]
         raise DataError("\n".join([str(error), *said]), error.names) from error
 
 
@@ -73,7 +71,7 @@ def trained_limits(
     card: Card, asked: tuple[float, ...] | None = None, *, as_trained: bool = True
 ) -> tuple[tuple[float, ...] | None, list[str]]:
     """Return the errors beyond which rows are left out, as asked or as in the model's fit [deg|mm], and a note."""
-    found = card["run"].get("max_error") if as_trained and asked is None else None
+    found = card.get("run", {}).get("max_error") if as_trained and asked is None else None
     if found is None:
         return asked, []
     limits = tuple(np.inf if limit is None else float(limit) for limit in found)
