@@ -68,6 +68,17 @@ def test_machine_code_that_others_could_have_put_there_is_not_read(site: Path, t
     assert list((tmp_path / "cache" / "numba").rglob("*.nb?")) == []
 
 
+def test_with_the_umask_of_ubuntus_accounts_code_is_kept_where_the_group_may_no_longer_write(
+    site: Path, tmp_path: Path
+) -> None:
+    cache = tmp_path / "cache"
+    umask = "import os\nos.umask(0o2)\nos.makedirs('cache/numba', exist_ok=True)\nos.chmod('cache', 0o700)\n"
+    for expected in (COMPILED, FOUND):
+        outcome = run(site, umask + RUN, tmp_path, XDG_CACHE_HOME=str(cache))
+        assert (outcome.out, outcome.err) == (expected, "")
+    assert (cache / "numba").stat().st_mode & 0o022 == 0
+
+
 def test_a_folder_without_room_is_told_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_arguments: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")

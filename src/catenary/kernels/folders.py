@@ -59,6 +59,11 @@ def private_folder(folder: Path) -> Path:
     """
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     folder = folder.parent.resolve() / folder.name
+    mode = folder.parent.stat().st_mode
+    if (
+        is_own(folder.parent, stat.S_ISDIR) and mode & OTHERS_WRITE == stat.S_IWGRP
+    ):  # as numba makes it by umask 002
+        folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # what lies in it is looked at below
     for above in folder.parents:
         status = above.stat()
         shared = status.st_mode & OTHERS_WRITE and not status.st_mode & stat.S_ISVTX
