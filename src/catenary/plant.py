@@ -198,8 +198,8 @@ def nameless(count: int) -> tuple[str, ...]:
 def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
     """Return where each wanted joint is among those had, by name, (n,); there may be further ones.
 
-    Wherever numbers of one meet joints of another, this says which is which. As many joints without names as are wanted
-    are taken in order. Units are compared where both sides have them.
+    Wherever numbers of one meet joints of another, this says which is which. Units are compared where both sides have
+    them.
 
     Args:
         wanted: Such as a model.
@@ -210,9 +210,7 @@ def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[
     Raises:
         InputError: A wanted joint is not there, or in another unit; the message names both sides.
     """
-    names = tuple(had.joint_names)
-    if names == nameless(len(wanted.joint_names)) and not set(names) & set(wanted.joint_names):
-        names = tuple(wanted.joint_names)
+    names = had.joint_names
     both = f"it has {joints_text(had)}, {of} {joints_text(wanted)}"
     for name in wanted.joint_names:
         if name not in names:
@@ -316,21 +314,21 @@ class MotionLog:
     def in_order_of(self, wanted: Jointed, *, of: str) -> "MotionLog":
         """Return it with its joints in the order of others, the same ones by `places_of`; a note says what changed.
 
+        Joints without names (J1, J2, ...) are taken in order.
+
         Raises:
             InputError: It has other joints, further ones or other units; the message names both sides.
         """
         whose = f'recording "{self.name}"'
         if len(self.joint_names) != len(wanted.joint_names):
             raise InputError(f"{whose} has joints {joints_text(self)}; {of} {joints_text(wanted)}")
-        places = places_of(wanted, self, whose=whose, of=of)
-        names = tuple(wanted.joint_names)
+        names, how = tuple(wanted.joint_names), "by name, in the order"
+        had: Jointed = self
+        if self.joint_names == nameless(len(names)) and not set(self.joint_names) & set(names):
+            had, how = Joints(names, self.joint_units), "without names, in order as"
+        places = places_of(wanted, had, whose=whose, of=of)
         if self.joint_names == names:
             return self
-        how = (
-            "without names, in order as"
-            if self.joint_names == nameless(len(names))
-            else "by name, in the order"
-        )
         arrays = {k: values[:, places] for k in JOINT_ARRAYS if (values := getattr(self, k)) is not None}
         return replace(
             self,
