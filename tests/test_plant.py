@@ -1,5 +1,5 @@
 from dataclasses import replace
-from itertools import product
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.errors import InputError
+from catenary.plant import Joints, places_of
 from recordings import recording
 
 LOG = recording(np.random.default_rng(0), rows=6)
@@ -86,3 +87,50 @@ def test_recordings_begin_where_the_clock_goes_back() -> None:
 def test_measurements_are_kept_as_given() -> None:
     assert len(LOG) == 6
     assert_array_equal(LOG.q_nominal, recording(np.random.default_rng(0), rows=6).q_nominal)
+
+
+NAMED = replace(LOG, joint_names=("a", "b", "c"))
+
+
+def test_joints_are_found_by_their_names_among_further_ones() -> None:
+    had = Joints(("x", "c", "a", "b"), ("rad", "m", "rad", "rad"))
+    assert places_of(NAMED, had, whose="the robot", of="the log has").tolist() == [2, 3, 1]
+
+
+@pytest.mark.parametrize(
+    ("had", "words"),
+    [
+        (Joints(("a", "b"), ("rad", "rad")), r'the robot has no joint "c"; it has a \[rad\], b \[rad\], the log has a \[rad\]'),
+        (Joints(("a", "b", "c"), ("rad", "rad", "rad")), 'has joint "c" in rad, not m; it has'),
+        (Joints(("left/a", "b", "c"), ("rad", "rad", "m")), 'no joint "a".*is "left/a" meant'),
+        (Joints(("J1", "J2", "J3"), ("rad", "rad", "m")), 'no joint "a"'),  # a robot may be called so
+    ],
+)  # fmt: skip
+def test_joints_that_are_not_there_are_refused_with_both_sides(had: Joints, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        places_of(NAMED, had, whose="the robot", of="the log has")
+
+
+@pytest.mark.parametrize("order", permutations(range(3)))
+def test_a_log_in_another_order_is_the_same_log(order: tuple[int, ...]) -> None:
+    turned = replace(
+        NAMED, joint_names=tuple(NAMED.joint_names[j] for j in order),
+        joint_units=tuple(NAMED.joint_units[j] for j in order), q_nominal=NAMED.q_nominal[:, order],
+        q_encoder=NAMED.q_encoder[:, order],
+    )  # fmt: skip
+    back = turned.in_order_of(NAMED, of="expected are")
+    assert (back.joint_names, back.joint_units) == (NAMED.joint_names, NAMED.joint_units)
+    assert_array_equal(back.q_nominal, NAMED.q_nominal)
+    assert_array_equal(back.q_encoder, NAMED.q_encoder)
+    assert bool(back.notes) == (order != (0, 1, 2))
+
+
+def test_joints_without_names_are_taken_in_order_with_a_note_and_in_their_units() -> None:
+    taken = LOG.in_order_of(NAMED, of="expected are")
+    assert (taken.joint_names, taken.notes) == (
+        NAMED.joint_names, ("joints J1, J2, J3 were taken without names, in order as a, b, c",),
+    )  # fmt: skip
+    with pytest.raises(InputError, match='has joint "a" in rad, not m'):
+        LOG.in_order_of(Joints(("a", "b", "c"), ("m", "rad", "rad")), of="expected are")
+    part = replace(LOG, joint_names=("J2", "J1", "J3"), q_nominal=LOG.q_nominal[:, [1, 0, 2]])
+    assert_array_equal(part.in_order_of(LOG, of="expected are").q_nominal, LOG.q_nominal)

@@ -1,7 +1,7 @@
 """What every room shares about a robot in motion: the verbs it obeys, its state, the one log type."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
@@ -61,13 +61,18 @@ class Column(NamedTuple):
     width: int  # numbers per sample
 
 
-class Bounded(Protocol):
-    """Anything with joint limits: a plant or a robot model."""
+class Jointed(Protocol):
+    """Anything whose joints have names and units: a recording, a robot, a calibration model."""
 
     @property
     def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
     @property
     def joint_units(self) -> tuple[str, ...]: ...  # noqa: D102
+
+
+class Bounded(Jointed, Protocol):
+    """Anything with joint limits: a plant or a robot model."""
+
     @property
     def lower(self) -> Floats: ...  # noqa: D102
     @property
@@ -169,6 +174,56 @@ def require_ready(plant: Plant, verb: str) -> None:
         raise NotReadyError("the robot is busy with a motion of its own; nothing has moved")
 
 
+class Joints(NamedTuple):
+    """Names and units of joints, in order; no units where they are not known."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...] = ()
+
+
+def joints_text(joints: Jointed) -> str:
+    """Return joints and their units as messages name them."""
+    units = [f" [{unit}]" if unit else "" for unit in joints.joint_units] or [""] * len(joints.joint_names)
+    return ", ".join(map("".join, zip(joints.joint_names, units, strict=True)))
+
+
+def nameless(count: int) -> tuple[str, ...]:
+    """Return J1, J2, ...: what joints are called that have no names in a file."""
+    return tuple(f"J{i + 1}" for i in range(count))
+
+
+def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
+    """Return where each wanted joint is among those had, by name, (n,); there may be further ones.
+
+    Wherever numbers of one meet joints of another, this says which is which. Units are compared where both sides have
+    them.
+
+    Args:
+        wanted: Such as a model.
+        had: Such as a recording.
+        whose: What has them, as the message begins: 'recording "run"'.
+        of: What wants them: "the model is for".
+
+    Raises:
+        InputError: A wanted joint is not there, or in another unit; the message names both sides.
+    """
+    names = had.joint_names
+    both = f"it has {joints_text(had)}, {of} {joints_text(wanted)}"
+    for name in wanted.joint_names:
+        if name not in names:
+            like = [other for other in names if other.endswith(name) or name.endswith(other)]
+            hint = f'; is "{like[0]}" meant? Names must be the same' if len(like) == 1 else ""
+            raise InputError(f'{whose} has no joint "{name}"; {both}{hint}')
+    places = [names.index(name) for name in wanted.joint_names]
+    for name, unit, k in zip(wanted.joint_names, wanted.joint_units, places, strict=False):
+        if unit and had.joint_units and had.joint_units[k] != unit:
+            raise InputError(f'{whose} has joint "{name}" in {had.joint_units[k]}, not {unit}; {both}')
+    return np.array(places, dtype=np.int64)
+
+
+JOINT_ARRAYS = ("q_nominal", "q_encoder", "qd", "tau")  # of a log, (N, n)
+
+
 @dataclass(frozen=True)
 class MotionLog:
     """Rows of one or more recordings of the same robot, in the order in which they were taken.
@@ -192,6 +247,8 @@ class MotionLog:
     simulated: bool = False
     sha256: str | None = None  # of the file that it was read from
     units_assumed: bool = False  # the file states no units and nobody else did
+    # options by which it was mended, by step and array ("shift", "sign:q_encoder"); none where the file states it
+    settled: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # what the reader had to decide
 
     def __post_init__(self) -> None:
@@ -208,7 +265,7 @@ class MotionLog:
             )
         if rows == 0:
             raise InputError(f"{where}: is empty, expected at least one row")
-        for key in ("q_nominal", "q_encoder", "qd", "tau"):
+        for key in JOINT_ARRAYS:
             self._freeze(where, key, (rows, n))
         for key in ("time", "ok"):
             self._freeze(where, key, (rows,))
@@ -247,6 +304,33 @@ class MotionLog:
 
     def __len__(self) -> int:
         return len(self.q_nominal)
+
+    def in_order_of(self, wanted: Jointed, *, of: str) -> "MotionLog":
+        """Return it with its joints in the order of others, the same ones by `places_of`; a note says what changed.
+
+        Joints without names (J1, J2, ...) are taken in order.
+
+        Raises:
+            InputError: It has other joints, further ones or other units; the message names both sides.
+        """
+        whose = f'recording "{self.name}"'
+        if len(self.joint_names) != len(wanted.joint_names):
+            raise InputError(f"{whose} has joints {joints_text(self)}; {of} {joints_text(wanted)}")
+        names, how = tuple(wanted.joint_names), "by name, in the order"
+        had: Jointed = self
+        if self.joint_names == nameless(len(names)) and not set(self.joint_names) & set(names):
+            had, how = Joints(names, self.joint_units), "without names, in order as"
+        places = places_of(wanted, had, whose=whose, of=of)
+        if self.joint_names == names:
+            return self
+        arrays = {k: values[:, places] for k in JOINT_ARRAYS if (values := getattr(self, k)) is not None}
+        return replace(
+            self,
+            joint_names=names,
+            joint_units=tuple(self.joint_units[place] for place in places),
+            notes=(*self.notes, f"joints {', '.join(self.joint_names)} were taken {how} {', '.join(names)}"),
+            **arrays,
+        )
 
     @property
     def starts(self) -> tuple[int, ...]:

@@ -248,7 +248,7 @@ def test_a_recording_that_is_none_is_refused(tmp_path: Path, changes: dict[str, 
 def test_recordings_of_different_joints_are_refused(run: Path, tmp_path: Path) -> None:
     names = simulated_arm.write(tmp_path / "named.npz", joint_names=["a", "b", "c"])
     message = refusal("fit", run, names, "--model", "linear", "--out", tmp_path / "m.npz")
-    assert "not of the same joints: J1 [rad], J2 [rad], J3 [m] against a [rad], b [rad], c [m]" in message
+    assert 'recording "named" has no joint "J1"; it has a [rad], b [rad], c [m]' in message
 
 
 OTHER_JOINTS = "the model is for J1 [rad], J2 [rad], J3 [m]"
@@ -310,3 +310,45 @@ def test_a_model_that_does_harm_on_what_was_held_out_is_warned_of(tmp_path: Path
     assert outcome.code == 0, outcome.err
     assert "warning: J1: " in outcome.err
     assert "note: warning" not in outcome.err
+
+
+def test_what_the_verdict_advises_of_large_errors_every_command_takes(
+    run: Path, model: Path, tmp_path: Path
+) -> None:
+    arrays = simulated_arm.arrays(seed=3)
+    arrays["q_act"][100:110] = 0.0
+    spoilt = tmp_path / "spoilt.npz"
+    np.savez(spoilt, **arrays)
+    advice = catenary("check", spoilt)
+    assert advice.code == 1
+    _, _, limits = advice.out.partition("--max-error ")
+    option = ("--max-error", limits.split()[0])
+    assert "zeros" not in catenary("check", spoilt, *option).out
+    for command in (("evaluate", model), ("drift", model), ("refresh", model, "--out", tmp_path / "new.npz")):
+        line = (command[0], command[1], spoilt, *command[2:])
+        assert "zero on every joint" in refusal(*line)
+        assert "zero on every joint" not in catenary(*line, *option).err
+
+
+def test_a_model_s_mends_are_told_and_switched_off_on_the_command_line(tmp_path: Path) -> None:
+    def turned(name: str, seed: int) -> Path:
+        arrays = simulated_arm.arrays(seed=seed)
+        arrays["q_act"][:, 0] *= -1.0
+        np.savez(tmp_path / name, **arrays)
+        return tmp_path / name
+
+    first, second, made = turned("0.npz", 0), turned("1.npz", 1), tmp_path / "m.npz"
+    assert catenary("fit", first, "--sign", "J1", "--model", "linear", "--out", made).code == 0
+    said = "mended as the model's training data: --sign q_encoder:J1; --no-mend takes it as it is"
+    for command in (
+        ("evaluate", made, second),
+        ("drift", made, second),
+        ("refresh", made, second, "--out", tmp_path / "new.npz"),
+        ("monitor", "--log", second, "--model", made, "--speed", "1e4"),
+        ("export", second, "--mcap", tmp_path / "x.mcap", "--model", made, "--robot", "raven2"),
+    ):
+        if command[0] != "export":  # whose robot has other joints
+            done = catenary(*command)
+            assert said in " ".join(done.err.split()), done
+        assert said not in catenary(*command, "--no-mend").err
+    assert "--sign J1" in refusal("evaluate", made, second, "--no-mend")

@@ -148,7 +148,7 @@ RUN = recorded(ARM, 0, seconds=4.0)
         ({"q": np.rad2deg(RUN.q_nominal)}, "is it in degrees"),
         ({"dq": RUN.qd[:, [1, 0, 2]]}, "swapped axes?"),
         ({"q": np.repeat(RUN.q_nominal[:1], 800, axis=0), "dq": np.zeros((800, 3))}, "base parameters (condition"),
-        ({"q": RUN.q_nominal[:, :2], "dq": RUN.qd[:, :2], "tau": RUN.tau[:, :2]}, 'has 2 joints, robot "raven2" has 3'),
+        ({"q": RUN.q_nominal[:, :2], "dq": RUN.qd[:, :2], "tau": RUN.tau[:, :2]}, 'has joints J1 [rad], J2 [rad]; robot "raven2" has'),
         ({"q": RUN.q_nominal[:90], "dq": RUN.qd[:90], "tau": RUN.tau[:90], "t": RUN.time[:90]}, "shorter than the filter"),
         ({"tau": np.array([["a"] * 3] * 800)}, "tau: expected numbers"),
     ],

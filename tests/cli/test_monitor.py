@@ -88,6 +88,6 @@ def test_a_model_of_other_joints_is_refused_with_both(tmp_path: Path) -> None:
     other = simulated_arm.write(tmp_path / "other.npz", joint_names=["a", "b", "c"])
     message = refusal("monitor", "--log", other, "--model", tmp_path / "m.npz")
     assert (
-        'recording "other" has no joint "J1", which the model corrects; it has a [rad], b [rad], c [m]'
+        'recording "other" has no joint "J1"; it has a [rad], b [rad], c [m], the model is for J1 [rad]'
         in message
     )

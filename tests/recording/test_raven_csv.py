@@ -116,7 +116,7 @@ def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:
     assert_array_equal(log.q_encoder, expected.q_encoder)
     assert log.sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
     for given in ({"units": ["rad", "rad", "rad"]}, {"joint_names": ["a", "b", "c"]}):
-        with pytest.raises(InputError, match=r"a\.csv: states the .* were given"):
+        with pytest.raises(InputError, match="those given are"):
             read_log(table, **given)
 
 

@@ -4,6 +4,7 @@
 positions that the robot reports, with its other quantities by name; or as a MotionLog, the path of a log, or several.
 """
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.dataset import calibration_data
+from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.evaluate import evaluate as evaluate_rows
 from catenary.calibration.files import load_model as read_model
@@ -22,21 +23,27 @@ from catenary.calibration.fit import FitOptions, Kind, Preset
 from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
-from catenary.calibration.upkeep.judged import judge_recordings
+from catenary.calibration.upkeep.judged import judge_recordings, mended_as_trained, trained_limits
 from catenary.calibration.upkeep.new_day import refresh_with
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
+from catenary.recording.mend import AS_TRAINED
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 
 Recording = MotionLog | str | Path
+ARRAYS = "arrays"  # what the log of these is called
+_log = logging.getLogger(__name__)
 Motion = ArrayLike | Recording | Sequence[Recording]
 
 
 @dataclass(frozen=True)
 class Calibration(CalibrationModel):
-    """A fitted calibration model with its card: what it was fitted to, and its errors."""
+    """A fitted calibration model with its card: what it was fitted to, and its errors.
+
+    Recordings, not arrays, are mended as its training data were; `dataclasses.replace(model, mends={})` leaves them.
+    """
 
     card: Card = field(default_factory=dict)
 
@@ -63,7 +70,7 @@ class Calibration(CalibrationModel):
             InputError: Another number of joints, NaN, or an input of the model is missing.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = _logs(q_nominal, self.joint_names, self.joint_units, tau=tau, qd=qd, time=time)
+        logs = self._logs(q_nominal, tau=tau, qd=qd, time=time)
         return np.concatenate([self.calibrate(log) for log in logs])
 
     def predict_interval(
@@ -90,7 +97,7 @@ class Calibration(CalibrationModel):
             InputError: As for `predict`.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = _logs(q_nominal, self.joint_names, self.joint_units, tau=tau, qd=qd, time=time)
+        logs = self._logs(q_nominal, tau=tau, qd=qd, time=time)
         return np.concatenate([self.half_widths(log) for log in logs])
 
     def evaluate(
@@ -122,13 +129,10 @@ class Calibration(CalibrationModel):
             InputError: As for `predict`, or nothing was measured.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = _logs(
-            q_nominal, self.joint_names, self.joint_units, q_encoder=q_encoder, tau=tau, qd=qd, time=time
-        )
-        for log in logs:
-            self.require_joints(log)
-        data = calibration_data(logs, self.features)
-        judge_recordings(self, self.card, logs, accept=accept)
+        logs = self._logs(q_nominal, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+        limits = error_limits(trained_limits(self.card)[0], logs[0])
+        data = calibration_data(logs, self.features, max_error=limits)
+        judge_recordings(self, self.card, logs, accept=accept, max_error=limits)
         return evaluate_rows(self, data, window=window)
 
     def refresh(
@@ -156,17 +160,22 @@ class Calibration(CalibrationModel):
             InputError: As for `evaluate`, too few rows, or the model has learnt from the recording before.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = _logs(
-            q_nominal, self.joint_names, self.joint_units, q_encoder=q_encoder, tau=tau, qd=qd, time=time
-        )
-        for log in logs:
-            self.require_joints(log)
-        day = refresh_with(self, self.card, logs, accept=accept)
+        logs = self._logs(q_nominal, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+        day = refresh_with(self, self.card, logs, accept=accept, max_error=trained_limits(self.card)[0])
         return _with_card(day.model, day.card)
 
     def corrector(self, *, rate_hz: float = 1000.0, decimation: int | None = None) -> Corrector:
         """Return the model for a control loop; see `Corrector`."""
         return Corrector(self, rate_hz=rate_hz, decimation=decimation)
+
+    def _logs(self, motion: Motion, **quantities: ArrayLike | None) -> list[MotionLog]:
+        """Return recordings with the model's joints, mended as its training data were, or arrays as they are."""
+        logs = _logs(motion, self.joint_names, self.joint_units, **quantities)
+        if logs[0].name != ARRAYS:
+            logs = [mended_as_trained(self, self.matched(log)) for log in logs]
+        for note in [f"{log.name}: {n}" for log in logs for n in log.notes if n.startswith(AS_TRAINED)]:
+            _log.warning(note)
+        return [self.matched(log) for log in logs]
 
     def save(self, path: str | Path) -> None:
         """Write the model to a file (.npz), and a readable copy of its card beside it.
@@ -378,7 +387,7 @@ def _logs(
     measured = np.ones(q.shape, dtype=bool) if truth is None else np.isfinite(truth)
     return [
         MotionLog(
-            name="arrays",
+            name=ARRAYS,
             joint_names=tuple(joint_names or (f"J{j + 1}" for j in range(q.shape[1]))),
             joint_units=tuple(units),
             q_nominal=q,

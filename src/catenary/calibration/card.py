@@ -99,6 +99,7 @@ def model_card(
         },
         "watch": day_in_card(model.trained_day),
         "data": [asdict(source) for source in data.sources],
+        "mends": {key: list(texts) for key, texts in model.mends.items()},
         "rows": len(data),
         "recorded": data.last_date,
         "run": {"seed": options.seed, **command},

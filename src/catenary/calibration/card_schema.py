@@ -24,6 +24,7 @@ class CardRun(Recorded):
     """Settings of the run."""
 
     seed: int | None
+    max_error: tuple[float | None, ...] | None = None  # deg and mm; None is no limit
 
 
 class CardSpread(Recorded):

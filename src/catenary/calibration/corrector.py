@@ -4,15 +4,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.dataset import RATE_TOLERANCE
-from catenary.calibration.features import joints_text
 from catenary.calibration.kernels import Flags, blocks, bound, run
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.plant import UNUSED, JointState
+from catenary.plant import UNUSED, Joints, JointState, places_of
 
 SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 
@@ -178,7 +177,10 @@ class Corrector:
                 velocity or torque of its joints; or the model has history and the loop runs at another rate.
         """
         model, robot = self.model, ", ".join(joint_names)
-        places = places_of(model, joint_names, joint_units, whose="corrector: the robot")
+        for why in model.asked_of_reports:
+            raise InputError(f"corrector: {why}, and take the model without its mends (deploy --no-mend)")
+        of_robot = Joints(tuple(joint_names), tuple(joint_units))
+        places = places_of(model, of_robot, whose="corrector: the robot", of="the model is for")
         if model.features.history > 0 and abs(rate_hz / self.rate_hz - 1.0) > RATE_TOLERANCE:
             raise InputError(
                 f"corrector: made for {self.rate_hz:g} Hz, the loop runs at {rate_hz:g} Hz; the model's previous "
@@ -231,26 +233,6 @@ class Corrector:
         if interval is not None:
             interval[:] = np.nan
             interval[self._places] = self._interval
-
-
-def places_of(
-    model: CalibrationModel, joint_names: Sequence[str], joint_units: Sequence[str], *, whose: str
-) -> NDArray[np.int64]:
-    """Return where each joint of a model is among others' joints, by name, (n,); there may be further ones.
-
-    Raises:
-        InputError: A joint of the model is not there, or in another unit; the message begins with `whose`.
-    """
-    others = joints_text(joint_names, joint_units)
-    for name, unit in zip(model.joint_names, model.joint_units, strict=True):
-        if name not in joint_names:
-            raise InputError(
-                f'{whose} has no joint "{name}", which the model corrects; it has {others}, '
-                f"the model is for {joints_text(model.joint_names, model.joint_units)}"
-            )
-        if (other := joint_units[joint_names.index(name)]) != unit:
-            raise InputError(f'{whose} has joint "{name}" in {other}, the model in {unit}')
-    return np.array([joint_names.index(name) for name in model.joint_names], dtype=np.int64)
 
 
 def trained_mean(model: CalibrationModel, signal: str) -> float:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.features import FeatureSet, joints_text
+from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
-from catenary.plant import MotionLog
+from catenary.plant import Jointed, MotionLog, joints_text
 from catenary.units import DISPLAY
 
 # [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
@@ -59,6 +59,15 @@ class CalibrationData:
         last = float(self.time.max()) if self.has_time and len(self) else 0.0
         return datetime.fromtimestamp(last, UTC).date().isoformat() if FIRST_DATE < last < LAST_DATE else None
 
+    def require_joints_of(self, model: Jointed) -> None:
+        """Refuse rows of other joints than a model's, or in another order.
+
+        Raises:
+            InputError: The message shows both.
+        """
+        if (self.joint_names, self.joint_units) != (model.joint_names, model.joint_units):
+            raise InputError(f"data: has joints {joints_text(self)}; the model is for {joints_text(model)}")
+
     def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
         columns = ("X", "q_nominal", "error", "recording", "position", "time")
@@ -104,6 +113,7 @@ def calibration_data(
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
+    logs = in_one_order(logs)
     first = logs[0]
     if max_error is not None:
         max_error = as_array("max_error", max_error, (len(first.joint_names),), finite=False)
@@ -113,7 +123,6 @@ def calibration_data(
     parts: list[tuple[Floats, ...]] = []
     sources: list[TrainingSource] = []
     for i, log in enumerate(logs):
-        require_same_joints(first, log)
         if log.q_encoder is None:
             raise InputError(
                 f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions'
@@ -183,19 +192,17 @@ def _common_rate(logs: Sequence[MotionLog]) -> float | None:
     return float(np.median(rates)) if alike else None
 
 
-def require_same_joints(a: MotionLog, b: MotionLog) -> None:
-    """Refuse recordings of two robots, or of other joints, names, units or order.
+def in_one_order(logs: Sequence[MotionLog]) -> list[MotionLog]:
+    """Return recordings with the joints of each in the order of the first one's.
 
     Raises:
-        InputError: They are.
+        InputError: They are of two robots, or of other joints or units.
     """
-    if a.robot is not None and b.robot is not None and a.robot != b.robot:
-        raise InputError(f'recordings "{a.name}" and "{b.name}" are of two robots: {a.robot} and {b.robot}')
-    if (a.joint_names, a.joint_units) != (b.joint_names, b.joint_units):
-        raise InputError(
-            f'recordings "{a.name}" and "{b.name}" are not of the same joints: '
-            f"{joints_text(a.joint_names, a.joint_units)} against {joints_text(b.joint_names, b.joint_units)}"
-        )
+    for log in logs:
+        a, b = logs[0].robot, log.robot
+        if a is not None and b is not None and a != b:
+            raise InputError(f'recordings "{logs[0].name}" and "{log.name}" are of two robots: {a} and {b}')
+    return [log.in_order_of(logs[0], of=f'recording "{logs[0].name}" has') for log in logs]
 
 
 def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:

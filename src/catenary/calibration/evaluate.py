@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.features import joints_text
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, part_of, silent
@@ -96,11 +95,7 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     Raises:
         InputError: The data hold other joints or features or no row, or the window is not positive.
     """
-    if (data.joint_names, data.joint_units) != (model.joint_names, model.joint_units):
-        raise InputError(
-            f"data: has joints {joints_text(data.joint_names, data.joint_units)}; "
-            f"the model is for {joints_text(model.joint_names, model.joint_units)}"
-        )
+    data.require_joints_of(model)
     if len(data) == 0:
         raise InputError("data: no row to evaluate on, expected at least one")
     if data.features != model.features:

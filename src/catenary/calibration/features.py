@@ -18,11 +18,6 @@ from catenary.units import TORQUE_UNIT
 GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
-def joints_text(names: Sequence[str], units: Sequence[str]) -> str:
-    """Return joints and their units as messages name them."""
-    return ", ".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
-
-
 class Memory(NamedTuple):
     """Earlier positions and play states of a motion, which features depend on; every row updates them."""
 

@@ -21,6 +21,7 @@ from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import CatenaryError, FileFormatError
 from catenary.files import card_path, damage, write_atomically
+from catenary.recording.mend import MENDS
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
 FORMAT = "catenary.calibration.1"
@@ -30,6 +31,7 @@ NETWORK_ARRAYS = ("mean", "scale", "out_mean", "out_scale")
 Arrays = dict[str, NDArray[Any]]
 Many = Field(max_length=10_000)  # of anything that a model has several of
 Widths = Annotated[tuple[tuple[str, Annotated[float, Field(gt=0.0)]], ...], Many]
+MendKey = Annotated[str, Field(pattern=MENDS)]
 
 
 class GroupStructure(Recorded):
@@ -58,6 +60,7 @@ class ModelStructure(Recorded):
     priors: Annotated[tuple[str | None, ...], Many] = ()  # none: no joint's fit began at one
     coverage: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None  # of the intervals, where there are some
     trained_day: DayStructure | None = None
+    mends: dict[MendKey, tuple[str, ...]] = Field(default_factory=dict, max_length=50)
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
@@ -85,6 +88,7 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "priors": model.priors,
         "coverage": None if model.intervals is None else model.intervals.level,
         "trained_day": None if model.trained_day is None else day_structure(model.trained_day),
+        "mends": dict(model.mends),
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
     }
     text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
@@ -162,6 +166,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             intervals=_intervals(arrays, structure.coverage),
             priors=structure.priors,
             trained_day=None if structure.trained_day is None else day_of(structure.trained_day, arrays),
+            mends=structure.mends,
         )
         card = json_table(str(arrays["card"]), "card", finite=False)
         return model, card

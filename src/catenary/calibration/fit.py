@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.dataset import CalibrationData, require_same_joints, sampling_rate
+from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.kernels import Integers
 from catenary.calibration.leaps import largest_step, room_of
@@ -142,9 +142,8 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
+    logs = in_one_order(logs)
     log = logs[0]
-    for other in logs[1:]:
-        require_same_joints(log, other)
     if isinstance(options.inputs, Mapping):
         for joint in options.inputs:
             if joint not in log.joint_names:

@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 from catenary.calibration.card import model_card
 from catenary.calibration.choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.conformal import estimate_intervals, fewest_rows
-from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
+from catenary.calibration.dataset import (
+    CalibrationData,
+    calibration_data,
+    data_notes,
+    error_limits,
+    in_one_order,
+)
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_inputs, fit
@@ -18,6 +24,7 @@ from catenary.calibration.progress import Progress, part_of, silent
 from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.mend import mends_of
 from catenary.verdict.check import robot_of, verdict
 
 FOLDS = 5
@@ -71,6 +78,7 @@ def fit_logs(
     run = run if run is not None else FitRun()
     if not logs:
         raise InputError("data: expected at least one recording, got none")
+    logs = in_one_order(logs)
     longest = max(len(log) for log in logs)
     if options.history >= longest:
         raise InputError(
@@ -169,7 +177,7 @@ def _concluded(
     notes = (*data_notes(logs, everything), *found)
     notes = (*notes, *prior_notes(model))
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
-    model = replace(model, intervals=intervals)
+    model = replace(model, intervals=intervals, mends=mends_of(logs))
     seen = None if validation is None else validation.inside
     model = replace(model, trained_day=learn_day(model, logs, data, seen))
     if intervals is None:

@@ -1,13 +1,14 @@
 """A fitted calibration model: what to add to the reported joint positions, and where it may be trusted."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration import kernels
-from catenary.calibration.features import FeatureSet, Memory, joints_text
+from catenary.calibration.features import FeatureSet, Memory
 from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
 from catenary.calibration.kernels import Flags, Integers, Step
 from catenary.calibration.predictors import Predictor
@@ -92,6 +93,7 @@ class CalibrationModel:
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
     priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
     trained_day: TrainedDay | None = None  # what a watch compares with; None where that is not known
+    mends: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of its recordings: MotionLog.settled
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
@@ -118,6 +120,19 @@ class CalibrationModel:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
         if self.trained_day is not None and len(self.trained_day.reach) != n:
             raise InputError(f"model: expected a day of its {n} joints, got {len(self.trained_day.reach)}")
+
+    @property
+    def asked_of_reports(self) -> list[str]:
+        """A sentence where what the robot reported in training was mended, and the model takes it; often none.
+
+        Units are of no matter, as a robot's states are in rad and m; nor are the rows by which measurements lay behind
+        commands, as a loop looks at no measurement.
+        """
+        taken = {"q_nominal", *(signal.partition(":")[0] for signal in self.features.signals)}
+        keys = [key for key in self.mends if key.partition(":")[2] in taken and not key.startswith("units")]
+        done = [f"--{key.partition(':')[0]} {text}" for key in keys for text in self.mends[key]]
+        said = f"the model learnt from recordings mended by {' '.join(done)}: mend what the robot reports likewise"
+        return [said] if done else []
 
     def inside(self, X: Floats) -> Flags:
         """Return whether features (N, F) lie in the valid range of each joint, (N, n); NaN does not."""
@@ -213,12 +228,12 @@ class CalibrationModel:
         ]
 
     def calibrate(self, log: MotionLog) -> Floats:
-        """Return calibrated joint positions of every row of a recording, (N, n) [rad|m].
+        """Return calibrated joint positions of every row of a recording, (N, n) [rad|m], in the model's order.
 
         Raises:
             InputError: The recording is of other joints, or lacks an input.
         """
-        self.require_joints(log)
+        log = self.matched(log)
         return log.q_nominal + self.correction(self.features.matrix(log), log.q_nominal)
 
     def half_widths(self, log: MotionLog) -> Floats:
@@ -227,17 +242,13 @@ class CalibrationModel:
         Raises:
             InputError: The recording is of other joints, or lacks an input.
         """
-        self.require_joints(log)
+        log = self.matched(log)
         return self.interval(self.features.matrix(log), log.q_nominal)
 
-    def require_joints(self, log: MotionLog) -> None:
-        """Refuse a recording of other joints.
+    def matched(self, log: MotionLog) -> MotionLog:
+        """Return a recording with the model's joints in the model's order.
 
         Raises:
-            InputError: Names or units differ; the message shows both.
+            InputError: It has other joints, or in other units; the message shows both.
         """
-        if (log.joint_names, log.joint_units) != (self.joint_names, self.joint_units):
-            raise InputError(
-                f'recording "{log.name}" has joints {joints_text(log.joint_names, log.joint_units)}; '
-                f"the model is for {joints_text(self.joint_names, self.joint_units)}"
-            )
+        return log.in_order_of(self, of="the model is for")

@@ -4,7 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -126,6 +126,7 @@ def deploy_beside(
     model: Path,
     ros: int,
     *,
+    mends: bool = True,
     name: str | None = None,
     arm: str,
     dialect: str | None,
@@ -146,6 +147,7 @@ def deploy_beside(
     if not seconds > 0.0:
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     loaded, _ = load_model(model)
+    loaded = loaded if mends else replace(loaded, mends={})
     if gravity_torque and imu is None:
         print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
     with (

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -125,6 +126,9 @@ def deploy(
     namespace: ArmNamespace = None,
     rate: Annotated[float, Option(metavar="HZ", help="With --ros: rate of the robot's messages.")] = 1000.0,
     name: NodeName = None,
+    no_mend: Annotated[
+        bool, Option("--no-mend", help="The robot reports as the model's training data were mended to be.")
+    ] = False,
     gravity_torque: Annotated[
         bool,
         Option("--gravity-torque", help="With --ros: also publish the torques that hold the joints still."),
@@ -140,7 +144,7 @@ def deploy(
         if project is not None:
             raise InputError("--ros: works beside whatever moves the robot; give no project")
         deploy_beside(
-            model, ros, name=name, arm=arm, dialect=dialect, namespace=namespace,
+            model, ros, mends=not no_mend, name=name, arm=arm, dialect=dialect, namespace=namespace,
             seconds=float("inf") if seconds is None else seconds, rate_hz=rate,
             gravity_torque=gravity_torque, imu=source, as_json=as_json,
         )  # fmt: skip
@@ -155,6 +159,7 @@ def deploy(
     from catenary.workflows.project.simulated_robot import left_at, make_plant
 
     loaded, _ = load_model(model)
+    loaded = replace(loaded, mends={}) if no_mend else loaded
     require_project(project)
     opened = open_project(project)
     plant = make_plant(opened.settings)

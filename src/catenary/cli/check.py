@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
+from catenary.cli.fit import MaxError, limits
 from catenary.cli.options import AsJson, MappingOptions, MendOptions, robots_beginning
 from catenary.cli.out_files import out_path
 from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, without_notes
@@ -22,6 +23,7 @@ def check(
     ],
     mending: MendOptions,
     foreign: MappingOptions,
+    max_error: MaxError = None,
     robot: Annotated[
         str | None,
         Option(metavar="ROBOT", help="Robot of a recording: its limits, and joints' names and units."),
@@ -42,7 +44,8 @@ def check(
     arm = None if robot is None else load_robot(robot)
     names, units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
     with without_notes(True):  # what is doubtful is among the faults below
-        finding = check_file(file, mending.reading(foreign, units=units, joint_names=names), robot=robot)
+        reading = mending.reading(foreign, units=units, joint_names=names)
+        finding = check_file(file, reading, robot=robot, max_error=limits(max_error))
     if as_json:
         print_json(finding.as_data())
     else:

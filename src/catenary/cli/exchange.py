@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJson, MappingOptions, robots_beginning
+from catenary.cli.options import AsJson, MappingOptions, NoMend, robots_beginning
 from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, URDF, out_path, refuse_outputs
 from catenary.cli.robots import DescriptionOptions
 from catenary.cli.terminal import numbers, print_fact, print_json, print_notes
@@ -45,6 +45,7 @@ def export(
         Path | None,
         Option(metavar="CALIBRATION", help="Calibration for the C header, or beside the recording."),
     ] = None,
+    no_mend: NoMend = False,
     rate_hz: Annotated[
         float | None,
         Option(
@@ -102,7 +103,7 @@ def export(
     if c is not None:
         _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, forces, as_json)
     elif mcap is not None and what is not None:
-        _mcap(Path(what), mcap, robot, model, as_json)
+        _mcap(Path(what), mcap, robot, model, as_json, as_trained=not no_mend)
     elif onnx is not None and what is not None:
         if model is not None:
             raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
@@ -153,23 +154,25 @@ def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
         print_fact(name, value if isinstance(value, str) else ", ".join(value), width=7)
 
 
-def _mcap(log: Path, out: Path, robot: str | None, model: Path | None, as_json: bool) -> None:
+def _mcap(
+    log: Path, out: Path, robot: str | None, model: Path | None, as_json: bool, *, as_trained: bool
+) -> None:
     from catenary.calibration.files import load_model
-    from catenary.recording.foreign.read import read_recording
+    from catenary.recording.foreign.read import Reading
     from catenary.robots.catalog import load_robot
     from catenary.robots.shapes import load_geometry
     from catenary.view.mcap_file import write_mcap
     from catenary.view.recorded import recorded_arm
-    from catenary.workflows.model_recordings import read_recording_of
+    from catenary.workflows.model_recordings import recording_for
 
     calibration = None if model is None else load_model(model)[0]
-    recording = read_recording(log) if calibration is None else read_recording_of(calibration, log)
+    recording = recording_for(calibration, log, Reading(as_trained=as_trained))
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)
     geometry = load_geometry(named, arm)
     shapes = () if geometry is None else geometry.shapes
     made = write_mcap(recorded_arm(recording, arm, calibration), recording, out, shapes)
-    print_notes(list(made.notes))
+    print_notes([*(note for note in recording.notes if note.startswith("mended")), *made.notes])
     if as_json:
         urdf = None if made.urdf is None else str(made.urdf)
         print_json({"file": str(out), "urdf": urdf, "robot": arm.name, "messages": dict(made.messages)})

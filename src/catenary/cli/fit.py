@@ -11,6 +11,7 @@ from catenary.cli.options import (
     AsJsonNotTables,
     MappingOptions,
     MendOptions,
+    ModelMendOptions,
     robots_beginning,
 )
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PAGE, Report, out_path, refuse_outputs
@@ -212,7 +213,7 @@ def fit(
 def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
-    mending: MendOptions,
+    mending: ModelMendOptions,
     foreign: MappingOptions,
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")

@@ -11,6 +11,7 @@ from catenary.cli.options import (
     AsJsonNotTables,
     MappingOptions,
     MendOptions,
+    ModelMendOptions,
     robots_beginning,
 )
 from catenary.cli.out_files import (
@@ -198,7 +199,7 @@ def _rows(text: str | None) -> tuple[int, int] | None:
 
 def payload(
     logs: Logs,
-    mending: MendOptions,
+    mending: ModelMendOptions,
     foreign: MappingOptions,
     model: Annotated[Path, Option(metavar="FILE", help="Parameters that catenary identify wrote.")],
     at: Annotated[

@@ -1,7 +1,7 @@
 """Joints as they are typed: --q in rad and m, --q-deg in deg and mm."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -10,21 +10,13 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.plant import Jointed
     from catenary.robots.model import RobotModel
 
 Q = Annotated[str | None, Option("--q", metavar="Q,Q,...", help="Joint coordinates in rad and m.")]
 QDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="Joint coordinates in deg and mm.")]
 
 SameInDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")]
-
-
-class Jointed(Protocol):
-    """Anything with joints: a plant or a robot model."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def joint_units(self) -> tuple[str, ...]: ...  # noqa: D102
 
 
 def joint_values(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floats":
@@ -47,7 +39,7 @@ def given_joints(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floa
 
 
 def some_joint_values(
-    robot: Jointed, q: str | None, q_deg: str | None, names: Sequence[str] | None
+    robot: "Jointed", q: str | None, q_deg: str | None, names: Sequence[str] | None
 ) -> "tuple[Floats, tuple[str, ...]]":
     """Read some joints from the option that was given, (k,) in rad and m, and their names.
 
@@ -79,7 +71,7 @@ def some_joint_values(
     return values, chosen
 
 
-def names_and_units(robot: Jointed, names: Sequence[str] | None = None) -> str:
+def names_and_units(robot: "Jointed", names: Sequence[str] | None = None) -> str:
     """Return joints with their units, all or those that are named."""
     return ", ".join(
         f"{name} [{unit}]"

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import MappingOptions, Record, Units
+from catenary.cli.options import MappingOptions, ModelMendOptions, Record
 from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
-from catenary.cli.terminal import announce, print_json_line, words
+from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def monitor(
     robot: WatchedRobot,
     gravity: GravityOptions,
     foreign: MappingOptions,
+    mending: ModelMendOptions,
     log: Annotated[
         Path | None,
         Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv; others with --map."),
@@ -31,7 +32,6 @@ def monitor(
     model: Annotated[
         Path | None, Option(metavar="MODEL", help="Calibration model: calibrated joints, valid range.")
     ] = None,
-    units: Units = None,
     speed: Annotated[float, Option(help="With --log: factor on its own speed.")] = 1.0,
     rate: Annotated[
         float | None, Option(metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]")
@@ -57,25 +57,20 @@ def monitor(
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
     if moving and (robot.ros is not None or log is not None):
         raise InputError("--moving is for a robot simulated here; a robot on ROS is only read")
-    if units is not None and log is None:
-        raise InputError("--units goes with --log; a robot says its units")
+    if log is None and mending != ModelMendOptions():
+        raise InputError("--units goes with --log, as all that mends a recording; a robot says its units")
     if record is not None and log is not None:
         raise InputError("--record is for a robot; --log plays what was recorded")
     source = gravity.source(robot.ros)
     with ExitStack() as stack:
         if log is not None:
             from catenary.calibration.files import load_model
-            from catenary.recording.foreign.read import Reading, read_recording
-            from catenary.workflows.model_recordings import read_recording_of
+            from catenary.workflows.model_recordings import recording_for
             from catenary.workflows.robot.watch import watch_log
 
             loaded = None if model is None else load_model(model)[0]
-            mapping = foreign.read(units)
-            if mapping is None and units is None and loaded is not None:
-                played = read_recording_of(loaded, log)
-            else:
-                given = None if units is None or mapping is not None else words(units)
-                played = read_recording(log, Reading(units=given, mapping=mapping))
+            played = recording_for(loaded, log, mending.reading(foreign))
+            print_notes([note for note in played.notes if note.startswith("mended")])
             name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
         else:
             import numpy as np

@@ -28,6 +28,10 @@ Units = Annotated[
         help="Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone.",
     ),
 ]
+NoMend = Annotated[
+    bool,
+    Option("--no-mend", help="Do not mend recordings as the model's training data were mended."),
+]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]
 Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="ROS that carries the messages.")]
 RosDistro = Annotated[
@@ -157,12 +161,21 @@ class MendOptions:
         from catenary.recording.foreign.read import Reading
         from catenary.recording.mend import si_units, units_of
 
+        as_trained = not getattr(self, "no_mend", False)
         array, given = (None, ()) if self.units is None else units_of(self.units)
         mapping = foreign.read(self.units if array is None else None, robot=robot)
         if mapping is not None:
             mend = self.mend() if array is not None else replace(self.mend(), units=())
-            return Reading(joint_names=joint_names, mapping=mapping, mend=mend)
-        return Reading(units=si_units(given) or units, joint_names=joint_names, mend=self.mend())
+            return Reading(joint_names=joint_names, mapping=mapping, mend=mend, as_trained=as_trained)
+        si = si_units(given) or units
+        return Reading(units=si, joint_names=joint_names, mend=self.mend(), as_trained=as_trained)
+
+
+@dataclass(frozen=True)
+class ModelMendOptions(MendOptions):
+    """The same of recordings that are given to a model, which knows how its training data were mended."""
+
+    no_mend: NoMend = False
 
 
 BaseTilt = Annotated[

@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -101,7 +102,10 @@ class IdentificationCard(Recorded):
 
 
 def identification_card(
-    result: Identification, data: list[dict[str, Any]], notes: tuple[str, ...] = ()
+    result: Identification,
+    data: list[dict[str, Any]],
+    notes: tuple[str, ...] = (),
+    mends: Mapping[str, Sequence[str]] | None = None,
 ) -> Card:
     """Describe an identification: everything a stranger must know before using its parameters.
 
@@ -109,6 +113,7 @@ def identification_card(
         result: What was identified.
         data: The recordings that were fitted and tested, as plain data.
         notes: What was decided on the way.
+        mends: How the recordings that were fitted were mended; see `MotionLog.settled`.
     """
     base = result.base
     return {
@@ -137,6 +142,7 @@ def identification_card(
         "training": [residual_record(r) for r in result.training],
         "tests": [residual_record(r) for r in result.tests],
         "data": data,
+        "mends": {key: list(texts) for key, texts in (mends or {}).items()},
         "notes": list(notes),
         "version": {"catenary": __version__, "numpy": np.__version__},
     }

@@ -14,23 +14,15 @@ MOVING = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity ma
 SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
 
 
-def check_log(log: MotionLog, model: RobotModel) -> None:
-    """Refuse a recording of other joints, without torques, or whose positions seem to be in other units.
+def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
+    """Return a recording with its joints in the robot's order, refused where its torques or positions cannot be it.
 
     Raises:
-        InputError: The message names the recording, the joint and what it looks like.
+        InputError: Other joints or units, no torques, or positions that seem to be in other units; the message names
+            the recording, the joint and what it looks like.
     """
     where = f'recording "{log.name}"'
-    if log.q_nominal.shape[1] != model.n:
-        raise InputError(
-            f'{where}: has {log.q_nominal.shape[1]} joints, robot "{model.name}" has {model.n}: '
-            f"{', '.join(model.joint_names)}"
-        )
-    if log.joint_units != model.joint_units:
-        raise InputError(
-            f"{where}: its joints are in {', '.join(log.joint_units)}, those of {model.name} in "
-            f"{', '.join(model.joint_units)}"
-        )
+    log = log.in_order_of(model, of=f'robot "{model.name}" has')
     if log.tau is None:
         raise InputError(f"{where}: has no torques (`tau`), which dynamics are identified from")
     for i, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
@@ -47,6 +39,7 @@ def check_log(log: MotionLog, model: RobotModel) -> None:
                 f"{where}: joint {name} goes from {np.min(q):.4g} to {np.max(q):.4g}, expected {unit} between "
                 f"{low:.4g} and {high:.4g}: is it in {wrong}, or another joint's?"
             )
+    return log
 
 
 def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> None:

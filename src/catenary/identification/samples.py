@@ -13,7 +13,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.errors import InputError
 from catenary.identification.base_signals import base_of, smoothed_base
 from catenary.identification.course import Course
-from catenary.identification.log_checks import check_log, check_rates
+from catenary.identification.log_checks import check_rates, checked_log
 from catenary.identification.options import IdentifyOptions, actuation_of, filter_of
 from catenary.plant import MotionLog
 from catenary.robots.actuation import SignalFilter
@@ -77,8 +77,8 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
         InputError: Other joints than the robot's, no torques, no time, not rad, m and s by the look of it, or shorter
             than the filter needs; the message names the recording and the joint.
     """
-    check_log(log, model)
-    assert log.tau is not None  # for the type checker; check_log refused
+    log = checked_log(log, model)
+    assert log.tau is not None  # for the type checker; checked_log refused
     actuation = actuation_of(model)
     if options.terms == "static":
         zero = np.zeros(log.q_nominal.shape)

@@ -11,7 +11,7 @@ from catenary.archives import content_in_words, read_arrays
 from catenary.documents import shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
-from catenary.plant import MotionLog
+from catenary.plant import Joints, MotionLog, nameless, places_of
 
 # joints of the RAVEN-II and of the da Vinci PSM: two turning ones, the insertion, the tool's
 CABLE_ARM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
@@ -30,10 +30,10 @@ def read_command_log(
 
     Args:
         path: The file.
-        units: "rad" or "m" per joint, the same as the file's if it states them; where neither says, three and six
-            joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad, rad, rad),
-            and the log says so.
-        joint_names: Names of the joints; the file's, or J1, J2, ... otherwise.
+        units: "rad" or "m" for each of `joint_names`, the same as the file's if it states them; where neither says,
+            three and six joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad,
+            rad, rad), and the log says so.
+        joint_names: Names of the joints where the file has none, otherwise J1, J2, ...
 
     Raises:
         FileFormatError: No such file, damaged, or an array is missing.
@@ -48,11 +48,17 @@ def read_command_log(
             )
     q_nominal = numbers_of(path, content, "q_des", 2)
     rows, n = q_nominal.shape
-    names = joint_names if joint_names is not None else _texts(path, content, "joint_names")
-    names = tuple(names) if names else tuple(f"J{i + 1}" for i in range(n))
+    own = texts_of(path, content, "joint_names")
+    names = own or (tuple(joint_names) if joint_names else nameless(n))
     if len(names) != n:
         raise InputError(f"{path}: q_des has {n} joints, but {len(names)} joint names: {', '.join(names)}")
-    stated = _texts(path, content, "units")
+    stated = texts_of(path, content, "units")
+    if units is not None and joint_names and own:
+        had = Joints(tuple(joint_names), tuple(units))
+        units = [
+            units[j]
+            for j in places_of(Joints(own), had, whose="the robot that was named", of=f"{path} is of")
+        ]
     given = tuple(units) if units is not None else stated
     if len(given) == n and stated and given != stated:
         raise InputError(f"{path}: states the units {','.join(stated)}, but {','.join(given)} were given")
@@ -96,6 +102,7 @@ def read_command_log(
         tau=tau,
         sha256=sha256_of(path),
         units_assumed=assumed,
+        settled={"units": ()} if stated else {},
         notes=tuple(notes),
     )
 
@@ -146,7 +153,12 @@ def is_number(text: str) -> bool:
     return True
 
 
-def _texts(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str, ...]:
+def texts_of(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str, ...]:
+    """Return an array of texts; none where the file lacks it.
+
+    Raises:
+        InputError: It holds something else, or too many.
+    """
     values = np.atleast_1d(content.get(key, np.array([], dtype=str)))
     if values.dtype.kind not in "SU" or values.ndim != 1 or len(values) > MOST_TEXTS:
         raise InputError(

@@ -14,15 +14,14 @@ from catenary.arrays import Floats
 from catenary.documents import cut, json_table, no_file, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, table_ending, written_whole
-from catenary.plant import MotionLog
-from catenary.recording.importers import numbers_of, read_command_log
+from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, nameless, places_of
+from catenary.recording.importers import numbers_of, read_command_log, texts_of
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 
 FORMAT = "catenary.motion_log.1"
 # signals of a base that tilts or turns, and arrays (N, 3) of a `.npz`, in base axes
 ROWS_OF_BASE = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
-PER_JOINT = ("q_nominal", "q_encoder", "qd", "tau")  # prefixes of columns
 
 
 def read_log(
@@ -33,7 +32,7 @@ def read_log(
     Args:
         path: The file.
         units: "rad" or "m" per joint, for a file that does not state them.
-        joint_names: Names of the joints, for a file that does not state them; they also rename those of a `.npz`.
+        joint_names: Names of the joints, for a file that does not state them; one that does is put into their order.
 
     Raises:
         FileFormatError: No such file, unknown kind, damaged, or something is missing.
@@ -44,19 +43,19 @@ def read_log(
         raise FileFormatError(no_file(path))
     ending = table_ending(path)
     if ending == ".parquet":
-        return read_parquet(path, units=units, joint_names=joint_names)
-    if ending == ".npz":
-        return read_command_log(path, units=units, joint_names=joint_names)
-    if ending == ".csv":
+        log = read_parquet(path)
+    elif ending == ".npz":
+        log = read_command_log(path, units=units, joint_names=joint_names)
+    elif ending == ".csv":
         from catenary.recording.raven_csv import read_raven_csv
 
-        log = read_raven_csv(path).log
-        _require_same(path, log.joint_names, log.joint_units, units, joint_names)
-        return replace(log, sha256=sha256_of(path))
-    raise FileFormatError(
-        f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
-        f"`catenary import {path}` proposes how to read others"
-    )
+        log = replace(read_raven_csv(path).log, sha256=sha256_of(path), settled={"units": ()})
+    else:
+        raise FileFormatError(
+            f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
+            f"`catenary import {path}` proposes how to read others"
+        )
+    return _as_given(path, log, units, joint_names)
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:
@@ -74,7 +73,7 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
 
     columns: dict[str, tuple[NDArray[Any], str]] = {} if log.time is None else {"time": (log.time, "s")}
     columns["ok"] = log.ok, ""
-    for prefix in PER_JOINT:
+    for prefix in JOINT_ARRAYS:
         values = getattr(log, prefix)
         if values is not None:
             for joint, unit, column in zip(log.joint_names, log.joint_units, values.T, strict=True):
@@ -91,6 +90,7 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         "robot": log.robot,
         "simulated": log.simulated,
         "notes": log.notes,
+        "settled": log.settled,
     }
     fields = [
         pa.field(name, pa.bool_() if values.dtype == bool else pa.float64(), metadata={"unit": unit})
@@ -102,14 +102,12 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         pq.write_table(table, file, compression="zstd", write_page_checksum=True)
 
 
-def read_parquet(
-    path: Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
-) -> MotionLog:
+def read_parquet(path: Path) -> MotionLog:
     """Read a log that `write_parquet` or the extraction wrote.
 
     Raises:
         FileFormatError: Damaged, not a motion log, or a column is missing or of another type.
-        InputError: The units or names given contradict the file's, or the numbers are not a log.
+        InputError: The numbers are not a log.
     """
     from catenary.recording.parquet_files import open_parquet, read_table
 
@@ -123,7 +121,6 @@ def read_parquet(
         remedy = "a project's log is made again by `catenary extract PROJECT`"
         raise FileFormatError(damage(path, str(error).removeprefix(f"{path}: "), remedy)) from error
     names, joint_units = tuple(about["joint_names"]), tuple(about["joint_units"])
-    _require_same(path, names, joint_units, units, joint_names)
     if len(set(names)) != len(names):
         raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
     columns: dict[str, NDArray[Any]] = {}
@@ -134,7 +131,7 @@ def read_parquet(
             raise FileFormatError(f"{path}: column {cut(field.name)} holds {field.type}, expected {expected}")
         columns[field.name] = values.to_numpy(zero_copy_only=False).astype(bool if is_ok else np.float64)
     joints: dict[str, Any] = {}
-    for prefix in PER_JOINT:
+    for prefix in JOINT_ARRAYS:
         wanted = [f"{prefix}:{joint}" for joint in names]
         missing = [name for name in wanted if name not in columns]
         if missing and len(missing) < len(wanted):
@@ -162,6 +159,8 @@ def read_parquet(
         sha256=sha256_of(path),
         units_assumed=about.get("units_assumed", False),
         notes=tuple(about.get("notes", ())),
+        settled={"units": (), "time_unit": ()}
+        | {key: tuple(texts) for key, texts in about["settled"].items()},
     )
 
 
@@ -185,6 +184,10 @@ def _about(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, Any]:
             raise FileFormatError(
                 f"{path}: schema: {key}: expected true or false, got {shortened(about[key])}"
             )
+    settled = about.setdefault("settled", {})
+    each = list(settled.values()) if isinstance(settled, dict) else [None]
+    if not all(isinstance(texts, list) and all(isinstance(text, str) for text in texts) for texts in each):
+        raise FileFormatError(f"{none}; settled: expected lists of texts by name, got {shortened(settled)}")
     if not isinstance(about.get("robot"), str | None):
         raise FileFormatError(f"{path}: schema: robot: expected a name, got {shortened(about['robot'])}")
     return about
@@ -196,7 +199,8 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
     `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
     base axes, where the base tilts or turns. `effort` (N, n) in place of `tau` is what the robot reports raw; the
-    robot's file then gives the torque per unit of it.
+    robot's file then gives the torque per unit of it. With `joint_names` (n,) the joints are put into the robot's
+    order; without, and without `units`, they are taken to be the robot's.
 
     Raises:
         FileFormatError: No such file, unknown kind, damaged, or an array is missing.
@@ -204,7 +208,7 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
     """
     ending = table_ending(path)
     if ending == ".parquet":
-        return read_log(path)
+        return read_log(path).in_order_of(model, of=f'robot "{model.name}" has')
     if ending != ".npz":
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     content = read_arrays(path)
@@ -218,19 +222,12 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
             f"{content_in_words(content)}"
         )
     q = numbers("q", 2)
-    notes: tuple[str, ...] = ()
-    if "tau" in content:
-        tau = numbers("tau", 2)
-    else:
-        tau = numbers("effort", 2)
-        scale = None if model.actuation is None else model.actuation.effort_scale
-        if scale is None or tau.shape[1] != len(scale):
-            raise InputError(
-                f'{path}: has raw efforts, and robot "{model.name}" gives no effort_scale for its '
-                f"{tau.shape[1]} joints; expected an array tau [Nm or N]"
-            )
-        tau = tau * scale
-        notes = ("raw efforts times the robot's effort_scale",)
+    n, own = q.shape[1], Joints(texts_of(path, content, "joint_names"), texts_of(path, content, "units"))
+    if not own.joint_names:  # another number of joints is refused below
+        own = Joints(model.joint_names if n == model.n else nameless(n), own.joint_units)
+    if not own.joint_units and n == model.n:
+        which = places_of(Joints(own.joint_names), model, whose=f'robot "{model.name}"', of=f"{path} is of")
+        own = own._replace(joint_units=tuple(model.joint_units[j] for j in which))
     time = None
     if "t" in content:
         time = numbers("t", 1)
@@ -245,22 +242,29 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         if key in content
         for axis, column in zip("xyz", _three_columns(path, key, numbers(key, 2)), strict=True)
     }
-    known = q.shape[1] == model.n  # another number of joints is refused by name when it is used
-    return MotionLog(
+    log = MotionLog(
         name=path.stem,
-        joint_names=model.joint_names if known else tuple(f"J{i + 1}" for i in range(q.shape[1])),
-        joint_units=model.joint_units if known else ("rad",) * q.shape[1],
+        joint_names=own.joint_names,
+        joint_units=own.joint_units or ("rad",) * n,
         q_nominal=q,
         ok=np.ones(len(q), dtype=bool),
         time=time,
         qd=numbers("dq", 2) if "dq" in content else None,
-        tau=tau,
+        tau=numbers("tau" if "tau" in content else "effort", 2),
         signals=signals,
         signal_units={name: ROWS_OF_BASE[name.partition(":")[0]] for name in signals},
         robot=model.name,
         sha256=sha256_of(path),
-        notes=notes,
-    )
+    ).in_order_of(model, of=f'robot "{model.name}" has')
+    if "tau" in content:
+        return log
+    scale = None if model.actuation is None else model.actuation.effort_scale
+    if scale is None:
+        raise InputError(
+            f'{path}: has raw efforts, and robot "{model.name}" gives no effort_scale; expected an array tau [Nm or N]'
+        )
+    assert log.tau is not None  # for the type checker
+    return replace(log, tau=log.tau * scale, notes=(*log.notes, "raw efforts times the robot's effort_scale"))
 
 
 def _three_columns(path: Path, key: str, values: Floats) -> Floats:
@@ -274,26 +278,18 @@ def _three_columns(path: Path, key: str, values: Floats) -> Floats:
     return values.T
 
 
-def _require_same(
-    path: Path,
-    names: Sequence[str],
-    joint_units: Sequence[str],
-    given_units: Sequence[str] | None,
-    given_names: Sequence[str] | None,
-) -> None:
-    """Refuse units or names that contradict the file's."""
-    if given_names is not None and tuple(given_names) != tuple(names):
+def _as_given(
+    path: Path, log: MotionLog, units: Sequence[str] | None, joint_names: Sequence[str] | None
+) -> MotionLog:
+    """Return a log that states its joints in the order of those given; refuse others, or other units."""
+    names = log.joint_names if joint_names is None else tuple(joint_names)
+    if units is not None and len(units) != len(names):
         raise InputError(
-            f"{path}: states the joints {', '.join(names)}, but {', '.join(given_names)} were given"
+            f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given"
         )
-    if given_units is not None and len(given_units) != len(joint_units):
-        raise InputError(
-            f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(given_units)} units were given"
-        )
-    if given_units is not None and tuple(given_units) != tuple(joint_units):
-        raise InputError(
-            f"{path}: states the units {','.join(joint_units)}, but {','.join(given_units)} were given"
-        )
+    own = dict(zip(log.joint_names, log.joint_units, strict=True))
+    said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
+    return log.in_order_of(Joints(names, said), of="those given are")
 
 
 def _unit(prefix: str, joint_unit: str) -> str:

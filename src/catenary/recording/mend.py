@@ -1,6 +1,7 @@
 """Recordings mended: other units, columns in another order, signs, shifted rows, as options say it."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -14,6 +15,10 @@ from catenary.plant import MotionLog
 ARRAYS = ("q_nominal", "q_encoder", "qd", "tau")  # that an option may name: "tau:J2,J3"
 TO_SI = {"rad": 1.0, "deg": np.pi / 180.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "mdeg": np.pi / 180.0}
 SI = {"rad": "rad", "deg": "rad", "m": "m", "mm": "m", "cm": "m", "mdeg": "m"}
+_NEEDS = {"shift": "q_encoder", "time_unit": "time"}  # of steps that name no array
+# keys of `MotionLog.settled` that a model's file may hold
+MENDS = r"^(shift|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|qd|tau))?)$"
+AS_TRAINED = "mended as the model's training data"  # how a note on them opens
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
 
@@ -40,26 +45,68 @@ class Mend:
     time_unit: str = "s"
     leave_out: tuple[str, ...] = ()
 
-    def __call__(self, log: MotionLog) -> MotionLog:
-        """Return the log, mended; its notes say how.
+    def __call__(self, log: MotionLog, trained: Mapping[str, Sequence[str]] | None = None) -> MotionLog:
+        """Return the log, mended; its notes say how, and `settled` holds every step that was taken.
+
+        A step of `trained` is left out where this mend takes such a step of the same array itself, where the log's
+        `settled` has it (it was taken before, as before a log was written, or the file or its mapping states the unit
+        or sign), and where the log lacks the array.
+
+        Args:
+            log: The recording.
+            trained: `settled` of the recordings that a model was fitted to, whose like this one is.
 
         Raises:
             InputError: An option names a joint, an array or a unit that there is not.
         """
-        if self == NOTHING:
-            return log
-        notes = []
-        for name, apply in _STEPS.items():
-            given = getattr(self, name)
-            for one in given if isinstance(given, tuple) else (given,):
-                changed = apply(log, one)
-                if changed is not log:
-                    notes.append(f"--{name.replace('_', '-')} {one}")
-                log = changed
-        return replace(log, notes=(*log.notes, *([f"mended by {' '.join(notes)}"] if notes else [])))
+        given = {step: getattr(self, step) for step in _STEPS}
+        given |= {
+            "shift": (str(self.shift),) * bool(self.shift),
+            "time_unit": (self.time_unit,) * (self.time_unit != "s"),
+        }
+        own = [(step, text, False) for step, texts in given.items() for text in texts]
+        taken = {_settled(log, step, text)[0] for step, text, _ in own} | set(log.settled)
+        for key in [key for key in trained or () if key not in taken]:
+            step, _, array = key.partition(":")
+            if getattr(log, _NEEDS.get(step, array or "q_nominal")) is not None:
+                own += [(step, text, True) for text in (trained or {})[key]]
+        notes, settled = (list[str](), list[str]()), dict(log.settled)
+        for step, text, as_trained in sorted(own, key=lambda each: list(_STEPS).index(each[0])):
+            changed = _STEPS[step](log, text)
+            if changed is not log:
+                shown = re.sub(r"[^:,=]+=", "", text) if step == "units" else text
+                notes[as_trained].append(f"--{step.replace('_', '-')} {shown}")
+                key, kept = _settled(log, step, text)
+                settled[key] = (*settled.get(key, ()), kept)
+            log = changed
+        said = [f"mended by {' '.join(notes[0])}"] * bool(notes[0])
+        said += [f"{AS_TRAINED}: {' '.join(notes[1])}; --no-mend takes it as it is"] * bool(notes[1])
+        return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
 
 
 NOTHING = Mend()
+
+
+def mends_of(logs: Sequence[MotionLog]) -> dict[str, tuple[str, ...]]:
+    """Return the mends that recordings have in common, but for rows left out: what their like will need."""
+    common = [
+        key for key, texts in logs[0].settled.items() if all(log.settled.get(key) == texts for log in logs)
+    ]
+    return {key: logs[0].settled[key] for key in common if logs[0].settled[key] and key != "leave_out"}
+
+
+def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
+    """Return the key of a step in `settled`, and its text as it holds for recordings in another order."""
+    array, words = _parts(text)
+    if step == "units":
+        words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
+    elif step in ("swap", "sign", "scale"):
+        array = array or _default(log)
+    return (f"{step}:{array}", f"{array}:{','.join(words)}") if array else (step, ",".join(words))
+
+
+def _default(log: MotionLog) -> str:
+    return "q_encoder" if log.q_encoder is not None else "tau"
 
 
 def si_units(units: Sequence[str]) -> tuple[str, ...]:
@@ -98,7 +145,7 @@ def _joint(log: MotionLog, name: str, option: str) -> int:
 
 
 def _array(log: MotionLog, array: str | None, option: str) -> tuple[str, Floats]:
-    key = array or ("q_encoder" if log.q_encoder is not None else "tau")
+    key = array or _default(log)
     values: Floats | None = getattr(log, key)
     if values is None:
         raise InputError(f'recording "{log.name}": {option}: it has no {key}')
@@ -107,6 +154,9 @@ def _array(log: MotionLog, array: str | None, option: str) -> tuple[str, Floats]
 
 def _units(log: MotionLog, text: str) -> MotionLog:
     array, units = _parts(text)
+    if any("=" in word for word in units):
+        named = dict(word.rpartition("=")[::2] for word in units)
+        units = tuple(named.get(n, u) for n, u in zip(log.joint_names, log.joint_units, strict=True))
     if si_units(units) != log.joint_units:
         raise InputError(
             f'recording "{log.name}": --units: expected one per joint, angles or lengths as its '
@@ -156,9 +206,10 @@ def _scale(log: MotionLog, text: str) -> MotionLog:
     return replace(log, **{key: values})  # type: ignore[arg-type]
 
 
-def _shift(log: MotionLog, rows: int) -> MotionLog:
-    if rows == 0:
-        return log
+def _shift(log: MotionLog, text: str) -> MotionLog:
+    if not re.fullmatch(r"-?\d{1,9}", text):
+        raise InputError(f"--shift: expected rows such as 4, got {text!r}")
+    rows = int(text)
     if log.q_encoder is None:
         raise InputError(f'recording "{log.name}": --shift: it has no measured joint positions')
     measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)

@@ -9,7 +9,6 @@ import numpy as np
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_log
 from catenary.reports.calibration import write_calibration_report
 from catenary.reports.error_tables import in_units
 from catenary.reports.page import Block, Heading, Picture, Table, Text, picture
@@ -39,8 +38,8 @@ def write_project_report(
     card: Card,
     evaluation: Evaluation,
     comparison: tuple[Sequence[str], Sequence[Sequence[str]]],
-    train: Sequence[Path],
-    test: Sequence[Path],
+    train: Sequence[MotionLog],
+    test: Sequence[MotionLog],
     deployment: Mapping[str, Any] | None,
     *,
     notes: Sequence[str] = (),
@@ -56,17 +55,14 @@ def write_project_report(
         card: Its card.
         evaluation: Its errors on the recordings that were tested on.
         comparison: Header and rows of the table of every model.
-        train: Recordings that were fitted to.
-        test: Recordings that were tested on.
+        train: Recordings that were fitted to, with the model's joints.
+        test: Recordings that were tested on, likewise.
         deployment: What the 1 kHz loop reported, if it ran.
         notes: What a reader must know about the data.
         inputs: How many inputs each model of the table takes, joint by joint.
         name: The best model's, in the table of every model and all over the page.
     """
-    units, names = model.joint_units, model.joint_names
-    logs = [[read_log(p, units=units, joint_names=names) if p.suffix == ".npz" else read_log(p) for p in paths]
-            for paths in (train, test)]  # fmt: skip
-    opening: list[Block] = [Heading("What the robot did"), _coverage(logs[0], logs[1])]
+    opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
     further: list[Block] = []
     if deployment is not None:
         simulated = any(s.simulated for s in evaluation.data.sources)
@@ -75,7 +71,7 @@ def write_project_report(
     if inputs is not None:
         comparison = with_inputs(comparison, inputs)
     write_calibration_report(
-        path, model, card, evaluation, tested_on=", ".join(p.name for p in test), notes=notes,
+        path, model, card, evaluation, tested_on=", ".join(log.name for log in test), notes=notes,
         comparison=comparison, opening=opening, further=further, name=name,
     )  # fmt: skip
 

@@ -6,11 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import places_of
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.plant import MotionLog
+from catenary.plant import Joints, MotionLog, places_of
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.view.curves import SPACING, JointColumns
@@ -95,38 +94,32 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
     """
     if log.time is None:
         raise InputError(f'recording "{log.name}": has no time; it cannot be shown')
-    named = [name for name in robot.joint_names if name in log.joint_names]
+    named = [j for j, name in enumerate(robot.joint_names) if name in log.joint_names]
     if not named:
         raise InputError(
             f'recording "{log.name}": has joints {", ".join(log.joint_names)}, robot "{robot.name}" has '
             f"{', '.join(robot.joint_names)}; name the robot that it is of"
         )
-    here = [robot.joint_names.index(name) for name in named]
-    there = [log.joint_names.index(name) for name in named]
-    for j, k in zip(here, there, strict=True):
-        if robot.joint_units[j] != log.joint_units[k]:
-            raise InputError(
-                f'recording "{log.name}": joint "{robot.joint_names[j]}" is in {log.joint_units[k]}, '
-                f"the robot's in {robot.joint_units[j]}"
-            )
+    here = Joints(*(tuple(of[j] for j in named) for of in (robot.joint_names, robot.joint_units)))
+    there = places_of(here, log, whose=f'recording "{log.name}"', of=f'robot "{robot.name}" has')
 
     def of(values: Floats | None, missing: float = np.nan) -> Floats:
         rows = np.full((len(log), robot.n), missing)
         if values is not None:
-            rows[:, here] = values[:, there]
+            rows[:, named] = values[:, there]
         return rows
 
     q = of(log.q_nominal, 0.0)
     true = None if log.q_encoder is None else np.where(log.ok[:, None], log.q_encoder, np.nan)
     calibrated, interval, inside = _calibrated(log, model)
-    absent = [j for j in range(robot.n) if j not in here]
+    absent = [j for j in range(robot.n) if j not in named]
     seen, said = of(true), of(calibrated)
     for values, known in ((seen, true), (said, calibrated)):
         if known is not None:
             values[:, absent] = 0.0
     time = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(log.time), 0.0))])
     return RecordedArm(
-        robot, time, q, seen, said, of(interval), of(inside), of(log.tau), log.simulated, tuple(here)
+        robot, time, q, seen, said, of(interval), of(inside), of(log.tau), log.simulated, tuple(named)
     )
 
 
@@ -136,7 +129,7 @@ def _calibrated(
     """Return calibrated joints, half-widths and flags, each (N, joints of the log); None without a model."""
     if model is None:
         return None, None, None
-    places = places_of(model, log.joint_names, log.joint_units, whose=f'recording "{log.name}"')
+    places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
     calibrated, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
     inside = np.ones(log.q_nominal.shape)
     features = model.features.matrix(log)

@@ -100,7 +100,7 @@ def c_header(
             c_correction(name, calibration, corrector.decimation, rate_hz),
         ]
         functions += [f"{name}_reset", f"{name}_correct", f"{name}_interval"]
-        notes += _other_joints(known, calibration)
+        notes += [*_other_joints(known, calibration), *calibration.asked_of_reports]
     return Header("\n".join([*text, f"#endif /* {guard} */", ""]), tuple(functions), tuple(notes))
 
 

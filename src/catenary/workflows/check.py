@@ -9,6 +9,7 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
+from catenary.calibration.dataset import error_limits
 from catenary.calibration.files import load_model
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
@@ -66,13 +67,20 @@ class FileReport:
         }
 
 
-def check_file(source: str, reading: Reading | None = None, *, robot: str | None = None) -> FileReport:
+def check_file(
+    source: str,
+    reading: Reading | None = None,
+    *,
+    robot: str | None = None,
+    max_error: tuple[float, ...] | None = None,
+) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
     Args:
         source: A file, or a robot's name in the catalogue.
         reading: What a recording does not say of itself, and how it is mended.
         robot: Catalogue name or file of the robot that a recording is of; its own when None.
+        max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.
 
     Raises:
         FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
@@ -80,7 +88,7 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
     """
     path = Path(source)
     if reading is not None and reading.mapping is not None:
-        return check_recording(read_recording(path, reading), robot=robot)
+        return check_recording(read_recording(path, reading), robot=robot, max_error=max_error)
     if source in robot_names():
         return check_robot(load_robot(source))
     if path.is_dir():
@@ -99,7 +107,7 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
         model = load_robot(robot)
         return check_torque_recording(read_torque_recording(path, model, reading), model)
     if table_ending(path) in (".npz", ".parquet", ".csv"):
-        return check_recording(read_recording(path, reading), robot=robot)
+        return check_recording(read_recording(path, reading), robot=robot, max_error=max_error)
     if not path.exists():
         raise FileFormatError(
             f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
@@ -144,7 +152,9 @@ def check_robot(model: RobotModel) -> FileReport:
     return found
 
 
-def check_recording(log: MotionLog, *, robot: str | None = None) -> FileReport:
+def check_recording(
+    log: MotionLog, *, robot: str | None = None, max_error: tuple[float, ...] | None = None
+) -> FileReport:
     """Check a recording: rows, rate, gaps, joints, errors, and the verdict that a fit begins with."""
     facts = _recording_facts(log)
     found = FileReport("recording", facts)
@@ -157,7 +167,7 @@ def check_recording(log: MotionLog, *, robot: str | None = None) -> FileReport:
     elif log.ok.any() and not log.ok.all():
         found.remarks.append(f"{(~log.ok).sum()} rows without a trusted measurement serve as history only")
     found.remarks += log.notes
-    found.findings = findings_of(log, robot=robot_of([log], robot))
+    found.findings = findings_of(log, robot=robot_of([log], robot), max_error=error_limits(max_error, log))
     for finding in found.findings:
         (found.faults if finding.refuses else found.remarks).append(f"{finding.name}: {finding}")
     return found

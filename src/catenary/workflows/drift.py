@@ -9,10 +9,11 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.card_schema import check_card
+from catenary.calibration.dataset import error_limits
 from catenary.calibration.files import load_model
 from catenary.calibration.model import Card
 from catenary.calibration.upkeep.drift import BEYOND, DriftFound, find_drift, since_in_words
-from catenary.calibration.upkeep.judged import judge_recordings
+from catenary.calibration.upkeep.judged import judge_recordings, trained_limits
 from catenary.recording.foreign.read import Reading
 from catenary.workflows.model_recordings import recordings_for
 
@@ -24,6 +25,7 @@ def drift_of_model(
     reading: Reading | None = None,
     accept: tuple[str, ...] = (),
     factor: float = BEYOND,
+    max_error: tuple[float, ...] | None = None,
 ) -> tuple[DriftFound, list[str]]:
     """Return a model's errors over recordings, in the order given, and notes on these; see `find_drift`.
 
@@ -33,6 +35,7 @@ def drift_of_model(
         reading: Mapping of recordings of another make, and what to change of them.
         accept: Findings about them to go on with, by name.
         factor: Of the card's error, for a model without intervals.
+        max_error: Per joint, deg and mm; rows with larger errors are left out.
 
     Raises:
         DataError: Something is wrong with a recording that `accept` does not name: it is no drift.
@@ -42,8 +45,11 @@ def drift_of_model(
     model, card = load_model(model_path)
     check_card(card, str(model_path))
     logs = recordings_for(model, paths, reading)
-    notes = judge_recordings(model, card, logs, accept=accept, done="judged")
-    return find_drift(model, logs, known_errors(card), factor=factor), notes
+    max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
+    limits = error_limits(max_error, logs[0])
+    notes = [*(f"{log.name}: {note}" for log in logs for note in log.notes), *said]
+    notes += judge_recordings(model, card, logs, accept=accept, max_error=limits, done="judged")
+    return find_drift(model, logs, known_errors(card), factor=factor, max_error=limits), notes
 
 
 def known_errors(card: Card) -> Floats | None:

@@ -14,7 +14,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.fitting import FitResult, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
-from catenary.calibration.upkeep.judged import judge_recordings
+from catenary.calibration.upkeep.judged import judge_recordings, trained_limits
 from catenary.recording.foreign.read import Reading, read_logs
 from catenary.workflows.model_recordings import recordings_for
 
@@ -75,12 +75,13 @@ def evaluate_calibration(
     """
     model, card = load_model(model_path)
     logs = recordings_for(model, paths, reading)
+    check_card(card, str(model_path))
+    max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
     limits = error_limits(max_error, logs[0])
     data = calibration_data(logs, model.features, max_error=limits)
-    check_card(card, str(model_path))
     trained_on = {source["sha256"] for source in card["data"]}
     seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
-    notes = data_notes(logs, data)
+    notes = [*data_notes(logs, data), *said]
     notes += judge_recordings(model, card, logs, accept=accept, max_error=limits)
     notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
     found = evaluate(model, data, window=window)

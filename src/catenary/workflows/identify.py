@@ -15,6 +15,7 @@ from catenary.identification.options import IdentifyOptions, filter_of
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
 from catenary.recording.foreign.read import Reading, read_torque_recording
+from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding, judge, require_names
@@ -108,7 +109,7 @@ def identify_files(
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
-    card = identification_card(result, data, tuple(notes))
+    card = identification_card(result, data, tuple(notes), mends_of(read))
     return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out))
 
 

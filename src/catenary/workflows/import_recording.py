@@ -4,12 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from catenary.config import parse_settings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.foreign.importer import import_sources
 from catenary.recording.foreign.layouts import Layout, layout_of_files, read_layout
-from catenary.recording.foreign.mapping import RecordingMapping, load_mapping, mapping_of
+from catenary.recording.foreign.mapping import RecordingMapping, mapping_of
 from catenary.recording.foreign.proposal import Proposal, propose
 from catenary.recording.foreign.sources import Sources
 from catenary.robots.catalog import load_robot
@@ -36,7 +35,7 @@ def import_recording(
         sources: A file, or the files of one recording, such as a bag per topic.
         mapping: What is which quantity: options such as ["q_nominal=/arm/state.position", "q_encoder=a,b,c@deg"], a
             TOML file, its content, or a `RecordingMapping`.
-        units: For q_nominal and q_encoder where the mapping has none, such as "deg,deg,mm".
+        units: Of the joints, for positions and velocities where the mapping has none, such as "deg,deg,mm".
         robot: Catalogue name or file: names, units and limits of the joints.
         accept_proposal: Without a mapping, take the one that is proposed if nothing in it is open.
 
@@ -105,20 +104,16 @@ def _known(paths: Sequence[Path], robot: str | None) -> Layout | None:
 
 
 def _as_mapping(mapping: MappingLike | None, units: str | None, robot: str | None) -> RecordingMapping | None:
-    settings = {"robot": robot}
     if mapping is None:
         return None
+    content: Any = None
+    options, file = [], None
     if isinstance(mapping, RecordingMapping):
-        content: Any = mapping.model_dump(mode="json", exclude_unset=True)
+        content = mapping.model_dump(mode="json", exclude_unset=True)
     elif isinstance(mapping, Mapping):
-        content = dict(mapping)
+        content = mapping
     elif isinstance(mapping, str | Path) and "=" not in str(mapping):
-        content = load_mapping(Path(mapping)).model_dump(mode="json", exclude_unset=True)
+        file = Path(mapping)
     else:
         options = [str(mapping)] if isinstance(mapping, str | Path) else list(mapping)
-        return mapping_of(options, units=units, settings=settings)
-    if units is not None:
-        content.setdefault("q_nominal", {}).setdefault("units", units.split(","))
-        if content.get("q_encoder", {}).get("columns"):
-            content["q_encoder"].setdefault("units", units.split(","))
-    return parse_settings({**content, **({"robot": robot} if robot else {})}, RecordingMapping, "mapping")
+    return mapping_of(options, file=file, content=content, units=units, settings={"robot": robot})

@@ -1,4 +1,4 @@
-"""Recordings read for a model: where they do not say their joints' names or units, the model does."""
+"""Recordings read for a model: what they do not say of their joints, and how they are mended, the model does."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,9 +6,10 @@ from pathlib import Path
 
 from catenary.archives import read_arrays
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.upkeep.judged import mended_as_trained
 from catenary.errors import InputError
 from catenary.files import table_ending
-from catenary.plant import MotionLog
+from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_recording
 from catenary.recording.logs import read_log
@@ -17,10 +18,10 @@ from catenary.recording.logs import read_log
 def recordings_for(
     model: CalibrationModel | MotionLog, paths: Sequence[Path], reading: Reading | None = None
 ) -> list[MotionLog]:
-    """Read recordings that a model is held against, by a mapping or as they are, and mend them.
+    """Read recordings that a model is held against; see `recording_for`.
 
     Args:
-        model: The model, or a recording that one will be fitted to.
+        model: The model, whose joints they then are of, in its order; or a recording that one will be fitted to.
         paths: The recordings.
         reading: Mapping of recordings of another make, and what to change of them.
 
@@ -28,29 +29,43 @@ def recordings_for(
         FileFormatError: A recording is missing or damaged.
         InputError: There is none, or one has other joints.
     """
-    reading = reading if reading is not None else Reading()
     if not paths:
         raise InputError("data: expected at least one recording, got none")
-    if reading.mapping is None:
-        logs = [reading.mend(read_recording_of(model, path)) for path in paths]
-    else:
-        logs = [_by_mapping(model, path, reading, reading.mapping) for path in paths]
-    if isinstance(model, CalibrationModel):
-        for log in logs:
-            model.require_joints(log)
-    return logs
+    logs = [recording_for(model, path, reading) for path in paths]
+    return [model.matched(log) for log in logs] if isinstance(model, CalibrationModel) else logs
 
 
-def read_recording_of(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
-    """Read a recording, taking a model's names and units where a bare command log does not state them.
+def recording_for(
+    model: CalibrationModel | MotionLog | None, path: Path, reading: Reading | None = None
+) -> MotionLog:
+    """Read a recording, by a mapping or as it is, and mend it as asked, and as the model's training data were.
+
+    Names and units of joints are the model's where the recording states none.
 
     Args:
-        model: The model, or a recording that one will be fitted to.
+        model: The model, or a recording that one will be fitted to; None reads it by itself.
         path: The recording.
+        reading: Mapping of a recording of another make, what to change, and whether a model's mends count.
 
     Raises:
-        InputError: The recording has another number of joints.
+        FileFormatError: It is missing or damaged.
+        InputError: It has another number of joints.
     """
+    reading = reading if reading is not None else Reading()
+    if model is None:
+        return read_recording(path, reading)
+    log = (
+        _read(model, path) if reading.mapping is None else _by_mapping(model, path, reading, reading.mapping)
+    )
+    n, names = len(log.joint_names), model.joint_names
+    if log.joint_names == nameless(n) and n == len(names) and not set(log.joint_names) & set(names):
+        log = log.in_order_of(Joints(names), of="the model is for")  # which its mends name
+    if isinstance(model, CalibrationModel) and reading.as_trained:
+        return mended_as_trained(model, log, reading.mend)
+    return reading.mend(log)
+
+
+def _read(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
     if table_ending(path) != ".npz":
         return read_log(path)
     content = read_arrays(path)
@@ -70,14 +85,7 @@ def read_recording_of(model: CalibrationModel | MotionLog, path: Path) -> Motion
 def _by_mapping(
     model: CalibrationModel | MotionLog, path: Path, reading: Reading, mapping: RecordingMapping
 ) -> MotionLog:
-    """Read a recording by a mapping; joints that have no names there are the model's, in order."""
+    """Read a recording by a mapping; joints without units there have the model's."""
     if not mapping.joint_units and mapping.robot is None:
         mapping = mapping.model_copy(update={"joint_units": model.joint_units})
-    unmended = replace(reading, mapping=mapping, mend=Reading().mend)
-    log = read_recording(path, unmended)
-    n = len(log.joint_names)
-    nameless = log.joint_names == tuple(f"J{j + 1}" for j in range(n)) and not mapping.joint_names
-    if nameless and n == len(model.joint_names) and log.joint_names != model.joint_names:
-        note = f"columns of q_nominal are {', '.join(model.joint_names)} of the model, in order"
-        log = replace(log, joint_names=model.joint_names, notes=(*log.notes, note))
-    return reading.mend(log)
+    return read_recording(path, replace(reading, mapping=mapping, mend=Reading().mend))

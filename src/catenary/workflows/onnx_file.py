@@ -28,7 +28,7 @@ def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[
     model, card = load_model(path)
     decimation = 1 if rate_hz is None else decimation_at(model, rate_hz)
     made = save_onnx(model, card, out, decimation=decimation)
-    notes = []
+    notes = model.asked_of_reports
     if model.features.history and rate_hz is None:
         trained = "an unknown rate" if model.rate_hz is None else f"{model.rate_hz:g} Hz"
         notes.append(f"the graph is to be stepped at the rate of the training rows, {trained}")

@@ -61,11 +61,14 @@ def payload_of_files(
         FileFormatError: A file is missing, damaged or of another kind.
         InputError: A recording is not of this robot, in other units, or too short; or an unknown frame.
     """
-    result, _ = load_identification(model)
+    result, card = load_identification(model)
+    # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
+    mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
     options = result.options if cutoff_hz is None else replace(result.options, cutoff_hz=cutoff_hz)
     require_names(accept)
-    read = [read_torque_recording(path, result.model, reading) for path in (*logs, *unloaded)]
+    read = [read_torque_recording(path, result.model, reading, mends) for path in (*logs, *unloaded)]
     notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
+    notes += [f"{log.name}: {note}" for log in read for note in log.notes]
     samples = [prepare(log, result.model, options) for log in read]
     tested = result.test(samples)
     doubts = [

@@ -1,10 +1,12 @@
 """Bring a model's file up to date with recordings of a new day."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
+from catenary.calibration.upkeep.judged import trained_limits
 from catenary.calibration.upkeep.new_day import NewDay, refresh_with
 from catenary.files import sha256_of
 from catenary.recording.foreign.read import Reading
@@ -36,4 +38,6 @@ def refresh_calibration(
     model, card = load_model(model_path)
     check_card(card, str(model_path))
     logs = recordings_for(model, paths, reading)
-    return refresh_with(model, card, logs, accept=accept, max_error=max_error, sha256=sha256_of(model_path))
+    max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
+    day = refresh_with(model, card, logs, accept=accept, max_error=max_error, sha256=sha256_of(model_path))
+    return replace(day, notes=(*day.notes, *said))

@@ -72,7 +72,7 @@ def test_units_signs_and_parts_of_arrays_turn_numbers_into_si(tmp_path: Path) ->
 def test_counts_need_a_scale(tmp_path: Path) -> None:
     bag = two_topics(tmp_path / "lab", "ros1")
     with pytest.raises(InputError, match="counts: give the scale"):
-        import_recording(bag, ["q_nominal=/raven/joint_cmd.position[0:2]@counts"], robot="two_link")
+        import_recording(bag, ["q_nominal=/raven/joint_cmd.position[outer_yaw],/raven/joint_cmd.position[outer_pitch]@counts"], robot="two_link")
     counted = import_recording(
         bag, ["q_nominal=/raven/joint_cmd.position[outer_yaw],/raven/joint_cmd.position[outer_pitch]@counts*0.5"],
         robot="two_link",
@@ -167,6 +167,7 @@ def test_a_dvrk_s_joints_follow_from_a_tracked_marker(kind: Kind, tmp_path: Path
     bag, transforms = dvrk_bag(tmp_path / "psm", kind, error)
     mapping = {
         "robot": "dvrk_psm",
+        "joint_names": ["q1", "q2", "q3"],
         "q_nominal": {"columns": "/PSM1/measured_js.position[0:3]"},
         "q_encoder": {"pose": {"columns": "/ndi/marker.pose", **transforms}},
     }

@@ -46,7 +46,12 @@ class DriftFound:
 
 
 def find_drift(
-    model: CalibrationModel, logs: Sequence[MotionLog], known: Floats | None, *, factor: float = BEYOND
+    model: CalibrationModel,
+    logs: Sequence[MotionLog],
+    known: Floats | None,
+    *,
+    factor: float = BEYOND,
+    max_error: Floats | None = None,
 ) -> DriftFound:
     """Return a model's errors on recordings, in their order, and from which on it is beyond what it promised.
 
@@ -58,6 +63,7 @@ def find_drift(
         logs: Recordings with q_encoder, the oldest first.
         known: (n,) errors that the card tells [deg|mm]; None where it tells none.
         factor: More than 0.
+        max_error: (n,) [rad|m]; rows with larger errors are left out.
 
     Raises:
         InputError: Other joints, nothing measured, or neither intervals nor errors to judge by.
@@ -71,8 +77,8 @@ def find_drift(
         raise InputError(f"drift: factor: expected more than 0, got {factor}")
     stretches = []
     for log in logs:
-        model.require_joints(log)
-        data = calibration_data([log], model.features)
+        log = model.matched(log)
+        data = calibration_data([log], model.features, max_error=max_error)
         place = np.rint(data.position * len(log)).astype(int)  # rows of the recording
         number = np.searchsorted(_cuts(log), place, side="right")
         for homing in np.unique(number):

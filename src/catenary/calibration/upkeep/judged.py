@@ -7,8 +7,11 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.card import valid_inputs
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.errors import DataError
 from catenary.plant import MotionLog
+from catenary.recording.mend import AS_TRAINED, NOTHING, Mend
 from catenary.verdict.check import robot_of, verdict
+from catenary.verdict.trained import trained_findings
 
 
 def judge_recordings(
@@ -36,15 +39,44 @@ def judge_recordings(
         DataError: What was found in which recording, its likely cause, and the options that mend or accept it.
         InputError: An unknown name to accept.
     """
-    return verdict(
-        logs,
-        accept=accept,
-        robot=robot_of(logs, card.get("robot")),
-        max_error=max_error,
-        testing=not learning,
-        trained=trained_positions(model),
-        done=done,
-    )
+    try:
+        return verdict(
+            logs,
+            accept=accept,
+            robot=robot_of(logs, card.get("robot")),
+            max_error=max_error,
+            testing=not learning,
+            trained=trained_positions(model),
+            done=done,
+        )
+    except DataError as error:
+        said = [f'"{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)]
+        raise DataError("\n".join([str(error), *said]), error.names) from error
+
+
+def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NOTHING) -> MotionLog:
+    """Return a recording mended as asked, and as a model's training data were; see `Mend`.
+
+    Units of all arrays are mended so only where positions lie beyond the trained ones and would lie within: a
+    recording that somebody has brought to rad and m since stays as it is.
+    """
+    trained = dict(model.mends)
+    if "units" in trained and len(log.joint_names) == len(model.joint_names):
+        other = trained_findings(model.matched(log), trained_positions(model))
+        trained = trained if other else {key: texts for key, texts in trained.items() if key != "units"}
+    return own(log, trained)
+
+
+def trained_limits(
+    card: Card, asked: tuple[float, ...] | None = None, *, as_trained: bool = True
+) -> tuple[tuple[float, ...] | None, list[str]]:
+    """Return the errors beyond which rows are left out, as asked or as in the model's fit [deg|mm], and a note."""
+    found = card.get("run", {}).get("max_error") if as_trained and asked is None else None
+    if found is None:
+        return asked, []
+    limits = tuple(np.inf if limit is None else float(limit) for limit in found)
+    text = ",".join(f"{limit:g}" for limit in limits)
+    return limits, [f"{AS_TRAINED}: --max-error {text}; --no-mend takes all rows"]
 
 
 def trained_positions(model: CalibrationModel) -> tuple[Floats, Floats]:

@@ -20,7 +20,6 @@ from catenary.arrays import Floats
 from catenary.calibration.conformal import estimate_intervals
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
-from catenary.calibration.features import joints_text
 from catenary.calibration.fit import EXTRAPOLATION
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.kernels import Flags
@@ -81,11 +80,7 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
     Raises:
         InputError: Other joints or features, or fewer than FEWEST_ROWS rows.
     """
-    if (data.joint_names, data.joint_units) != (model.joint_names, model.joint_units):
-        raise InputError(
-            f"data: has joints {joints_text(data.joint_names, data.joint_units)}; "
-            f"the model is for {joints_text(model.joint_names, model.joint_units)}"
-        )
+    data.require_joints_of(model)
     if data.features != model.features:
         raise InputError("data: holds other features than the model takes")
     if len(data) < FEWEST_ROWS:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import places_of
 from catenary.calibration.kernels import Flags, Step, bound, finite
 from catenary.calibration.model import CalibrationModel
 from catenary.kernels.compiled import compiled
+from catenary.plant import Joints, places_of
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 Aspect = Literal["homing", "torque", "range"]
@@ -67,7 +67,8 @@ class DriftWatch:
         Raises:
             InputError: The robot lacks a joint of the model, or has it in another unit.
         """
-        self._places = places_of(model, joint_names, joint_units, whose="watch: the robot")
+        of_robot = Joints(tuple(joint_names), tuple(joint_units))
+        self._places = places_of(model, of_robot, whose="watch: the robot", of="the model is for")
         self._names, self._units, self._day = model.joint_names, model.joint_units, model.trained_day
         n = len(self._names)
         self._q, self._tau, self._inside = np.zeros((1, n)), np.zeros((1, n)), np.ones((1, n), dtype=bool)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
 from typer import Argument, Option
 
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import MappingOptions, NodeName, robots_beginning
+from catenary.cli.options import MappingOptions, NodeName, NoMend, robots_beginning
 from catenary.cli.robot_choice import MovedRobot, WatchedRobot, open_robot
-from catenary.cli.terminal import announce, print_json_line
+from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def view(
         Path | None,
         Option(metavar="LOG", help="Show a recording of the robot: .parquet, .npz, or others with --map."),
     ] = None,
+    no_mend: NoMend = False,
     ros: Annotated[
         int | None, Option(metavar="1|2", help="Beside a robot on ROS 1 or 2, which is only read.")
     ] = None,
@@ -115,7 +116,7 @@ def view(
                 if robot_seed is not None:
                     raise InputError("--robot-seed goes with a simulated robot, not with a recording")
                 announce(f"{page.url}: reading the recording ...")
-                shown = _recording(what, log, model, foreign)
+                shown = _recording(what, log, model, foreign, as_trained=not no_mend)
             elif ros is not None:
                 asked = (what or "raven2", ros, dialect, namespace, name, simulated, None, robot_seed)
                 robot = MovedRobot(*asked, yes=yes) if control else WatchedRobot(*asked)
@@ -167,27 +168,26 @@ def _beside(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
     return _Titled(robot.robot, arm)
 
 
-def _recording(what: str | None, log: Path | None, model: Path | None, foreign: MappingOptions) -> _Titled:
+def _recording(
+    what: str | None, log: Path | None, model: Path | None, foreign: MappingOptions, *, as_trained: bool
+) -> _Titled:
     """Return a recording of a robot, or a project's."""
     from catenary.calibration.files import load_model
-    from catenary.recording.foreign.read import Reading, read_recording
+    from catenary.recording.foreign.read import Reading
     from catenary.robots.catalog import load_robot
     from catenary.view.described import shapes_of
     from catenary.view.project import shown_project
     from catenary.view.recorded import recorded_arm
     from catenary.view.replay import Replay
-    from catenary.workflows.model_recordings import read_recording_of
+    from catenary.workflows.model_recordings import recording_for
 
     robot, path = what, log or Path()
     if what is not None and _is_project(what):
         project = shown_project(Path(what))
         robot, path, model = project.robot, log or project.log, model or project.model
     loaded = None if model is None else load_model(model)[0]
-    mapping = foreign.read(None)
-    if mapping is None and loaded is not None:
-        recording = read_recording_of(loaded, path)
-    else:
-        recording = read_recording(path, Reading(mapping=mapping))
+    recording = recording_for(loaded, path, Reading(mapping=foreign.read(None), as_trained=as_trained))
+    print_notes([note for note in recording.notes if note.startswith("mended")])
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)
     return _Titled(

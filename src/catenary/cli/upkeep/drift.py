@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from catenary.cli.fit import Recordings
-from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions
+from catenary.cli.fit import MaxError, Recordings, limits
+from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, ModelMendOptions
 from catenary.cli.out_files import PAGE, Report, refuse_outputs
 from catenary.cli.terminal import print_json, print_notes, print_table
 
@@ -15,12 +15,13 @@ from catenary.cli.terminal import print_json, print_notes, print_table
 def drift(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit or refresh wrote.")],
     data: Recordings,
-    mending: MendOptions,
+    mending: ModelMendOptions,
     foreign: MappingOptions,
     factor: Annotated[
         float,
         Option(metavar="K", help="For a model without intervals: times its card's error that is too much."),
     ] = 2.0,
+    max_error: MaxError = None,
     accept: Accept = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
@@ -38,7 +39,12 @@ def drift(
 
     refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     found, notes = drift_of_model(
-        model, data, reading=mending.reading(foreign), accept=tuple(accept or ()), factor=factor
+        model,
+        data,
+        reading=mending.reading(foreign),
+        accept=tuple(accept or ()),
+        factor=factor,
+        max_error=limits(max_error),
     )
     if as_json:
         print_json(drift_summary(found, notes))

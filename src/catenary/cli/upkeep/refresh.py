@@ -6,7 +6,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from catenary.cli.fit import MaxError, Recordings, limits
-from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions
+from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, ModelMendOptions
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, out_path, refuse_outputs
 from catenary.cli.terminal import print_json, print_notes, print_table
 from catenary.files import card_path
@@ -15,7 +15,7 @@ from catenary.files import card_path
 def refresh(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
-    mending: MendOptions,
+    mending: ModelMendOptions,
     foreign: MappingOptions,
     out: Annotated[
         Path, Option(metavar="MODEL", parser=out_path, help=f"Refreshed model to write. {NAMED_AS_TYPED}")

@@ -11,9 +11,16 @@ from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.files import sha256_of
-from catenary.plant import MotionLog
+from catenary.plant import Joints, MotionLog
+from catenary.plant import places_of as places_of_joints
 from catenary.recording.foreign.clocks import OneClock
-from catenary.recording.foreign.joints import factors, joint_names_of, joint_units_of, recorded_joints
+from catenary.recording.foreign.joints import (
+    factors,
+    joint_names_of,
+    joint_units_of,
+    joints_meant,
+    recorded_joints,
+)
 from catenary.recording.foreign.mapping import Quantity, RecordingMapping, TrackedPose
 from catenary.recording.foreign.pose import joints_from_poses, pose_places
 from catenary.recording.foreign.sources import Sources
@@ -107,7 +114,7 @@ def import_sources(
             )
     if model is None and mapping.robot is not None:
         model = load_robot(mapping.robot)
-    notes = _ordered_by_name(joints, mapping, sources.streams)
+    notes = _ordered_by_name(joints, mapping, sources.streams, model)
     base = joints["q_nominal"].places[0]
     names, said = joint_names_of(mapping, model, joints["q_nominal"].places, sources.streams)
     notes += said
@@ -176,7 +183,7 @@ def import_sources(
     )
     signal_columns, signal_units = _signals(further, mapping, whole)
     time = clock.time
-    return MotionLog(
+    log = MotionLog(
         name=sources.paths[0].stem,
         joint_names=names,
         joint_units=units,
@@ -191,30 +198,50 @@ def import_sources(
         robot=None if model is None else model.name,
         sha256=_sha256(sources.paths),
         units_assumed=assumed,
+        settled=_settled(mapping, joints),
         notes=(
-            f"imported from {where}: {_told(mapping)}",
+            f"imported from {where}: {_told(mapping, joints)}",
             *dict.fromkeys([*sources.notes, *clock.notes, *notes]),
         ),
     )
+    if model is None:
+        return log
+    its = Joints(tuple(name for name in model.joint_names if name in names))
+    return log.in_order_of(its, of=f'robot "{model.name}" has')
 
 
 def _ordered_by_name(
-    joints: dict[str, _Found], mapping: RecordingMapping, streams: Sequence[Stream]
+    joints: dict[str, _Found],
+    mapping: RecordingMapping,
+    streams: Sequence[Stream],
+    model: RobotModel | None,
 ) -> list[str]:
-    """Put whole arrays, and parts of them, into the order of q_nominal's joints where both have names; say so."""
-    order = recorded_joints(joints["q_nominal"].places, streams)
-    notes = []
+    """Put whole arrays, parts of them and patterns into the order of q_nominal's joints by name; say so.
+
+    Raises:
+        InputError: A quantity is of other joints than q_nominal.
+    """
+
+    def names_of(key: str) -> tuple[str, ...]:
+        places = joints[key].places
+        own = found = recorded_joints(places, streams) or tuple(place.star for place in places)
+        if model is not None:
+            found = joints_meant([o or p.column for o, p in zip(own, places, strict=True)], model)
+        found = found if all(found) else own
+        return found if all(found) and len(set(found)) == len(found) else ()
+
+    order, notes = names_of("q_nominal"), []
     for key, columns in joints.items():
-        own = recorded_joints(columns.places, streams)
-        if own == order or not own or set(own) != set(order):
+        own = names_of(key)
+        if own == order or not own or not order:
             continue
-        if all(
-            reference.endswith(tuple(f"[{joint}]" for joint in own))
-            for reference in getattr(mapping, key).columns
-        ):
+        if len(getattr(mapping, key).columns) == len(own):  # listed one by one
             notes.append(f"{key}: joints are in another order than q_nominal's, as the mapping names them")
             continue
-        index = [own.index(joint) for joint in order]
+        if not set(own) & set(order):
+            notes.append(f"{key}: taken in order, as q_nominal has none of {', '.join(own)}")
+            continue
+        index = places_of_joints(Joints(order), Joints(own), whose=key, of="q_nominal has")
         joints[key] = _Found([columns.places[i] for i in index], columns.sign[index])
         notes.append(f"{key}: has its joints in another order; they were taken by name")
     return notes
@@ -250,9 +277,7 @@ def _tracked(
     near = interpolate(Series(q.stamp, q.values * scale, q.report), poses.stamp, _gap(clock, nominal.places))[
         0
     ]
-    chosen = [
-        model.joint_names.index(name) if name in model.joint_names else i for i, name in enumerate(names)
-    ]
+    chosen = [model.joint_names.index(name) for name in names]
     start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
     start[:, chosen] = near
     found = joints_from_poses(model, tracked, poses.values, start)
@@ -281,16 +306,28 @@ def _signals(
     return columns, units
 
 
-def _told(mapping: RecordingMapping) -> str:
-    """Return a mapping in a line."""
+def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
+    """Return a mapping in a line, its patterns as the columns that they stand for."""
     parts = []
     for key in ("q_nominal", "q_encoder", "qd", "tau"):
         quantity: Quantity | None = getattr(mapping, key)
         if quantity is not None:
             source = quantity.columns if quantity.pose is None else (f"pose {quantity.pose.columns[0]}",)
+            if any("*" in column for column in source) and key in joints:
+                source = tuple(place.column for place in joints[key].places)
             units = f" [{', '.join(quantity.units)}]" if quantity.units else ""
             parts.append(f"{key} = {cut(', '.join(source))}{units}")
     return "; ".join(parts)
+
+
+def _settled(mapping: RecordingMapping, joints: dict[str, _Found]) -> dict[str, tuple[str, ...]]:
+    """Return what a mapping says itself, and no mend of a model's training data says anew."""
+    settled = ["units", "time_unit"]
+    for key, columns in joints.items():
+        quantity = getattr(mapping, key)
+        settled += [f"units:{key}"] * bool(quantity.units) + [f"scale:{key}"] * bool(quantity.scale)
+        settled += [f"sign:{key}"] * bool(quantity.sign or (columns.sign < 0.0).any())
+    return dict.fromkeys(settled, ())
 
 
 def _sha256(paths: Sequence[Path]) -> str | None:

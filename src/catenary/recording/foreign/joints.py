@@ -1,5 +1,6 @@
 """The joints that columns are of: their names, their units, and what turns the columns into SI."""
 
+import re
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -8,6 +9,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import InputError
+from catenary.plant import Jointed, Joints, joints_text, nameless, places_of
 from catenary.recording.foreign.mapping import SI, Quantity, RecordingMapping
 from catenary.recording.foreign.stream import Place, Stream
 from catenary.robots.model import RobotModel
@@ -20,25 +22,60 @@ Value = TypeVar("Value")
 def joint_names_of(
     mapping: RecordingMapping, model: RobotModel | None, places: Sequence[Place], streams: Sequence[Stream]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Return the joints' names: the mapping's, the robot's, the recording's, or J1, J2, ..."""
+    """Return the joints' names: the mapping's, the robot's that the recording's mean, its own, or J1, J2, ...
+
+    Raises:
+        InputError: They are not clearly the robot's; the message names both sides.
+    """
     n = len(places)
     if mapping.joint_names:
         if len(mapping.joint_names) != n:
             raise InputError(f"joint_names: {len(mapping.joint_names)} for {n} columns of q_nominal")
+        if model is not None:
+            places_of(Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are")
         return mapping.joint_names, []
     own = recorded_joints(places, streams)
-    known = bool(own)
-    if model is not None:
-        if n > model.n:
-            raise InputError(
-                f'robot "{model.name}" has {model.n} joints, q_nominal {n} columns; give joint_names'
-            )
-        if known and set(own) <= set(model.joint_names):
-            return tuple(own), []
-        names = model.joint_names[:n]
-        said = f" ({', '.join(map(cut, own))} in the recording)" if known else ""
-        return names, [f'columns of q_nominal are {", ".join(names)} of robot "{model.name}", in order{said}']
-    return (tuple(own) if known else tuple(f"J{i + 1}" for i in range(n))), []
+    if model is None:
+        return own or nameless(n), []
+    if n > model.n:
+        raise InputError(
+            f'robot "{model.name}" has {model.n} joints, q_nominal {n} columns; give joint_names'
+        )
+    said = own or tuple(place.column for place in places)
+    meant = joints_meant(said, model)
+    is_known, listed = all(meant) and len(set(meant)) == n, len(mapping.q_nominal.columns) == n
+    names = meant if is_known else model.joint_names[:n]
+    # a number in a column's name is hardly that of a joint, where not all of them are
+    astray = any(each not in ("", j) and not each[-1].isdigit() for j, each in zip(names, meant, strict=True))
+    if astray or (own and not is_known and not listed):
+        raise InputError(
+            f'q_nominal: {", ".join(map(cut, said))} are not clearly joints of robot "{model.name}", which has '
+            f"{joints_text(model)}; list the columns in the order of its joints, or give joint_names"
+        )
+    told = f"{'by their names' if is_known else 'in order'} ({', '.join(map(cut, said))} in the recording)"
+    note = f'columns of q_nominal are {", ".join(names)} of robot "{model.name}", {told}'
+    return names, [note] * (names != said)
+
+
+def joints_meant(names: Sequence[str], model: Jointed) -> tuple[str, ...]:
+    """Return the robot's joint that each name means, its own or the longest whose words stand in it; "" for none.
+
+    What all of the robot's joints have in their names ("joint", "q") need not stand there.
+    """
+    words = {joint: _words(joint) for joint in model.joint_names}
+    shared = set.intersection(*map(set, words.values())) if len(words) > 1 else set[str]()
+    keys = {joint: " ".join(w for w in each if w not in shared) for joint, each in words.items()}
+    found = []
+    for name in names:
+        inside = [joint for joint, key in keys.items() if key and f" {key} " in f" {' '.join(_words(name))} "]
+        longest = max(map(len, map(keys.__getitem__, inside)), default=0)
+        best = [name] if name in keys else [joint for joint in inside if len(keys[joint]) == longest]
+        found.append(best[0] if len(best) == 1 else "")
+    return tuple(found)
+
+
+def _words(name: str) -> list[str]:
+    return re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
 
 
 def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple[str, ...]:
@@ -65,12 +102,8 @@ def joint_units_of(
     """
     n = len(names)
     given: tuple[str, ...] | None = mapping.joint_units or None
-    if model is not None:
-        of_robot = tuple(
-            model.joint_units[model.joint_names.index(j)] if j in model.joint_names else "" for j in names
-        )
-        of_robot = of_robot if all(of_robot) else model.joint_units[:n]
-        given = of_robot if given is None else given
+    if model is not None and given is None:
+        given = tuple(model.joint_units[model.joint_names.index(joint)] for joint in names)
     if given is not None and len(given) == 1:
         given = given * n
     if given is not None and len(given) != n:

@@ -139,6 +139,7 @@ def mapping_of(
     options: Sequence[str],
     *,
     file: Path | None = None,
+    content: Mapping[str, Any] | None = None,
     units: str | None = None,
     settings: Mapping[str, object] | None = None,
 ) -> RecordingMapping | None:
@@ -148,24 +149,30 @@ def mapping_of(
         options: Such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid",
             "time=t@ms" or "signal:force=/ati.wrench.force.x@N". A minus turns a column round; units follow an @.
         file: TOML with a mapping.
-        units: For q_nominal and q_encoder, where the option has none: one, or one per joint.
+        content: A mapping as such a file has it.
+        units: Of the joints, where an option has none: one, or one per joint.
         settings: Further keys, such as robot; those that are None are left out.
 
     Raises:
         ConfigError: An option or the file is none of these, or the mapping lacks q_nominal.
     """
     own = {key: value for key, value in (settings or {}).items() if value is not None}
-    if not options and file is None:
+    if not options and file is None and content is None:
         return None
-    content = load_mapping(file).model_dump(mode="json", exclude_unset=True) if file is not None else {}
+    content = load_mapping(file).model_dump(mode="json", exclude_unset=True) if file else dict(content or {})
     for option in options:
         _take(option, content)
-    if units is not None:
-        listed = [unit.strip() for unit in units.split(",") if unit.strip()]
-        for name in ("q_nominal", "q_encoder"):
-            if name in content and not content[name].get("units") and not content[name].get("pose"):
-                content[name]["units"] = listed
-    return parse_settings({**content, **own}, RecordingMapping, str(file) if file is not None else "--map")
+    for name in ("q_nominal", "q_encoder", "qd") if units else ():
+        quantity = content.get(name)
+        if isinstance(quantity, dict) and not quantity.get("units") and not quantity.get("pose"):
+            content[name] = {**quantity, "units": words_of(units)}
+    where = str(file) if file is not None else "--map" if options else "mapping"
+    return parse_settings({**content, **own}, RecordingMapping, where)
+
+
+def words_of(text: str | None) -> list[str]:
+    """Return what stands between commas."""
+    return [word.strip() for word in (text or "").split(",") if word.strip()]
 
 
 def _take(option: str, content: dict[str, Any]) -> None:
@@ -179,7 +186,7 @@ def _take(option: str, content: dict[str, Any]) -> None:
     columns, at, units = text.rpartition("@")
     if not at:
         columns, units = text, ""
-    listed = [column.strip() for column in columns.split(",") if column.strip()]
+    listed = words_of(columns)
     if quantity == "signal" and found["signal"]:
         signal = {"columns": listed, "units": units}
         content.setdefault("signals", {})[found["signal"].strip()] = signal

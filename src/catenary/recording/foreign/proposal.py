@@ -65,7 +65,7 @@ def propose(sources: Sources, *, robot: str | None = None, units: str | None = N
     Args:
         sources: A recording.
         robot: Catalogue name or file: units of the joints.
-        units: Of q_nominal, and of q_encoder where nothing else says them.
+        units: Of the joints: of q_nominal, and of q_encoder where the names of its columns say none.
 
     Raises:
         InputError: The robot has no such name.
@@ -84,7 +84,7 @@ def propose(sources: Sources, *, robot: str | None = None, units: str | None = N
         draft.questions += [] if is_sure else [f"the units of q_nominal ({why})"]
         _write(draft, "q_nominal", nominal, chosen, why if is_sure else f"OPEN: {why}")
         if encoder is not None:
-            its, why, is_sure = encoder_units(encoder, nominal, chosen)
+            its, why, is_sure = encoder_units(encoder, nominal, chosen, units)
             draft.questions += [] if is_sure else [f"the units of q_encoder ({why})"]
             _write(draft, "q_encoder", encoder, its, why if is_sure else f"OPEN: {why}")
         _further(found, nominal, draft)

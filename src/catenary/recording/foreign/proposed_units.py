@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from catenary.recording.foreign.candidates import Candidate
+from catenary.recording.foreign.joints import joints_meant
 from catenary.recording.foreign.mapping import SI
 from catenary.robots.model import RobotModel
 
@@ -31,11 +32,14 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     large = [size > _LARGEST_TURN for size in sizes]
     is_ros = one.stream.type.endswith("JointState")
     if model is not None and n <= model.n:
-        within = [_within_limits(model, j, *one.ranges[j]) for j in range(n)]
+        meant = joints_meant(one.joints if all(one.joints) else one.columns, model)
+        places = [model.joint_names.index(joint) for joint in meant] if all(meant) else list(range(n))
+        within = [_within_limits(model, j, *limits) for j, limits in zip(places, one.ranges, strict=True)]
+        its = [model.joint_units[j] for j in places]
         told = all(unit is not None for unit in within)
         units = tuple(
             found or _IN_WORDS[unit][is_large if unit == "rad" else size > _LARGEST_SLIDE]
-            for found, unit, size, is_large in zip(within, model.joint_units, sizes, large, strict=False)
+            for found, unit, size, is_large in zip(within, its, sizes, large, strict=True)
         )
         by = "its limits" if told else "the range"
         return units, f"by the robot {model.name} and {by}", told or is_ros or not any(large)
@@ -74,11 +78,15 @@ def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> st
     return None
 
 
-def encoder_units(one: Candidate, nominal: Candidate, nominal_in: Sequence[str]) -> tuple[Units, str, bool]:
+def encoder_units(
+    one: Candidate, nominal: Candidate, nominal_in: Sequence[str], given: str | None
+) -> tuple[Units, str, bool]:
     """Return the units of q_encoder, how they were told, and whether they are sure."""
     stated = one.stated_units()
     if stated is not None:
         return stated, "by the names of the columns", True
+    if given is not None:
+        return tuple(nominal_in), "as given", True
     units, sure = [], True
     for own, other, unit in zip(one.ranges, nominal.ranges, nominal_in, strict=True):
         base, scale = SI.get(unit, ("", 1.0))

@@ -1,6 +1,6 @@
 """The door for recordings: files of catenary and known layouts as they are, any other by its mapping."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,7 @@ class Reading:
         None  # of a recording of another make, which it then is; with its own units
     )
     mend: Mend = NOTHING  # what to change of them
+    as_trained: bool = True  # mend them also as the training data of a model that they are given to
 
 
 def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
@@ -41,17 +42,24 @@ def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLo
     return reading.mend(_by_mapping(Path(path), reading.mapping, None))
 
 
-def read_torque_recording(path: Path, model: RobotModel, reading: Reading | None = None) -> MotionLog:
+def read_torque_recording(
+    path: Path,
+    model: RobotModel,
+    reading: Reading | None = None,
+    trained: Mapping[str, Sequence[str]] | None = None,
+) -> MotionLog:
     """Read a recording of a robot for identification, by a mapping or as `read_torque_log` does, and mend it.
+
+    Where it is held against identified parameters, `trained` is how the recordings behind these were mended.
 
     Raises:
         FileFormatError: As `read_torque_log`, or the file cannot be read.
         InputError: As `read_torque_log`, or what the mapping names is not there.
     """
     reading = reading if reading is not None else Reading()
-    if reading.mapping is None:
-        return reading.mend(read_torque_log(path, model))
-    return reading.mend(_by_mapping(path, reading.mapping, model))
+    mapping = reading.mapping
+    log = read_torque_log(path, model) if mapping is None else _by_mapping(path, mapping, model)
+    return reading.mend(log, trained if reading.as_trained else None)
 
 
 def _by_mapping(path: Path, mapping: RecordingMapping, model: RobotModel | None) -> MotionLog:

@@ -40,14 +40,16 @@ class Place:
 
     stream: str
     column: str
+    star: str = field(default="", compare=False)  # what the * of a pattern stands for in its name
 
 
 def places_of(reference: str, streams: Sequence[Stream]) -> list[Place]:
     """Return the columns that a reference stands for, in order.
 
     A reference is the name of a column, of an array (`position`, all its elements), a part of one (`position[2]`,
-    `position[0:6]`, `position[elbow]` by the name of the joint) or a pattern (`cmd_*`, in natural order). In front of
-    it stands a topic and a dot (`/arm/state.position`); of several tables, the name of the file and a colon.
+    `position[0:6]`, `position[elbow]` by the name of the joint) or a pattern (`cmd_*`, in the file's order; names that
+    differ in a number by that). In front of it stands a topic and a dot (`/arm/state.position`); of several tables, the
+    name of the file and a colon.
 
     Raises:
         InputError: There is none, or several streams have it.
@@ -61,16 +63,17 @@ def places_of(reference: str, streams: Sequence[Stream]) -> list[Place]:
                 candidates.append((stream, rest))
         elif reference.startswith(f"{stream.name}."):
             candidates.append((stream, reference[len(stream.name) + 1 :]))
-    found = [(stream, names) for stream, inner in candidates if (names := _columns(inner, stream))]
-    if len({stream.name for stream, _ in found}) > 1:
+    found = [(s, inner, names) for s, inner in candidates if (names := _columns(inner, s))]
+    if len({stream.name for stream, _, _ in found}) > 1:
         raise InputError(
-            f'column "{cut(reference)}" is in {" and in ".join(stream.name for stream, _ in found)}; '
+            f'column "{cut(reference)}" is in {" and in ".join(stream.name for stream, _, _ in found)}; '
             f'write "{found[0][0].name}:{cut(reference)}"'
         )
     if not found:
         raise InputError(f'no column "{cut(reference)}"; {_choices(reference, streams)}')
-    stream, names = found[0]
-    return [Place(stream.name, name) for name in names]
+    stream, inner, names = found[0]
+    ends = [len(end) for end in inner.split("*")] if inner.count("*") == 1 else []
+    return [Place(stream.name, name, name[ends[0] : len(name) - ends[1]] if ends else "") for name in names]
 
 
 def natural(name: str) -> tuple[tuple[int, str], ...]:
@@ -107,7 +110,9 @@ def _columns(inner: str, stream: Stream) -> list[str]:
             last = int(limits[2] or (first + 1 if alone else len(arrays[base])))
             return arrays[base][first:last] if first < last <= len(arrays[base]) else []
     if "*" in inner and len(inner) <= 200 and inner.count("*") <= 4:
-        return sorted((name for name in stream.columns if fnmatchcase(name, inner)), key=natural)
+        found_names = [name for name in stream.columns if fnmatchcase(name, inner)]
+        is_numbered = len({re.sub(r"\d+", "#", name) for name in found_names}) == 1
+        return sorted(found_names, key=natural) if is_numbered else found_names
     return []
 
 

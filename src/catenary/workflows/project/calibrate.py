@@ -7,7 +7,7 @@ from typing import Any
 
 from catenary import __version__
 from catenary.calibration.choice import JointChoice
-from catenary.calibration.dataset import error_limits, require_same_joints
+from catenary.calibration.dataset import error_limits, in_one_order
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import load_model, save_model
 from catenary.calibration.fit import FitOptions
@@ -244,8 +244,8 @@ def calibrate_recordings(
             raise InputError(
                 f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on"
             )
-        for other in (*fitted[1:], *tested):  # before minutes of fits
-            require_same_joints(fitted[0], other)
+        ordered = in_one_order([*fitted, *tested])  # refuses before minutes of fits
+        fitted, tested = ordered[: len(fitted)], ordered[len(fitted) :]
         require_apart(fitted, tested, run.accept)
         limits = error_limits(run.max_error, fitted[0])
         for logs, testing in ((fitted, False), (tested, True)):
@@ -352,9 +352,10 @@ def conclude(
 
     def work() -> None:
         write(evaluation, concluded.summary())
+        fitted_to, tested_on = (recordings_for(best.model, paths, reading) for paths in (train, test))
         write_project_report(
             page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
-            train, test, deployment, notes=best.notes, inputs=_inputs_of(results),
+            fitted_to, tested_on, deployment, notes=best.notes, inputs=_inputs_of(results),
         )  # fmt: skip
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector, places_of
+from catenary.calibration.corrector import Corrector
 from catenary.calibration.files import load_model
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
@@ -20,7 +20,7 @@ from catenary.crtk.reader import CrtkReader
 from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.monitor.snapshot import EventRate, Snapshot
-from catenary.plant import JointState, MotionLog, Plant, fault_of
+from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
 from catenary.recording.raven_transmission import registrations
 from catenary.recording.synchronise import CALIBRATED
 from catenary.trajectories.reference import Trajectory
@@ -273,7 +273,7 @@ class _CalibratedLog:
             frozenset(log.starts),
         )
         whose = f'recording "{log.name}"'
-        self._places = places_of(model, log.joint_names, log.joint_units, whose=whose)
+        self._places = places_of(model, log, whose=whose, of="the model is for")
         self._signals, n = model.features.signal_rows(log), len(self._places)
         self._q, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         self._row = 0
