@@ -186,3 +186,37 @@ def test_a_program_that_crashes_leaves_its_arm_paused_also_when_it_was_silent_be
     program.close()
     robot.tick(3300)
     assert robot.state() == "PAUSED"
+
+
+@pytest.mark.parametrize("lapse", [0.0, 10.0])
+def test_commands_that_wait_count_from_when_they_came(monkeypatch: pytest.MonkeyPatch, lapse: float) -> None:
+    """On a busy machine a program is killed a second before its last command is looked at."""
+    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
+    robot, program = moved()
+    for _ in range(1000):
+        robot.network.topics[robot.name("servo_jr")].publishers["program"].publish(
+            JointState(position=shoulder(1e-6))
+        )
+    ticks = round(lapse * 200)
+    for k in range(ticks + 700):
+        if k == ticks:
+            program.close()
+        robot.clock.sleep(0.005)
+        robot.server.tick()
+    assert robot.state() == "PAUSED"
+
+
+def test_a_command_that_came_before_the_server_stood_still_and_was_looked_at_after_it_is_no_younger(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Over DDS the lease runs from when DDS had it, and the program is missed sooner than by the server's count."""
+    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
+    robot, program = moved()
+    stalled(robot, 3.0)
+    robot.network.topics[robot.name("servo_jr")].publishers["program"].publish(
+        JointState(header(robot.clock.now() - 3 * SECOND), (), shoulder(1e-4))
+    )
+    robot.tick(7_000)
+    program.close()
+    robot.tick(3_300)
+    assert robot.state() == "PAUSED"

@@ -37,7 +37,6 @@ def thinned() -> Iterator[None]:
 
 
 def _piped(libc: ctypes.CDLL) -> int:
-    """Return a stream whose lines a thread passes on."""
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     with suppress(OSError):
@@ -47,7 +46,7 @@ def _piped(libc: ctypes.CDLL) -> int:
     libc.setvbuf(
         ctypes.c_void_p(stream), None, 2, 0
     )  # unbuffered: a line goes into the pipe whole or not at all
-    thread = threading.Thread(target=_pass_on, args=(reading,), name="Cyclone's lines", daemon=True)
+    thread = threading.Thread(target=_pass_on, args=(reading,), daemon=True)
     thread.start()
     atexit.register(thread.join)
     atexit.register(

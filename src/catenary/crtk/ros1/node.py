@@ -66,7 +66,7 @@ class Node:
         self._services: dict[str, Any] = {}
         self.listed: Mapping[
             str, frozenset[str]
-        ] = {}  # programs by the topic that they publish, when last asked
+        ] = {}  # who publishes each topic, when the master was last asked
         self._incomplete: frozenset[str] = frozenset()  # topics with publishers that were not connected
         rospy.on_shutdown(lambda: self.on_shutdown())
         atexit.register(rospy.signal_shutdown, "the program ends")

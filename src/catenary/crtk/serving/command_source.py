@@ -73,7 +73,9 @@ class CommandSource:
         # what is switched moves nothing
         self.moves = topic.type not in (COMMAND, "std_msgs/Bool") and topic.verb != GRAV_DIR
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
-        self.heard: set[str] = set()  # those of all that were taken last
+        self.heard: dict[
+            str, int
+        ] = {}  # likewise, and when its newest came [ns], of all that were taken last
 
     def __len__(self) -> int:
         """Return how many wait."""
@@ -86,7 +88,7 @@ class CommandSource:
     def take(self, now: int, most: int = OF_A_TOPIC) -> list[Message]:
         """Return those commands that are fresh of the `most` that have waited longest, oldest first; `now` in ns."""
         came = self._subscription.take_arrivals(most=most)
-        self._set, self.heard = self._transport.clock.set_by(), {one.process for one in came}
+        self._set, self.heard = self._transport.clock.set_by(), {one.process: one.time for one in came}
         fresh = [one for one in came if self._is_fresh(one, now)]
         if fresh:
             self.process = fresh[-1].process

@@ -1,6 +1,6 @@
 """Who moves a served arm, and what becomes of the arm when that program is gone: it holds, and is paused."""
 
-from collections.abc import Collection
+from collections.abc import Mapping
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.holder import UNDER_WAY, held_by
@@ -21,34 +21,36 @@ class Commander:
     followed. While one moves the arm, and for half a second after its last command, what others command is refused.
 
     A server that stood still (stopped, or on a suspended computer) does not know when in the meantime the program went,
-    so that time counts as no rest of the program's; nor does the time in which commands come in that are refused.
+    nor which of its commands came before. So that time may be rest of the program's or not, and where it may not be, it
+    is not; nor is the time in which commands come in that are refused.
     """
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self._topic: str | None = None  # that it commanded by
         self._process: tuple[str, ...] = ()  # its name and address; none where the transport does not tell
-        self._commanded = self._heard = 0  # [ns] its last command that was obeyed, and that came in
-        self._looked = self._stood = 0  # [ns] last look, and how long looks have not come since it was heard
+        self._commanded = self._heard = (
+            0  # [ns] its last command that was obeyed, and its last one that came in
+        )
+        self._looked = self._went_on = 0  # [ns] last look, and end of the last stall
+        self._stood = 0  # [ns] length of stalls after the last command, and of one just before it
         self._gone: int | None = None  # [ns] when it was first seen to be gone
-        self._left_motion = False  # by going then
+        self._was_moving = False  # the arm, by itself, then
 
     def commands(self, topic: str, process: str, now: int) -> None:
         """Note a motion command that was obeyed, at `now` [ns]; `process` as in `Arrival.process`."""
-        self._topic, self._process = topic, tuple(process.split())
-        self._commanded = now
-        self.hears((process,), now)
+        who = tuple(process.split())
+        if self._topic is None or who != self._process:
+            self._gone, self._heard, self._stood = None, 0, 0
+        self._topic, self._process, self._commanded = topic, who, now
 
-    def hears(self, processes: Collection[str], now: int) -> None:
-        """Note that commands of programs came in, whether they are obeyed or not: signs of life of the one that moves.
-
-        Args:
-            processes: As in `Arrival.process`.
-            now: [ns].
-        """
-        if self._process in [tuple(one.split()) for one in processes]:
-            self._heard = self._looked = now
-            self._stood, self._gone = 0, None
+    def hears(self, came: Mapping[str, int]) -> None:
+        """Note when commands of processes came in [ns], obeyed or not: signs of life of the one that moves."""
+        for process, time in came.items():
+            if tuple(process.split()) == self._process and time > self._heard:
+                self._heard = time
+                if time > self._went_on + UNDER_WAY:  # else it may have come before the stall, and waited
+                    self._stood = 0
 
     def require_free(self, process: str, now: int, *, is_moving: bool) -> None:
         """Refuse the command of a program while another one moves the arm.
@@ -67,14 +69,13 @@ class Commander:
         if is_moving or 0 <= now - self._commanded < UNDER_WAY:
             raise RobotHeldError(held_by(name, self._process[0], self._topic))
 
-    def forget(self) -> None:
-        """Know of nobody, as when the arm is not enabled."""
-        self._topic = None
+    def forget(self, now: int) -> None:
+        """Know of nobody, as when the arm is not enabled, at `now` [ns]."""
+        self._topic, self._looked = None, now
 
-    def _was_under_way(self, now: int) -> bool:
-        """Return whether a program that is seen to be gone moved the arm at its end, whenever that was."""
-        most = now - self._heard
-        least = most - self._stood
+    def _was_under_way(self, gone: int) -> bool:
+        """Return whether a program that was seen to be gone [ns] moved the arm at its end, whenever that was."""
+        least, most = gone - self._heard - self._stood, gone - self._heard + self._stood
         return any(
             least < (lapse + LATE if lapse else UNDER_WAY) and most >= lapse - UNDER_WAY
             for lapse in self._transport.lapses
@@ -87,8 +88,10 @@ class Commander:
             now: [ns].
             is_moving: Whether a move of the arm's own is under way.
         """
-        self._stood += max(0, now - self._looked - 2 * WATCH)
-        self._looked = now
+        stall, self._looked = now - self._looked - 2 * WATCH, now
+        if stall > 0 and self._gone is None:
+            self._stood = stall + (self._stood if self._heard <= self._went_on else 0)
+            self._went_on = now
         if self._topic is None:
             return None
         connected = self._transport.connections(self._topic).publishers
@@ -96,10 +99,11 @@ class Commander:
             self._gone = None
             return None
         if self._gone is None:
-            self._gone, self._left_motion = now, is_moving or self._was_under_way(now)
+            self._gone, self._was_moving = now, is_moving
         if now - self._gone < GONE:
             return None
         topic, self._topic = self._topic, None
-        if not self._left_motion and {*self._process[:1]}.isdisjoint(self._transport.lost(topic)):
+        left_motion = self._was_moving or self._was_under_way(self._gone)
+        if not left_motion and {*self._process[:1]}.isdisjoint(self._transport.lost(topic)):
             return None
         return self._process[0] if self._process else "the program that moved it"

@@ -147,12 +147,11 @@ class Server:
             free = left - MOST // 2 if k < self._others else left  # state commands leave half to the others
             count = min(len(source), OF_A_TOPIC, free // source.cost)
             left -= count * source.cost
-            taken = source.take(now, count) if count else ()
-            for arm in self._arms_of(source.topic) if count and source.moves else ():
-                self._commanders[arm.arm].hears(source.heard, now)
-            for message in taken:
+            for message in source.take(now, count) if count else ():
                 self.commands += 1
                 self._obey(source, message, now)
+            for arm in self._arms_of(source.topic) if count and source.moves else ():
+                self._commanders[arm.arm].hears(source.heard)
             if len(source) and source.moves and not any(arm.is_ready for arm in self._arms_of(source.topic)):
                 self._forget(source, now)
             waiting += len(source)
@@ -272,7 +271,7 @@ class Server:
     def _pause_abandoned(self, arm: ServedArm, commander: Commander, now: int) -> None:
         """Pause an arm whose commander has gone in the middle of a motion."""
         if not arm.is_ready:
-            commander.forget()
+            commander.forget(now)
             return
         gone = commander.left(now, is_moving=arm.state.is_busy)
         if gone is not None:
