@@ -94,11 +94,7 @@ class Conditions:
         return None if self.rock_deg is None else numbers("--rock-deg", self.rock_deg, 2)
 
     def base(self) -> "MovingBase":
-        """Return what the arm stands on.
-
-        Raises:
-            InputError: No finite numbers, an axis that there is not, or two ways to rock.
-        """
+        """Return what the arm stands on."""
         import numpy as np
 
         from catenary.simulation.base_motion import FixedBase, RockingBase, SwayingBase

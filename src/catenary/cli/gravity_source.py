@@ -32,12 +32,7 @@ ImuReading = Annotated[
 
 
 def gravity_of_reading(reading: str, mounting: Path | None = None) -> "Floats":
-    """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting file.
-
-    Raises:
-        InputError: Not three finite numbers.
-        ConfigError: A mounting file that is none.
-    """
+    """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting file."""
     from catenary.arrays import as_array
     from catenary.sensing.mailbox import Kind
     from catenary.sensing.mounting import Mounting, load_mounting
@@ -64,10 +59,6 @@ class GivenGravity:
 
         Args:
             command: Which opens what is refused.
-
-        Raises:
-            InputError: Several that say it, or no finite numbers.
-            ConfigError: A mounting file that is none.
         """
         import numpy as np
 
@@ -120,11 +111,7 @@ class RuleOptions:
     hanging: Hanging = False
 
     def rules(self) -> "SensorRules":
-        """Return what is believed.
-
-        Raises:
-            InputError: No such base or rule, or a number out of its range.
-        """
+        """Return what is believed."""
         from catenary.sensing.bases import CHEAP_NOISE, rules_for
 
         changes = {"max_tilt": math.pi} if self.hanging else {}
@@ -148,12 +135,7 @@ class GravityOptions(RuleOptions):
     mounting: MountingFile = None
 
     def source(self, ros: int | None) -> "ImuTopic | None":
-        """Return the topic that gravity comes from; None for nominal gravity.
-
-        Raises:
-            InputError: Options that do not go together.
-            ConfigError: A mounting file that is none.
-        """
+        """Return the topic that gravity comes from; None for nominal gravity."""
         if self == GravityOptions():
             return None
         if ros is None:
@@ -215,11 +197,7 @@ class SensingOptions(RuleOptions):
         angular: bool,
         feed: Callable[[float], None] | None = None,
     ) -> "SensedGravity":
-        """Return the source of gravity that reads a mailbox so.
-
-        Raises:
-            InputError: Options out of their range.
-        """
+        """Return the source of gravity that reads a mailbox so."""
         from catenary.sensing.imu import SensedGravity
 
         return SensedGravity(

@@ -20,11 +20,7 @@ SameInDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The
 
 
 def joint_values(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floats":
-    """Read all joints of a robot from one of the two options, (n,) in rad and m.
-
-    Raises:
-        InputError: Neither or both given, or another number of joints.
-    """
+    """Read all joints of a robot from one of the two options, (n,) in rad and m."""
     if (q is None) == (q_deg is None):
         raise InputError(
             f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): "
@@ -48,9 +44,6 @@ def some_joint_values(
         q: Of --q.
         q_deg: Of --q-deg.
         names: Which joints; as many of the first as there are numbers when None.
-
-    Raises:
-        InputError: Joints that there are not, another number of them, or no finite numbers.
     """
     import numpy as np
 

@@ -201,11 +201,7 @@ _LISTS = {
 
 
 def refuse_former_spelling(command: str, arguments: Sequence[str]) -> None:
-    """Refuse what was written otherwise once, saying how it is written now: names, and lists without commas.
-
-    Raises:
-        InputError: Such an argument.
-    """
+    """Refuse what was written otherwise once, saying how it is written now: names, and lists without commas."""
     for k, word in enumerate(arguments):
         name = word.partition("=")[0]
         now = _FORMER.get((command, name))

@@ -46,11 +46,7 @@ class FileKind:
 
 
 def out_path(typed: str | Path) -> Path:
-    """Return the file that --out and its like name; a default, which typer hands over as it is, stays.
-
-    Raises:
-        BadParameter: No name, or one that looks like another option.
-    """
+    """Return the file that --out and its like name; a default, which typer hands over as it is, stays."""
     text = str(typed)
     if not text.strip():
         raise BadParameter("expected the name of a file, got an empty one")
@@ -69,10 +65,6 @@ def refuse_outputs(
     Args:
         written: By option: the file, None where none is asked for, and its kind, None for what lies beside another.
         read: Files that the command reads.
-
-    Raises:
-        InputError: A file is read as well, two options write it, it cannot be written, its name is one of another
-            kind of file, or another kind of file is there.
     """
     places: list[Path] = []
     for option, (path, _) in written.items():

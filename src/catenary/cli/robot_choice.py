@@ -76,13 +76,7 @@ def open_robot(
     homed: bool = True,
     imu: "ImuTopic | None" = None,
 ) -> "Iterator[OperatedRobot]":
-    """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is.
-
-    Raises:
-        InputError: Options that do not go together.
-        NotReadyError: Nobody said that the workspace is clear, or another program moves the robot.
-        TransportError: The robot is not there.
-    """
+    """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is."""
     from catenary.crtk.client import CrtkClient
     from catenary.crtk.node_name import node_name
     from catenary.workflows.robot.guide import clear_workspace

@@ -63,11 +63,7 @@ class ReplayOptions:
     ] = None
 
     def recording(self, *, tumble: bool) -> "ImuRecording | None":
-        """Return what was recorded; None without --replay.
-
-        Raises:
-            InputError: Options that do not go together, or what the recording has not.
-        """
+        """Return what was recorded; None without --replay."""
         if self.replay is None:
             if self != ReplayOptions():
                 raise InputError(

@@ -21,9 +21,6 @@ def signals_interrupt() -> Iterator[None]:
 
     A signal that is ignored, as SIGHUP is below `nohup`, stays ignored. While what was interrupted cleans up, further
     signals of these kinds do not interrupt that: for 5 s.
-
-    Raises:
-        EndedBySignal: One came.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -47,11 +47,7 @@ def without_notes(silent: bool) -> Iterator[None]:
 
 
 def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ...]:
-    """Read numbers separated by commas or spaces, as many as `count` says.
-
-    Raises:
-        InputError: A word is no number, or they are none or not so many; the message names the option.
-    """
+    """Read numbers separated by commas or spaces, as many as `count` says."""
     values = []
     for word in text.replace(",", " ").split():
         try:
@@ -67,11 +63,7 @@ def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ..
 
 
 def base_tilt(text: str | None) -> tuple[float, float]:
-    """Read roll and pitch of a base [deg] from --base-tilt-deg; a level one when None.
-
-    Raises:
-        InputError: Not two finite numbers.
-    """
+    """Read roll and pitch of a base [deg] from --base-tilt-deg; a level one when None."""
     angles = (0.0, 0.0) if text is None else numbers("--base-tilt-deg", text)
     if len(angles) != 2 or not all(map(isfinite, angles)):
         raise InputError(f"--base-tilt-deg: expected roll and pitch in degrees, as 0,20; got {text!r}")

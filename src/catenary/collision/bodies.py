@@ -42,12 +42,7 @@ class Body:
 
 
 def bodies_of(shapes: tuple[Shape, ...], *, obstacles: bool = False) -> list[Body]:
-    """Return shapes as bodies; Coal is imported for all but balls, capsules and planes.
-
-    Raises:
-        FileFormatError: A mesh that cannot be read.
-        MissingPackageError: Coal is needed and is not installed.
-    """
+    """Return shapes as bodies; Coal is imported for all but balls, capsules and planes."""
     return [_body(shape, obstacle=obstacles) for shape in shapes]
 
 

@@ -32,11 +32,7 @@ def primitive(form: Box | Cylinder | Ellipsoid) -> Any:
 
 
 def mesh_of(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any, Floats]:
-    """Return a mesh's convex hull, the mesh itself, and its vertices (V, 3) [m].
-
-    Raises:
-        FileFormatError: The file cannot be read as a mesh, or is one without a hull.
-    """
+    """Return a mesh's convex hull, the mesh itself, and its vertices (V, 3) [m]."""
     coal = _coal()
     if isinstance(form, MeshFile):
         where = f'"{name}": {form.path}'

@@ -56,11 +56,7 @@ def without_constant_contacts(
 
 
 def require_free_pose(scene: CollisionScene, q: Floats, margin: float) -> Floats:
-    """Return which of configurations (N, n) are free, (M, n); at least one is.
-
-    Raises:
-        InputError: None is; the message names the pairs that touch in most of them.
-    """
+    """Return which of configurations (N, n) are free, (M, n); at least one is."""
     close = touching(scene, q, margin)
     free = ~close.any(axis=1)
     if free.any():

@@ -11,22 +11,14 @@ from catenary.spatial import Pose
 
 
 def floor_at(height: float) -> Shape:
-    """Return a floor: all that lies below a height [m] in the base frame.
-
-    Raises:
-        InputError: The height is not finite.
-    """
+    """Return a floor: all that lies below a height [m] in the base frame."""
     if not np.isfinite(height):
         raise InputError(f"floor: height {height}, expected a finite number of metres")
     return Shape("floor", -1, Pose(np.eye(3), np.array([0.0, 0.0, height])), HalfSpace())
 
 
 def box_at(number: int, numbers: Sequence[float]) -> Shape:
-    """Return a box: its centre x, y, z in the base frame and its edges along x, y, z [m].
-
-    Raises:
-        InputError: Not six finite numbers, or an edge that is not positive.
-    """
+    """Return a box: its centre x, y, z in the base frame and its edges along x, y, z [m]."""
     if len(numbers) != 6 or not np.isfinite(numbers).all():
         raise InputError(
             f"box {number}: expected six numbers, its centre x,y,z and its edges x,y,z in m, got {list(numbers)}"
@@ -37,12 +29,7 @@ def box_at(number: int, numbers: Sequence[float]) -> Shape:
 
 
 def mesh_at(path: Path, place: Sequence[float]) -> Shape:
-    """Return the mesh of a file whose origin stands at `place` (3,) [m] in the base frame, along its axes.
-
-    Raises:
-        FileFormatError: There is no such file.
-        InputError: Not three finite numbers.
-    """
+    """Return the mesh of a file whose origin stands at `place` (3,) [m] in the base frame, along its axes."""
     if not path.is_file():
         raise FileFormatError(f"{path}: no such mesh")
     if len(place) != 3 or not np.isfinite(place).all():

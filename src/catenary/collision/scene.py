@@ -171,11 +171,6 @@ def scene_of(
         geometry: Its shapes.
         obstacles: Shapes in the base frame.
         ignored: Pairs of names of links or obstacles that may touch.
-
-    Raises:
-        FileFormatError: A mesh that cannot be read.
-        InputError: A name in `ignored` that nothing has, or nothing that could collide.
-        MissingPackageError: Coal is needed and not installed.
     """
     own = bodies_of(geometry.shapes)
     bodies = [*own, *bodies_of(tuple(obstacles), obstacles=True)]

@@ -77,11 +77,7 @@ class Rate:
     """
 
     def __init__(self, clock: Clock, hertz: float) -> None:
-        """Begin now.
-
-        Raises:
-            InputError: The rate is not positive.
-        """
+        """Begin now."""
         if not 0.0 < hertz < float("inf"):
             raise InputError(f"rate: expected a positive number of Hz, got {hertz}")
         self._clock = clock

@@ -51,9 +51,6 @@ def codec(name: str) -> Codec:
 
     `encode` raises InputError, naming the field, when a value does not fit; `decode` raises FileFormatError when the
     bytes are no such message. Arrays of decoded messages are the receiver's own.
-
-    Raises:
-        FileFormatError: catenary does not know the type.
     """
     name = current_name(name)
     kind, write, finish = message_class(name), _message_writer(name), completion(name)

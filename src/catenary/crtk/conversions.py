@@ -34,11 +34,7 @@ def joint_state_message(
     velocity: ArrayLike = (),
     effort: ArrayLike = (),
 ) -> Message:
-    """Return a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it.
-
-    Raises:
-        InputError: Other than one number per joint, NaN or infinity.
-    """
+    """Return a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it."""
     values = []
     for field, given in zip(_NUMBERS, (position, velocity, effort), strict=True):
         array = as_array(field, given, (None,))
@@ -67,9 +63,6 @@ def joint_values(
         names: Our joints.
         field: "position", "velocity" or "effort".
         rest: (n,) numbers of joints that are not named; None refuses a message that lacks some.
-
-    Raises:
-        InputError: A name is unknown, missing or given twice, numbers and names differ in count, or one is not finite.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
@@ -123,9 +116,6 @@ def joint_state(
         names: Our joints.
         gravity: (3,) in the base frame [m/s2], which the message does not hold.
         gravity_age: [s] since it was measured; infinite when it is nominal.
-
-    Raises:
-        InputError: As `joint_values`.
     """
     q = joint_values(message, names)
     qd, tau = (
@@ -146,12 +136,7 @@ def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = N
 
 
 def pose_of(message: Message) -> Pose:
-    """Return the pose of a geometry_msgs/PoseStamped or TransformStamped.
-
-    Raises:
-        InputError: Another type, NaN, or a quaternion whose length is not 1 within 1 %, which is no rounding error:
-            most often it was never set.
-    """
+    """Return the pose of a geometry_msgs/PoseStamped or TransformStamped."""
     if isinstance(message, _PoseStamped):
         place, turn = message.pose
     elif isinstance(message, _TransformStamped):
@@ -162,11 +147,7 @@ def pose_of(message: Message) -> Pose:
 
 
 def rotation_of(turn: Message) -> Floats:
-    """Return the rotation matrix (3, 3) of a geometry_msgs/Quaternion, which is normalised.
-
-    Raises:
-        InputError: NaN, or a length that is not 1 within 1 %.
-    """
+    """Return the rotation matrix (3, 3) of a geometry_msgs/Quaternion, which is normalised."""
     quaternion = as_array("quaternion", (turn.w, turn.x, turn.y, turn.z), (4,))
     length = hypot(*quaternion.tolist())
     if abs(length - 1.0) > 0.01:
@@ -184,11 +165,7 @@ def operating_state_message(state: OperatingState, stamp: int) -> Message:
 
 
 def operating_state(message: Message) -> OperatingState:
-    """Return the operating state of a crtk_msgs/OperatingState.
-
-    Raises:
-        InputError: CRTK has no state of this name.
-    """
+    """Return the operating state of a crtk_msgs/OperatingState."""
     if message.state not in get_args(StateName):
         raise InputError(f'operating state "{message.state}": expected {", ".join(get_args(StateName))}')
     return OperatingState(cast(StateName, message.state), message.is_homed, message.is_busy)
@@ -203,9 +180,6 @@ def specific_force(message: Message) -> Floats:
     """Return what an accelerometer read (3,) [m/s2], in its own axes: minus gravity when at rest.
 
     Takes sensor_msgs/Imu, geometry_msgs/AccelStamped and Vector3Stamped.
-
-    Raises:
-        InputError: Another type, NaN, or an Imu that says (covariance -1) that it measures no acceleration.
     """
     if isinstance(message, message_class("sensor_msgs/Imu")):
         if message.linear_acceleration_covariance[0] == -1.0:

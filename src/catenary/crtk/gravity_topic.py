@@ -44,10 +44,6 @@ class GravityTopic:
             mailbox: Where samples go.
             points_down: The vectors are free-fall acceleration, gravity itself; else specific force, which points up
                 at rest, as accelerometers and sensor_msgs/Imu have it.
-
-        Raises:
-            InputError: `type_name` is not among TYPES.
-            TransportError: The topic carries another type.
         """
         if type_name not in TYPES:
             raise InputError(f'topic {topic}: type "{type_name}": expected one of {", ".join(TYPES)}')

@@ -34,22 +34,14 @@ class OtherCommanders:
                 self._told = transport.subscribe(topic.name, topic.type, depth=20)
 
     def listen(self, seconds: float = LISTEN) -> None:
-        """Listen for a while, for the last time: what follows is the robot's to say.
-
-        Raises:
-            RobotHeldError: Another program moves the arm.
-        """
+        """Listen for a while, for the last time: what follows is the robot's to say."""
         if self._heard:
             self._transport.sleep(seconds)
             self.require_none()
             self.we_command()
 
     def require_none(self) -> None:
-        """Look at what has come.
-
-        Raises:
-            RobotHeldError: Another program moves the arm, or the robot said so of a command of ours.
-        """
+        """Look at what has come."""
         for heard in self._heard:
             for one in heard.take_arrivals():
                 program = one.process.partition(" ")[0]

@@ -115,11 +115,7 @@ class Subscription:
         depth: int = 1000,
         bounds: Bounds | None = None,
     ) -> None:
-        """Prepare to receive; transports call this, not users.
-
-        Raises:
-            InputError: The depth is not positive.
-        """
+        """Prepare to receive; transports call this, not users."""
         if depth < 1:
             raise InputError(f"subscription of {topic}: depth: expected 1 or more, got {depth}")
         self.topic = topic
@@ -193,19 +189,11 @@ class Subscription:
             self._came.notify_all()
 
     def take(self, timeout: float = 0.0) -> list[Received]:
-        """Return what has come since the last time, oldest first; wait for the first up to `timeout` [s].
-
-        Raises:
-            InputError: The subscription has a callback, which gets them.
-        """
+        """Return what has come since the last time, oldest first; wait for the first up to `timeout` [s]."""
         return [Received(one.message, one.time) for one in self.take_arrivals(timeout)]
 
     def take_arrivals(self, timeout: float = 0.0, most: int | None = None) -> list[Arrival]:
-        """As `take`, with what is known about where each message came from; `most` at a time, where given.
-
-        Raises:
-            InputError: The subscription has a callback, which gets them.
-        """
+        """As `take`, with what is known about where each message came from; `most` at a time, where given."""
         if self._callback is not None:
             raise InputError(f"subscription of {self.topic}: its messages go to its callback, in poll()")
         if timeout <= 0.0 and not self._waiting:

@@ -35,11 +35,7 @@ def model_joints(model: RobotModel) -> RobotJoints:
 
 
 def checked_joints(joints: RobotJoints) -> RobotJoints:
-    """Refuse joints that no robot has; return them with arrays of their own.
-
-    Raises:
-        InputError: No joints, a name twice, a unit other than rad and m, or a lower limit that is not below the upper.
-    """
+    """Refuse joints that no robot has; return them with arrays of their own."""
     names, units = tuple(joints.names), tuple(joints.units)
     n = len(names)
     if n == 0 or len(set(names)) < n or len(units) != n or any(unit not in JOINT_UNITS for unit in units):

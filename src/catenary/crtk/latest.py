@@ -22,11 +22,7 @@ class Latest:
     """Keeps the newest message of a topic; older ones that came since are dropped unread."""
 
     def __init__(self, transport: Transport, topic: str, type_name: str) -> None:
-        """Begin to receive.
-
-        Raises:
-            TransportError: The topic carries another type.
-        """
+        """Begin to receive."""
         self.topic = topic
         self._transport = transport
         self._subscription = transport.subscribe(topic, type_name, depth=1)

@@ -57,11 +57,7 @@ class LoopbackNetwork:
         self.topics: dict[str, _LocalTopic] = {}
 
     def topic(self, name: str, type_name: str) -> _LocalTopic:
-        """Return the topic of that name, begun if nobody uses it.
-
-        Raises:
-            TransportError: It carries another type.
-        """
+        """Return the topic of that name, begun if nobody uses it."""
         found = self.topics.setdefault(name, _LocalTopic(type_name))
         if found.type_name != type_name:
             if found.publishers or found.subscriptions:
@@ -114,12 +110,7 @@ class Loopback(Transport):
     """One program's part of a network within the process."""
 
     def __init__(self, name: str, network: LoopbackNetwork | None = None) -> None:
-        """Join a network; one of its own when None.
-
-        Raises:
-            InputError: It is not a valid name.
-            TransportError: The name is taken.
-        """
+        """Join a network; one of its own when None."""
         self.network = network or LoopbackNetwork()
         super().__init__(name, self.network.clock)
         with self.network.lock:

@@ -24,9 +24,6 @@ def message_class(name: str) -> Any:
     """Return the tuple type of a message type; fields that are not given are zero or empty.
 
     `message_class("crtk_msgs/StringStamped")(string="home")`, and `_replace` gives a changed copy.
-
-    Raises:
-        FileFormatError: The type is not one that catenary knows.
     """
     return _made(current_name(name))
 
@@ -67,11 +64,7 @@ def stamp_of(message: Message) -> int | None:
 
 
 def message_fields(name: str, message: Message) -> Iterator[tuple[Field, Any]]:
-    """Return the fields of a message with their values.
-
-    Raises:
-        InputError: It is not a message of this type.
-    """
+    """Return the fields of a message with their values."""
     if not isinstance(message, message_class(name)):
         raise InputError(
             f"expected a message {current_name(name)}, got {type(message).__name__}: {message!r}"

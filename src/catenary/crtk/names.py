@@ -139,11 +139,7 @@ def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]
 
 
 def topics(dialect: Dialect) -> tuple[CrtkTopic, ...]:
-    """Return all topics of a RAVEN-II in a dialect.
-
-    Raises:
-        InputError: There is no such dialect.
-    """
+    """Return all topics of a RAVEN-II in a dialect."""
     if dialect == "raven":
         return RAVEN
     if dialect == "crtk":
@@ -161,9 +157,6 @@ def find_topic(
         verb: Last word of the topic's name, with `jaw/` or `grasp_` in front where it is the gripper's.
         arm: Which one.
         namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.
-
-    Raises:
-        InputError: There is no such topic or dialect, or the dialect has no namespaces.
     """
     listed = _listed(dialect, arm, namespace)
     found = next((topic for topic in listed if topic.verb == verb and topic.arm == arm), None)

@@ -10,9 +10,6 @@ def node_name(program: str, given: str | None = None) -> str:
     """Return a program's name: the one given, else catenary_PROGRAM_PID, as catenary_monitor_12345.
 
     ROS 1 ends the older of two programs of one name.
-
-    Raises:
-        InputError: No program can have the name that was given.
     """
     if given is None:
         return f"catenary_{re.sub(r'[^A-Za-z0-9_]', '_', program)}_{os.getpid()}"

@@ -34,11 +34,7 @@ def raven_state_column(message: Message, name: str) -> Floats:
 
 
 def arm_channels(values: Floats, arm: Arm) -> Floats:
-    """Return the seven joints of one arm, in the order of measured_js, out of 16 channels.
-
-    Raises:
-        InputError: Not 16 numbers, or no such arm.
-    """
+    """Return the seven joints of one arm, in the order of measured_js, out of 16 channels."""
     if arm not in CHANNELS:
         raise InputError(f'arm "{arm}": expected {" or ".join(CHANNELS)}')
     return as_array("channels", values, (16,), finite=False).take(CHANNELS[arm])

@@ -68,11 +68,6 @@ class CrtkReader:
             stale_after: Age [s] at which a state is refused.
             connect_timeout: [s].
             simulated: The robot behind the topics is a simulation, which they do not say.
-
-        Raises:
-            TransportError: Topics are missing, or nothing comes, within `connect_timeout`; the message names them. Or
-                they carry another type, or this transport has a client of this arm already.
-            InputError: An argument is out of range, or the robot's joints have other names.
         """
         if not 0.0 < period < np.inf or not 0.0 < stale_after < np.inf or not connect_timeout >= 0.0:
             raise InputError(
@@ -134,9 +129,6 @@ class CrtkReader:
         """Return the latest joint state; its time is the robot's, since the client's first message.
 
         Torques are those at the joints, from raven_state where there is one, as a motion log has them.
-
-        Raises:
-            TransportError: It is older than `stale_after`.
         """
         return self.state_of(self._fresh())
 
@@ -158,9 +150,6 @@ class CrtkReader:
         """Return the latest joint setpoint that the robot reports; at rest where it reports no velocity.
 
         NaN where no setpoint has come, as of a recording.
-
-        Raises:
-            TransportError: The robot's state is older than `stale_after`.
         """
         state = self.measured_js()
         message = self._latest["setpoint_js"].message()
@@ -173,11 +162,7 @@ class CrtkReader:
         return state._replace(q=np.array(self._position(message)), qd=qd)
 
     def operating_state(self) -> OperatingState:
-        """Return the operating state; where none has come, that which a RAVEN-II's run level stands for.
-
-        Raises:
-            TransportError: Nothing has come from the robot for `stale_after`.
-        """
+        """Return the operating state; where none has come, that which a RAVEN-II's run level stands for."""
         self._fresh()
         message = self._latest["operating_state"].message()
         if message is None and self._state is not None:

@@ -19,9 +19,6 @@ def registration_of(plant: Plant) -> Floats | None:
 
     Args:
         plant: A simulated arm, whose telemetry has seven axes, or one behind topics, which has both arms' channels.
-
-    Raises:
-        TransportError: Its raven_state has not come yet.
     """
     offsets = plant.telemetry().get(COLUMN)
     if offsets is None:

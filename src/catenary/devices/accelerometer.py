@@ -48,11 +48,7 @@ class SerialAccelerometer(SerialBoard):
     def __init__(
         self, port: str, mailbox: Mailbox, *, baud: int = BAUD, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Open the port and begin to read.
-
-        Raises:
-            SensorError: The port cannot be opened; the message lists those that there are.
-        """
+        """Open the port and begin to read."""
         self.mailbox, self.counts = mailbox, LinkCounts()
         self.hello: Hello | None = None
         self.complaint = ""  # why the last malformed line was refused
@@ -62,11 +58,7 @@ class SerialAccelerometer(SerialBoard):
         super().__init__(port, baud=baud, clock=clock, ask=ASK)
 
     def wait_ready(self, timeout: float = 5.0) -> Hello:
-        """Wait for the board's hello and return it; an Arduino restarts when its port is opened, and takes 2 s.
-
-        Raises:
-            SensorError: None came; the message says what came instead.
-        """
+        """Wait for the board's hello and return it; an Arduino restarts when its port is opened, and takes 2 s."""
         if not self._greeted.wait(timeout) or self.hello is None:
             c = self.counts
             raise SensorError(
@@ -78,11 +70,7 @@ class SerialAccelerometer(SerialBoard):
         return self.hello
 
     def with_ranges(self, mounting: Mounting) -> Mounting:
-        """Return the mounting with the board's ranges where it states none.
-
-        Raises:
-            SensorError: The board has not said hello.
-        """
+        """Return the mounting with the board's ranges where it states none."""
         hello = self.wait_ready(0.0)
         if math.isinf(mounting.acceleration_range):
             end = hello.acceleration_range * ACCELERATION_UNITS[hello.acceleration_unit]

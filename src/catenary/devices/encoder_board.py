@@ -82,9 +82,6 @@ class EncoderBoard(SerialBoard):
             rig: Of the encoders; the calibration rig's when None.
             baud: Speed of the line.
             clock: Of the samples' times [s]; one that never goes back.
-
-        Raises:
-            SensorError: The port cannot be opened; the message lists those that there are.
         """
         self.rig = EncoderRig() if rig is None else rig
         self.tally = EncoderTally()
@@ -114,11 +111,7 @@ class EncoderBoard(SerialBoard):
         return taken
 
     def wait_ready(self, timeout: float = 5.0) -> None:
-        """Wait for the first good row; a microcontroller restarts when its port is opened, and takes 2 s.
-
-        Raises:
-            SensorError: None came; the message says what did.
-        """
+        """Wait for the first good row; a microcontroller restarts when its port is opened, and takes 2 s."""
         end = time.monotonic() + timeout
         while self._last is None:
             if time.monotonic() > end:

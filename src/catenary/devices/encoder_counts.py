@@ -23,11 +23,7 @@ _LINE = re.compile(r"(-?\d{1,10})_(-?\d{1,10})_(-?\d{1,10})", re.ASCII)
 
 
 def parse_counts(line: str, bits: int = 32) -> Raw:
-    """Read `a_b_c`, three signed counts of so many bits.
-
-    Raises:
-        InputError: It is not such a line.
-    """
+    """Read `a_b_c`, three signed counts of so many bits."""
     match = _LINE.fullmatch(line)
     if match is None:
         raise InputError(f"encoder line {line[:40]!r}: expected three signed counts a_b_c")

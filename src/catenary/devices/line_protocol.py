@@ -45,12 +45,7 @@ def checksum(body: str) -> str:
 
 
 def parse_line(line: str) -> Hello | BoardSample:
-    """Read a line without its end.
-
-    Raises:
-        ChecksumError: It was damaged on its way.
-        InputError: Its checksum is right and its content is not; the message says how.
-    """
+    """Read a line without its end."""
     if not line.startswith("$") or line[-3:-2] != "*":
         raise ChecksumError(f"not a line of the protocol: {line[:40]!r}")
     body = line[1:-3]

@@ -32,9 +32,6 @@ class SerialBoard(ABC):
             baud: Speed of the line.
             clock: Of the lines' times [s].
             ask: Sent whenever the port is opened.
-
-        Raises:
-            SensorError: The port cannot be opened; the message lists those that there are.
         """
         self.port, self.baud = port, baud
         self._clock, self._ask = clock, ask

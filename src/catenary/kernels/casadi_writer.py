@@ -15,9 +15,6 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
         line: The operations.
         shape: Of the result, (m,) or (m, k).
         result: Name of the output; inputs have the names of the line's arrays.
-
-    Raises:
-        MissingPackageError: CasADi is not installed.
     """
     try:
         import casadi

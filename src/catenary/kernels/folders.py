@@ -52,11 +52,7 @@ def check_room(folder: Path) -> None:
 
 
 def private_folder(folder: Path) -> Path:
-    """Make or repair a folder that nobody else can enter.
-
-    Raises:
-        OSError: It cannot be made, or others can write where it lies.
-    """
+    """Make or repair a folder that nobody else can enter."""
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     folder = folder.parent.resolve() / folder.name
     mode = folder.parent.stat().st_mode

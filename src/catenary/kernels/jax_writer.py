@@ -25,10 +25,6 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
     Args:
         line: The operations.
         shape: Of the result.
-
-    Raises:
-        MissingPackageError: JAX is not installed.
-        NotReadyError: JAX computes in float32.
     """
     try:
         import jax

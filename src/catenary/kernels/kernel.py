@@ -71,9 +71,6 @@ class Kernel:
 
         Args:
             inputs: One array each, in the order of `kernel.inputs`.
-
-        Raises:
-            InputError: Another number of arrays, or an array of another shape.
         """
         found = self.of_finite(inputs)
         if found is None:
@@ -103,9 +100,6 @@ class Kernel:
 
         Args:
             arrays: One float64 array each in the order of `kernel.inputs`, and `out`.
-
-        Raises:
-            InputError: Another number of arrays, an array of another shape, or one that `bind` refuses.
         """
         *inputs, out = self._counted(arrays, "out")
         shapes = {**{name: (width,) for name, width in self.inputs.items()}, "out": self.shape}
@@ -124,9 +118,6 @@ class Kernel:
             inputs: For each of `kernel.inputs` an array of N rows, or of one row for all.
             out: (N, ...) contiguous, to write into; memory that is used again saves up to half the time.
             threads: How many share the rows; machine code does not hold Python's lock.
-
-        Raises:
-            InputError: Another number of arrays or of rows, or an array of another shape; threads below one.
         """
         if threads < 1:
             raise InputError(f"threads: expected one or more, got {threads}")

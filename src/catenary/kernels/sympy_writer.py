@@ -42,9 +42,6 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
     Args:
         line: The operations.
         shape: Of the result, (m,) or (m, k).
-
-    Raises:
-        MissingPackageError: SymPy is not installed.
     """
     try:
         import sympy

@@ -40,10 +40,6 @@ class CalibratedMessages:
             pose_type: PoseStamped or TransformStamped.
             positioning: Arm of the first joints whose gravity torques are published; None publishes none.
             with_intervals: Joints whose intervals are published; none publishes none.
-
-        Raises:
-            InputError: The kinematics are not those of the arm.
-            TransportError: These topics carry other types.
         """
         self._names = names
         self._child = "calibrated_tool" if pose_type == TRANSFORM else None

@@ -107,10 +107,6 @@ class CalibratedTopics:
             model: Fitted to recordings of this robot.
             rate_hz: At which the robot publishes; matters to models with previous positions.
             gravity_torque: Publish that too.
-
-        Raises:
-            InputError: The robot lacks a joint or an input of the model, or the rate does not fit it.
-            TransportError: These topics carry other types.
         """
         self._client = client
         self._model = model
@@ -269,11 +265,7 @@ class CalibratedTopics:
 
 
 def _robots(client: CrtkReader, *, gravity_torque: bool) -> tuple[RobotModel, RobotModel | None]:
-    """Return an arm's kinematics, and the arm whose gravity torques are asked for, if they are.
-
-    Raises:
-        InputError: The joints are of another robot, or nothing is known of its masses.
-    """
+    """Return an arm's kinematics, and the arm whose gravity torques are asked for, if they are."""
     if client.joint_names == PSM_JOINTS:
         if gravity_torque:
             raise InputError("deploy: --gravity-torque: no masses are published of a PSM")
@@ -305,10 +297,6 @@ def reader_of(
         dialect: raven or crtk; the robot's own when None.
         namespace: Of a PSM, /PSM1 when None.
         imu: What gravity is read from.
-
-    Raises:
-        InputError: What the robot does not have: a dialect, a namespace.
-        TransportError: It is not there.
     """
     if dialect not in (None, "raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')

@@ -43,11 +43,7 @@ class EncoderNode:
     """
 
     def __init__(self, board: EncoderBoard, transport: Transport, *, state_topic: str = STATE_TOPIC) -> None:
-        """Begin to publish, and to listen to the robot.
-
-        Raises:
-            TransportError: A topic carries another type.
-        """
+        """Begin to publish, and to listen to the robot."""
         self.board, self.transport = board, transport
         self.robot = ""
         self._joint_enc = transport.publisher(JOINT_ENC.name, JOINT_STATE)
@@ -92,11 +88,7 @@ def publish_encoders(
     duration: float | None = None,
     show: Callable[[EncoderStatus], None] = lambda status: None,
 ) -> EncoderStatus:
-    """Publish until the duration [s] is over or Ctrl-C; return the last status. `show` gets one every second.
-
-    Raises:
-        InputError: The duration is not positive.
-    """
+    """Publish until the duration [s] is over or Ctrl-C; return the last status. `show` gets one every second."""
     if duration is not None and not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")
     begin = shown = time.monotonic()

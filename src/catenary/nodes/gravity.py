@@ -68,11 +68,7 @@ class GravityNode:
     def __init__(
         self, transport: Transport, source: SensedGravity, *, topic: str = TOPIC, frame_id: str = FRAME
     ) -> None:
-        """Begin to publish.
-
-        Raises:
-            TransportError: The topic carries another type.
-        """
+        """Begin to publish."""
         self.transport, self.source, self.frame_id = transport, source, frame_id
         self.tally, self.published = GravityTally(), 0
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")
@@ -113,9 +109,6 @@ def publish_gravity(
     """Publish at a rate until the duration [s] is over, the transport closed, or Ctrl-C; return the last status.
 
     `show` gets a status every second.
-
-    Raises:
-        InputError: The rate or the duration is not positive.
     """
     if duration is not None and not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")

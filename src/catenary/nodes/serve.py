@@ -110,10 +110,6 @@ def make_server(
         transport: What carries the messages.
         rate_hz: At which states are published; the robot's own rate divided by a whole number.
         plants: The arms, in place of simulated ones that `serving` describes.
-
-    Raises:
-        InputError: A number is out of its range.
-        TransportError: A topic carries another type.
     """
     reports = Reports()
     plants = _plants(serving) if plants is None else plants

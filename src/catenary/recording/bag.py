@@ -41,10 +41,6 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
 
     Returns:
         What was written, in order.
-
-    Raises:
-        InputError: Something is there already, or a topic's type is not one that catenary knows.
-        FileFormatError: The source is damaged.
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:

@@ -36,13 +36,7 @@ def chunks_at_most(size: int) -> int:
 
 
 def check_bag(path: Path) -> None:
-    """Check an MCAP file, or a ROS 2 bag (folder) of MCAP or SQLite.
-
-    Raises:
-        FileFormatError: A length points beyond the file, something unpacks too far, or more topics or longer metadata
-            than any robot has.
-        OSError: It cannot be read.
-    """
+    """Check an MCAP file, or a ROS 2 bag (folder) of MCAP or SQLite."""
     if not path.is_dir():
         (_check_sqlite if path.suffix == ".db3" else _check_mcap)(path)
         return

@@ -16,11 +16,7 @@ _U32, _U64 = Struct("<I"), Struct("<Q")
 
 
 def header_fields(data: bytes) -> dict[bytes, bytes]:
-    """Return the fields of a record's header in a ROS 1 bag.
-
-    Raises:
-        ValueError: It is no header.
-    """
+    """Return the fields of a record's header in a ROS 1 bag."""
     if len(data) > MAX_HEADER:
         raise ValueError(f"a header of {len(data)} bytes, expected {MAX_HEADER} at most")
     values, position = {}, 0
@@ -36,11 +32,7 @@ def header_fields(data: bytes) -> dict[bytes, bytes]:
 
 
 def field_of(values: dict[bytes, bytes], key: bytes, length: int | None = None) -> bytes:
-    """Return a field of a header.
-
-    Raises:
-        ValueError: It is not there, or of another length.
-    """
+    """Return a field of a header."""
     found = values.get(key)
     if found is None:
         raise ValueError(f"a header without {key.decode()}")

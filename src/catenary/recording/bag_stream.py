@@ -78,9 +78,6 @@ class BagStream:
         """Read the file once, to find its topics.
 
         With `foreign`, types that bear the names of ours may differ from them.
-
-        Raises:
-            FileFormatError: No such kind of file, or message types that are not ours.
         """
         self.path = path
         self._foreign = foreign
@@ -113,11 +110,7 @@ class BagStream:
         self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all.
-
-        Raises:
-            FileFormatError: A topic is not in the bag.
-        """
+        """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
         require_topics(self.path, topics, self._types)
         for message in self._guarded(self._bag_messages if self.has_blocks else self._mcap):
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
@@ -386,11 +379,7 @@ def whole_text(counts: Mapping[str, int]) -> str:
 
 
 def about_of(path: Path, data: bytes, encoding: Encoding) -> About:
-    """Read the message on `/catenary/recording`.
-
-    Raises:
-        FileFormatError: It does not hold what is written there.
-    """
+    """Read the message on `/catenary/recording`."""
     where = f"{path}: {ABOUT_TOPIC}"
     text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
     return About.from_mapping(json_table(text, where, finite=False), where)

@@ -55,10 +55,6 @@ def extract(
         folder: Where the files go; made if it is not there.
         topics: Names of those to extract; None for all that catenary knows.
         salvage: Read bags, too, that were cut off or are damaged: what is whole in them.
-
-    Raises:
-        FileFormatError: A file cannot be read or written, its types are not ours, or it lacks a topic asked for.
-        InputError: The folder holds an extraction already, or the files are of different recordings.
     """
     sources = open_recordings(paths, salvage=salvage)
     if folder.is_dir() and any(folder.glob("*.parquet")):
@@ -100,11 +96,7 @@ class TopicFile:
     """An extracted topic."""
 
     def __init__(self, path: Path) -> None:
-        """Open it.
-
-        Raises:
-            FileFormatError: No such file, damaged, or not an extracted topic.
-        """
+        """Open it."""
         self.path = path
         where = f"{path}: schema"
         try:
@@ -127,11 +119,7 @@ class TopicFile:
         self.row_groups: int = self._file.num_row_groups
 
     def read(self, columns: Sequence[str], group: int | None = None) -> dict[str, NDArray[Any]]:
-        """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all.
-
-        Raises:
-            FileFormatError: One is not there, or the file is damaged.
-        """
+        """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all."""
         groups = range(self.row_groups) if group is None else [group]
         table = read_table(self.path, self._file, columns, groups)
         wrong = [
@@ -145,11 +133,7 @@ class TopicFile:
 
 
 def topic_file(folder: Path, topic: Topic) -> TopicFile:
-    """Open a topic of an extraction.
-
-    Raises:
-        FileFormatError: It is not there (the message says which are), or damaged.
-    """
+    """Open a topic of an extraction."""
     path = folder / f"{topic.stem}.parquet"
     if not path.is_file():
         there = ", ".join(sorted(p.stem for p in folder.glob("*.parquet"))) or "none"

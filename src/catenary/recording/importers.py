@@ -34,10 +34,6 @@ def read_command_log(
             three and six joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad,
             rad, rad), and the log says so.
         joint_names: Names of the joints where the file has none, otherwise J1, J2, ...
-
-    Raises:
-        FileFormatError: No such file, damaged, or an array is missing.
-        InputError: Wrong shape or unit, units that contradict the file's, NaN, infinity, or empty.
     """
     content = read_arrays(path)
     for key in ("q_des", "q_act", "ok"):
@@ -123,9 +119,6 @@ def numbers_of(
         key: Which one.
         dimensions: That it must have.
         gaps: Let NaN and infinity pass.
-
-    Raises:
-        InputError: No numbers, another shape, too many columns, NaN or infinity.
     """
     values = content[key]
     if values.dtype.kind not in "fiu":
@@ -156,11 +149,7 @@ def is_number(text: str) -> bool:
 
 
 def texts_of(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str, ...]:
-    """Return an array of texts; none where the file lacks it.
-
-    Raises:
-        InputError: It holds something else, or too many.
-    """
+    """Return an array of texts; none where the file lacks it."""
     values = np.atleast_1d(content.get(key, np.array([], dtype=str)))
     if values.dtype.kind not in "SU" or values.ndim != 1 or len(values) > MOST_JOINTS:
         raise InputError(

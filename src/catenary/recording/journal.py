@@ -63,11 +63,7 @@ class About:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str) -> Self:
-        """Read what `as_json` wrote; keys that are not known are left out.
-
-        Raises:
-            FileFormatError: A value is of another type; the message begins with `where`.
-        """
+        """Read what `as_json` wrote; keys that are not known are left out."""
         robot, seed = values.get("robot"), values.get("seed")
         simulated, configuration = values.get("simulated", False), values.get("configuration") or {}
         for key, value, is_right, expected in (
@@ -103,12 +99,7 @@ class JournalWriter:
         max_bytes: int = MAX_BYTES,
         flush_interval: float = FLUSH_INTERVAL,
     ) -> None:
-        """Begin a recording.
-
-        Raises:
-            InputError: The folder has a recording already, topics do not differ, or files are to be too short.
-            RecordingError: Its files cannot be made.
-        """
+        """Begin a recording."""
         if not 0 < len(topics) < NOTE or len({t.name for t in topics}) != len(topics):
             raise InputError(f"{folder}: expected topics that differ, got {[t.name for t in topics]}")
         for topic in topics:
@@ -164,12 +155,7 @@ class JournalWriter:
         self._thread.start()
 
     def append(self, topic: str, stamp: int, data: bytes) -> None:
-        """Add a message that arrived at `stamp` [ns].
-
-        Raises:
-            InputError: Unknown topic, or the recording is closed.
-            RecordingError: The disk is full or failed, now or at an earlier flush.
-        """
+        """Add a message that arrived at `stamp` [ns]."""
         self._raise_error()
         if self._closed:
             raise InputError(f"{self.folder}: is closed")
@@ -194,21 +180,13 @@ class JournalWriter:
             self._pending += self._record(NOTE, json.dumps({"note": text}).encode())
 
     def flush(self) -> None:
-        """Write everything to the disk.
-
-        Raises:
-            RecordingError: The disk is full or failed.
-        """
+        """Write everything to the disk."""
         with self._disk_lock:
             self._write_pending()
         self._raise_error()
 
     def close(self) -> None:
-        """Finish the recording; a second time does nothing.
-
-        Raises:
-            RecordingError: The disk is full or failed; what is safe is closed all the same.
-        """
+        """Finish the recording; a second time does nothing."""
         if self._closed:
             return
         self._stop.set()

@@ -79,11 +79,7 @@ class JournalReader:
     encoding: Encoding = "ros1"
 
     def __init__(self, path: Path) -> None:
-        """Read the header.
-
-        Raises:
-            FileFormatError: No such recording, nothing in it is whole, or its message types are not ours.
-        """
+        """Read the header."""
         self.path = path
         self._files = sorted(path.glob("*.journal")) if path.is_dir() else [path]
         if not self._files or not self._files[0].is_file():
@@ -117,9 +113,6 @@ class JournalReader:
 
         Args:
             topics: Those to give; None for all. All are counted.
-
-        Raises:
-            FileFormatError: A topic is not in the recording.
         """
         names = [topic.name for topic in self.topics]
         require_topics(self.path, topics, names)

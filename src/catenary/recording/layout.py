@@ -106,9 +106,6 @@ def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = 
         data: One serialised message.
         encoding: ROS 1's own, or CDR with its four bytes in front, little-endian.
         fields_of: What the types hold; those that catenary knows by default.
-
-    Raises:
-        FileFormatError: The bytes are not such a message.
     """
 
     def size_of(path: str, offset: int) -> int:
@@ -135,9 +132,6 @@ def read_messages(
     """Yield messages as structured arrays, one for each shape that occurs, with the positions they came from.
 
     `fields_of` as in `layout_of`.
-
-    Raises:
-        FileFormatError: A message is not of this type.
     """
     block = messages if isinstance(messages, Block) else Block.of(messages)
     left = np.arange(len(block))

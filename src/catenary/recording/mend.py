@@ -55,9 +55,6 @@ class Mend:
         Args:
             log: The recording.
             trained: `settled` of the recordings that a model was fitted to, whose like this one is.
-
-        Raises:
-            InputError: An option names a joint, an array or a unit that there is not.
         """
         given = {step: getattr(self, step) for step in _STEPS}
         given |= {
@@ -110,11 +107,7 @@ def _default(log: MotionLog) -> str:
 
 
 def si_units(units: Sequence[str]) -> tuple[str, ...]:
-    """Return rad or m for each unit that positions may be in.
-
-    Raises:
-        InputError: An unknown unit.
-    """
+    """Return rad or m for each unit that positions may be in."""
     unknown = [unit for unit in units if unit not in SI]
     if unknown:
         raise InputError(f"units: unknown {', '.join(unknown)}; choices: {', '.join(SI)}")

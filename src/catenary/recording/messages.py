@@ -96,11 +96,7 @@ def current_name(name: str) -> str:
 
 @cache
 def fields(name: str) -> tuple[Field, ...]:
-    """Return the fields of a message type in order.
-
-    Raises:
-        FileFormatError: The type is not one that catenary knows.
-    """
+    """Return the fields of a message type in order."""
     return fields_of(typestore().fielddefs[_known(name)][1])
 
 
@@ -123,11 +119,7 @@ def md5_sum(name: str) -> str:
 
 @cache
 def service_md5_sum(name: str) -> str:
-    """Return the sum by which ROS 1 tells versions of a service apart.
-
-    Raises:
-        FileFormatError: The service is not one that catenary knows.
-    """
+    """Return the sum by which ROS 1 tells versions of a service apart."""
     if name not in SERVICES:
         raise FileFormatError(f'service type "{name}": unknown; known are {", ".join(sorted(SERVICES))}')
     text = "".join(_with_sums(half) for half in SERVICES[name])
@@ -177,11 +169,7 @@ def ros2_name(name: str) -> str:
 
 
 def check_ros1_type(path: Path, topic: str, name: str, found: str, definition: str) -> None:
-    """Check a type by its md5 sum; `*`, which some writers put there, is taken for unknown and not checked.
-
-    Raises:
-        FileFormatError: It is not our version of the type; the message says which fields differ.
-    """
+    """Check a type by its md5 sum; `*`, which some writers put there, is taken for unknown and not checked."""
     known = current_name(name)
     if known in MESSAGES and found not in ("*", md5_sum(known)):
         raise FileFormatError(
@@ -191,11 +179,7 @@ def check_ros1_type(path: Path, topic: str, name: str, found: str, definition: s
 
 
 def check_ros2_type(path: Path, topic: str, name: str, definition: str) -> None:
-    """Check a type by its definition and those that it contains.
-
-    Raises:
-        FileFormatError: It is not our version of the type; the message says which fields differ.
-    """
+    """Check a type by its definition and those that it contains."""
     if current_name(name) not in MESSAGES or not definition:
         return
     if definition.lstrip("= \n").startswith("IDL:"):

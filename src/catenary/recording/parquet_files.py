@@ -24,12 +24,7 @@ _TRUE, _FALSE = 1, 2  # kinds of values in Thrift's compact protocol
 
 
 def open_parquet(path: Path) -> pq.ParquetFile:
-    """Open a file after a look at its directory and at the header of each page.
-
-    Raises:
-        FileFormatError: No Parquet, a page lies beyond the file, or rows and columns or pages would unpack to more than
-            `archives.MOST` bytes and `archives.RATIO` times the file.
-    """
+    """Open a file after a look at its directory and at the header of each page."""
     try:
         _check(path)
         file = pq.ParquetFile(path, page_checksum_verification=True)
@@ -48,11 +43,7 @@ def read_table(
     columns: Sequence[str] | None = None,
     groups: Sequence[int] | None = None,
 ) -> pa.Table:
-    """Read columns that all hold numbers or truth values; None for all.
-
-    Raises:
-        FileFormatError: Damaged, a column is not there or twice, holds something else, or whole numbers have gaps.
-    """
+    """Read columns that all hold numbers or truth values; None for all."""
     names = list(file.schema_arrow.names)
     wanted = names if columns is None else list(columns)
     for name in wanted:

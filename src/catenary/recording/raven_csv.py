@@ -63,9 +63,6 @@ def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: flo
 
     Returns:
         Number of rows.
-
-    Raises:
-        FileFormatError: raven_state, ext_jpos or measured_js is not there, or the file cannot be written.
     """
     file = open_state(folder)
     told = file.read(["stamp", "arrival"])
@@ -95,10 +92,6 @@ def read_raven_csv(path: Path, *, columns: Sequence[str] = ()) -> Synchronisatio
     It is the log of the gold arm; the file, which may begin with a line of names, does not say of which robot.
     `columns` are further ones for the log to carry, ("all",) every one that the file has; see `synchronise`. Forces
     become the signals force_x, force_y, force_z [N] (of the state's row, as they stand).
-
-    Raises:
-        FileFormatError: No such file, not numbers, or another number of columns.
-        InputError: No row with finite numbers.
     """
     options = SynchroniseOptions(columns=columns)
     table = _read_numbers(path)

@@ -32,11 +32,7 @@ class Throttle:
     """
 
     def __init__(self, rate: float, rng: np.random.Generator, *, jitter: float = JITTER) -> None:
-        """Begin at time 0.
-
-        Raises:
-            InputError: The rate is not positive, or the jitter not within 0 and 1.
-        """
+        """Begin at time 0."""
         if not rate > 0.0 or not 0.0 <= jitter <= 1.0:
             raise InputError(
                 f"throttle: expected a rate above 0 Hz and a jitter of 0 to 1, got {rate}, {jitter}"
@@ -99,10 +95,6 @@ class Recorder:
             start_ns: Stamp of time 0 [ns].
             jitter: Of the intervals, as a share of the period.
             max_bytes: Of a file, before the next one begins.
-
-        Raises:
-            InputError: Telemetry has nothing for any topic, or the folder holds a recording.
-            RecordingError: The files cannot be made.
         """
         have = frozenset(available)
         self.topics = tuple(topic for topic in topics if _required(topic) <= have)
@@ -132,24 +124,14 @@ class Recorder:
         )
 
     def observe(self, time: float, telemetry: Mapping[str, Floats]) -> None:
-        """Take one tick's telemetry, each column (width,).
-
-        Raises:
-            InputError: Time does not advance, or a column has another shape than its topic.
-            RecordingError: The disk is full or failed.
-        """
+        """Take one tick's telemetry, each column (width,)."""
         if self._last_time < time < self.next_due:
             self._last_time = time  # most ticks: nothing is due
             return
         self.observe_many(np.array([time]), {name: np.atleast_1d(v)[None] for name, v in telemetry.items()})
 
     def observe_many(self, time: Floats, telemetry: Mapping[str, Floats]) -> None:
-        """Take N ticks' telemetry, each column (N, width) or (N,), in one go; may be called again with what follows.
-
-        Raises:
-            InputError: Time does not advance, or a column has another shape than its topic.
-            RecordingError: The disk is full or failed.
-        """
+        """Take N ticks' telemetry, each column (N, width) or (N,), in one go; may be called again with what follows."""
         time = as_array("time", time, (None,))
         if len(time) == 0:
             return
@@ -191,11 +173,7 @@ class Recorder:
         return self._start + np.rint(time * SECOND).astype(np.int64)
 
     def close(self) -> None:
-        """Finish the recording.
-
-        Raises:
-            RecordingError: The disk is full or failed.
-        """
+        """Finish the recording."""
         self.journal.close()
 
     def __enter__(self) -> Self:

@@ -89,9 +89,6 @@ def clean_series(
         arrival: (M,) [ns]; takes the stamps' place where none is set (all are 0).
         span: First and last stamp of the state [ns]; what is missing at its ends counts as a gap.
         clock_steps: What other topics' clocks did.
-
-    Raises:
-        InputError: There are no samples.
     """
     if len(stamp) == 0:
         raise InputError(f"topic {topic}: has no messages")

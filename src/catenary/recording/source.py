@@ -72,9 +72,6 @@ class McapReader:
         """Read the topics, and check their types against ours, but not with `foreign`.
 
         With `salvage`, what is wrong with a SQLite file, it is read row by row, up to where it is damaged.
-
-        Raises:
-            FileFormatError: No such file, damaged, another kind of file, or types that are not ours.
         """
         self.path, self._salvage = path, salvage
         self.problems: list[str] = []
@@ -121,11 +118,7 @@ class McapReader:
         self.topics = tuple(JournalTopic(topic, kind) for topic, kind in types.items())
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, as they arrived.
-
-        Raises:
-            FileFormatError: A topic is not in the bag, or the bag is damaged.
-        """
+        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, as they arrived."""
         there = [topic.name for topic in self.topics]
         require_topics(self.path, topics, there)
         with self._open() as reader:
@@ -199,9 +192,6 @@ class SplitBag:
             path: The folder.
             why: It cannot be opened as a whole.
             foreign: As for `McapReader`.
-
-        Raises:
-            FileFormatError: None of its files can be read.
         """
         self.path = path
         listed = listed_files(path)
@@ -250,11 +240,7 @@ class SplitBag:
         return [problem if problem.startswith("warning: ") else f"warning: {problem}" for problem in said]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, file by file.
-
-        Raises:
-            FileFormatError: A topic is not in the bag.
-        """
+        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, file by file."""
         require_topics(self.path, topics, [topic.name for topic in self.topics])
         holes: list[Hole] = []
         for part in self.parts:
@@ -294,11 +280,7 @@ def bags_in(path: Path) -> list[Path]:
 
 
 def open_ros2(path: Path, *, foreign: bool = False) -> McapReader | BagStream | SplitBag:
-    """Open an MCAP or SQLite file, or a ROS 2 bag (folder): as a whole, or else what is whole of each file.
-
-    Raises:
-        FileFormatError: Nothing in it can be saved.
-    """
+    """Open an MCAP or SQLite file, or a ROS 2 bag (folder): as a whole, or else what is whole of each file."""
     try:
         return McapReader(path, foreign=foreign)
     except FileFormatError as error:
@@ -338,9 +320,6 @@ def open_recording(path: Path, *, salvage: bool = False) -> Source:
     Args:
         path: Of the recording.
         salvage: Open a bag, too, that was cut off or is damaged, to read what is whole.
-
-    Raises:
-        FileFormatError: No such file, another kind, truncated, or message types that are not ours.
     """
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
@@ -367,9 +346,6 @@ def open_recordings(paths: Sequence[Path], *, salvage: bool = False) -> tuple[So
     """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them.
 
     `salvage` as in `open_recording`.
-
-    Raises:
-        FileFormatError: None there, or one that cannot be opened.
     """
     found = [bag for path in paths for bag in bags_in(path)]
     if not found:

@@ -73,10 +73,6 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
     Args:
         folder: What `extract` wrote.
         options: Arm and limits.
-
-    Raises:
-        FileFormatError: raven_state or ext_jpos is missing.
-        InputError: An option is out of range, or nothing is left.
     """
     options = options if options is not None else SynchroniseOptions()
     if not options.max_gap > 0.0:
@@ -129,9 +125,6 @@ def build_log(
         options: Arm and limits.
         reports: On the topics.
         force: (N, 3) [N] that the recording has besides; becomes the signals force_x, force_y and force_z.
-
-    Raises:
-        InputError: No row is left.
     """
     arm = options.arm
     needed = needed_columns(arm)
@@ -185,11 +178,7 @@ def needed_columns(arm: Arm) -> list[str]:
 
 
 def state_columns(columns: Sequence[str]) -> list[str]:
-    """Return the names of the numbers in columns of raven_state, of both arms; ("all",) means every one.
-
-    Raises:
-        InputError: There is no such column.
-    """
+    """Return the names of the numbers in columns of raven_state, of both arms; ("all",) means every one."""
     known = {column.name: column.names for column in RAVENSTATE.columns}
     unknown = [name for name in columns if name not in known and name != "all"]
     if unknown:
@@ -226,11 +215,7 @@ def further_signals(
 
 
 def open_state(folder: Path) -> TopicFile:
-    """Open raven_state at the rate that it was recorded at.
-
-    Raises:
-        FileFormatError: It is not there, or at two rates.
-    """
+    """Open raven_state at the rate that it was recorded at."""
     there = [t for t in (RAVENSTATE, RAVENSTATE_100HZ) if (folder / f"{t.stem}.parquet").is_file()]
     if len(there) > 1:
         raise FileFormatError(

@@ -26,10 +26,6 @@ def synchronise_psm(folder: Path, namespace: str) -> Synchronisation:
     Args:
         folder: What `extract` wrote.
         namespace: Of the arm, such as /PSM1.
-
-    Raises:
-        FileFormatError: measured_js or the tracker's topic is missing.
-        InputError: Nothing is left.
     """
     state_topic, tracker_topic = (
         psm_topic(namespace, verb) for verb in ("measured_js", "tracker/measured_js")

@@ -186,11 +186,7 @@ def topic_named(name: str) -> Topic | None:
 
 
 def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
-    """Return a topic of a PSM, one of PSM_TOPICS, as it is recorded.
-
-    Raises:
-        InputError: The last word of the namespace does not begin with PSM, by which such topics are told.
-    """
+    """Return a topic of a PSM, one of PSM_TOPICS, as it is recorded."""
     column, usual = PSM_TOPICS[verb]
     name = f"/{namespace.strip('/')}/{verb}"
     if _PSM_TOPIC.fullmatch(name) is None:
@@ -210,11 +206,7 @@ def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]
 
 
 def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:
-    """Return the topics of a calibration recording of one arm.
-
-    Raises:
-        InputError: The rate is not positive.
-    """
+    """Return the topics of a calibration recording of one arm."""
     if not state_rate > 0.0:
         raise InputError(f"rate of /ravenstate: expected a positive number of Hz, got {state_rate}")
     is_fast = state_rate == RAVENSTATE_100HZ.rate
@@ -237,9 +229,6 @@ def encode(
         stamp: (N,) [ns], not negative.
         columns: By the name of the topic's columns, each (N, width) in SI; those not required may be missing.
         first_seq: `seq` of the first header.
-
-    Raises:
-        InputError: A required column is missing, has another shape, or holds what its field cannot.
     """
     missing = [c.name for c in topic.columns if c.required and c.name not in columns]
     if missing:
@@ -276,11 +265,7 @@ def encode(
 
 
 def decode(topic: Topic, messages: Sequence[bytes] | Block, encoding: Encoding = "ros1") -> TopicSamples:
-    """Decode messages of a topic into SI.
-
-    Raises:
-        FileFormatError: A message is not of the topic's type, or has another number of joints.
-    """
+    """Decode messages of a topic into SI."""
     rows = len(messages)
     stamp = np.zeros(rows, dtype=np.int64)
     out: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
@@ -313,11 +298,7 @@ def decode(topic: Topic, messages: Sequence[bytes] | Block, encoding: Encoding =
 
 
 def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterable[str]) -> None:
-    """Refuse a topic that is not in a recording.
-
-    Raises:
-        FileFormatError: One is not; the message says which there are.
-    """
+    """Refuse a topic that is not in a recording."""
     there = list(there)
     missing = [name for name in asked or () if name not in there]
     if missing:

@@ -54,10 +54,6 @@ def write_calibration_report(
         name: What title, tables and pictures call the model; its kind and preset when None.
         unseen: Whether the model was not fitted to this data.
         robot: Whose tip is looked at; the catalogue's robot of the card when None, if there is one.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-        InputError: The robot has other joints than the model.
     """
     name = name if name is not None else short_name(model)
     robot = robot or kinematics_of(card.get("robot") or evaluation.data.robot, model)

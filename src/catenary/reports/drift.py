@@ -32,9 +32,6 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
         found: Errors of the model.
         model: Its name.
         notes: On the recordings.
-
-    Raises:
-        FileFormatError: The file cannot be written.
     """
     told = since_in_words(found)
     first, last = found.stretches[0], found.stretches[-1]

@@ -56,9 +56,6 @@ def write_gravity_report(
         result: What happened.
         settings: Of the run.
         arm: A picture of the arm.
-
-    Raises:
-        FileFormatError: The file cannot be written.
     """
     title, lead, text = HOLDING if isinstance(result, Holding) else TRACKING
     drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)

@@ -41,9 +41,6 @@ def write_identification_report(
         card: Its card.
         shown: Recordings whose torques are drawn.
         notes: What a reader must know about the data.
-
-    Raises:
-        FileFormatError: The file cannot be written.
     """
     blocks: list[Block] = [
         Heading("Residuals"),

@@ -107,9 +107,6 @@ def write_page(
         verdict: What came out, in one sentence.
         simulated: Mark the page as one of no real robot.
         made: The page's date; today (UTC) when None.
-
-    Raises:
-        FileFormatError: The file cannot be written.
     """
     from jinja2 import Environment
 

@@ -57,9 +57,6 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
         robot: Has the model's joints, by name or its first ones by units; others must not move the tip, and are zero.
         model: The model.
         evaluation: Its errors (N, n).
-
-    Raises:
-        InputError: The robot has other joints, or its tip needs more of them.
     """
     places = _places(robot, model.joint_names, model.joint_units)
     if places is None:

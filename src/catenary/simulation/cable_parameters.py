@@ -127,11 +127,7 @@ class CableArm(NamedTuple):
 
 
 def load_cable_arm(path: Path | None = None) -> CableArm:
-    """Load the RAVEN-II's left arm, or another arm of the kind from a file.
-
-    Raises:
-        ConfigError: A parameter is missing, unknown, or of the wrong length; the message names it.
-    """
+    """Load the RAVEN-II's left arm, or another arm of the kind from a file."""
     if path is None:
         with as_file(files("catenary.simulation") / "data" / "raven2.toml") as packaged:
             return load_cable_arm(packaged)
@@ -146,11 +142,7 @@ def load_cable_arm(path: Path | None = None) -> CableArm:
 
 
 def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[Parameters]) -> Parameters:
-    """Return the parameters of a table of a data file, checked.
-
-    Raises:
-        ConfigError: One is missing, unknown, of the wrong length or too large; the message names it.
-    """
+    """Return the parameters of a table of a data file, checked."""
     missing = [name for name in kind.fields if name not in entries]
     unknown = [name for name in entries if name not in kind.fields]
     if missing or unknown:

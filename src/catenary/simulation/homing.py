@@ -45,9 +45,6 @@ def home(
         encoders: The rig's, registered at the positioning joints' stops.
         stop_side: (3,) -1 for a stop below, 1 above.
         joint_names: For messages.
-
-    Raises:
-        NotReadyError: An axis met no stop in a minute.
     """
     control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION

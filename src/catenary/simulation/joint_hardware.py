@@ -74,11 +74,7 @@ class DriveParameters(NamedTuple):
 def drive_parameters(
     model: RobotModel, hardware: JointHardware, dof: NDArray[np.int64], at: NDArray[np.int64]
 ) -> DriveParameters:
-    """Check an arm's hardware.
-
-    Raises:
-        InputError: Numbers that are negative or not finite, or an elastic joint without a rotor.
-    """
+    """Check an arm's hardware."""
     n = model.n
     friction, damping, armature, stiffness, spring_damping = (
         _per_joint(name, values, n, finite=name != "stiffness") for name, values in vars(hardware).items()

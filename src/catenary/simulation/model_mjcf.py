@@ -21,10 +21,6 @@ def tree_mjcf(model: RobotModel) -> str:
     Body and joint i have the name of link i, the body's frame is frame i of the tree. The joints are the tree's
     own, each free to move by itself: MJCF has no joint that moves by a linear combination of others, only soft
     constraints that nearly make it so. Who simulates this sets tree coordinate = coupling q + offset.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: A link's inertia is not that of any rigid body; the message names the link.
     """
     model.require_inertia()
     children: list[list[int]] = [[] for _ in range(len(model.link_names) + 1)]

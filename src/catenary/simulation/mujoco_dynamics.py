@@ -21,13 +21,7 @@ class MujocoDynamics:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        """Compile a robot for MuJoCo.
-
-        Raises:
-            MissingPackageError: MuJoCo is not installed.
-            MissingInertiaError: Links without inertia.
-            InputError: MuJoCo refuses the model; its own message follows.
-        """
+        """Compile a robot for MuJoCo."""
         self._robot = model
         self._mujoco = mujoco = _import()
         text = tree_mjcf(model)

@@ -21,11 +21,7 @@ AnyArm = FirmwarePlant[Any]
 
 
 def save_plant(plant: AnyArm, path: Path) -> None:
-    """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed."""
     arrays: dict[str, Any] = {f"arm.{name}": plant.state[name] for name in plant.state.fields}
     saved = [name for name in plant.control.fields if name not in FLAGS + UNSAVED]
     arrays |= {f"control.{name}": plant.control[name] for name in saved}
@@ -40,11 +36,7 @@ def save_plant(plant: AnyArm, path: Path) -> None:
 
 
 def restore_plant(plant: AnyArm, path: Path) -> None:
-    """Put an arm back where `save_plant` left it, disabled.
-
-    Raises:
-        FileFormatError: No such file, damaged, or of another robot.
-    """
+    """Put an arm back where `save_plant` left it, disabled."""
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file; no state of the robot was saved there")
     wanted = _robot(plant)

@@ -191,11 +191,7 @@ class TelemetryBase:
     """
 
     def __init__(self, plant: Plant) -> None:
-        """Take a plant.
-
-        Raises:
-            InputError: Its telemetry has no accelerometer or no gyroscope.
-        """
+        """Take a plant."""
         names = {column.name for column in plant.columns}
         missing = {"accelerometer", "gyroscope"} - names
         if missing:

@@ -90,12 +90,7 @@ class SimulatedPlant(ABC):
         return OperatingState(self._state, self._is_homed, self._is_homing)
 
     def state_command(self, command: StateCommand) -> None:
-        """Ask for a transition: enable, disable, pause, resume, home, unhome.
-
-        Raises:
-            UnsupportedCommandError: No such command.
-            NotReadyError: `home` of a robot that is not enabled.
-        """
+        """Ask for a transition: enable, disable, pause, resume, home, unhome."""
         if command not in STATE_COMMANDS:
             raise UnsupportedCommandError(
                 f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
@@ -111,11 +106,7 @@ class SimulatedPlant(ABC):
             self._set_state(TRANSITIONS[command][self._state])
 
     def home(self) -> None:
-        """Enable and home, as fast as the machine runs.
-
-        Raises:
-            NotReadyError: The robot is paused, or an axis that homes met no stop.
-        """
+        """Enable and home, as fast as the machine runs."""
         self.state_command("enable")
         self.state_command("home")
         while self._is_homing:

@@ -85,9 +85,6 @@ class SteeredBase:
             pitch: [rad].
             amplitude: Of rocking about x [rad].
             frequency: Of rocking [Hz].
-
-        Raises:
-            InputError: Not finite, or negative.
         """
         values = as_array("roll, pitch, amplitude, frequency", [roll, pitch, amplitude, frequency], (4,))
         if (values[2:] < 0.0).any():

@@ -21,9 +21,6 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
         mass: (nz, nz) mass matrix of all that moves, where the arm stands.
         step: [s].
         names: Of the joints.
-
-    Raises:
-        InputError: As above; the message names the joints, or says how short the step must be.
     """
     n, nz = len(joints.joints), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < LEAST_INERTIA]

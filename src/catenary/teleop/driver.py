@@ -45,11 +45,7 @@ class TeleopDriver:
             self.message = self._last_told
 
     def press(self, key: str, now: float) -> bool:
-        """Take a key at a time [s], and return whether it does anything.
-
-        Raises:
-            CatenaryError: The robot fell silent.
-        """
+        """Take a key at a time [s], and return whether it does anything."""
         if key == HOLD:
             self.hold()
             self.message = "held"
@@ -68,9 +64,6 @@ class TeleopDriver:
         """Send the motion of one tick, and return the joints at a limit that the keys ask to pass.
 
         Nothing is sent to a robot that is not enabled, homed and idle, nor while no key is held.
-
-        Raises:
-            CatenaryError: The robot fell silent, or another program moves it.
         """
         state = self.plant.operating_state()
         told = self.in_words(state)  # why a robot is in FAULT may come after its state

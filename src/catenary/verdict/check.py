@@ -106,10 +106,6 @@ def verdict(
         testing: Nothing is learnt from them: they may be short, and their joints may rest.
         trained: Least and largest positions that a model of them was trained on, each (n,) [rad|m].
         done: What was not done where they are refused.
-
-    Raises:
-        DataError: What was found in which recording, its likely cause, and the options that mend or accept it.
-        InputError: An unknown name to accept.
     """
     require_names(accept)
     found = [

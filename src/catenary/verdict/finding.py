@@ -55,11 +55,7 @@ class Finding:
 
 
 def require_names(accept: Collection[str]) -> None:
-    """Refuse names to accept that no finding has.
-
-    Raises:
-        InputError: The message lists the names.
-    """
+    """Refuse names to accept that no finding has."""
     unknown = sorted(set(accept) - set(NAMES))
     if unknown:
         raise InputError(f"accept: no finding is called {', '.join(unknown)}; choices: {', '.join(NAMES)}")
@@ -74,10 +70,6 @@ def judge(
         findings: Each with the name of its recording.
         accept: Names of findings to go on with.
         done: What was not done where they are refused.
-
-    Raises:
-        DataError: What was found in which recording, how it is mended, and how it is accepted.
-        InputError: An unknown name to accept.
     """
     require_names(accept)
     refused = [(where, each) for where, each in findings if each.refuses and each.name not in accept]

@@ -22,9 +22,6 @@ def require_apart(
 
     Returns:
         Notes on those that were accepted.
-
-    Raises:
-        DataError: How many rows of which test are in which recording.
     """
     found = []
     for log in test:

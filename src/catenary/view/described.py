@@ -51,11 +51,7 @@ def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
 
 
 def described_shapes(shapes: tuple[Shape, ...], model: RobotModel, tubes: ArmShapes) -> ArmShapes:
-    """Return forms fixed to links as one mesh a link; a link without any is a point at its joint.
-
-    Raises:
-        FileFormatError: A mesh that cannot be read.
-    """
+    """Return forms fixed to links as one mesh a link; a link without any is a point at its joint."""
     found: dict[int, list[Mesh]] = {}
     for shape in shapes:
         mesh = form_mesh(shape.form)
@@ -70,11 +66,7 @@ def described_shapes(shapes: tuple[Shape, ...], model: RobotModel, tubes: ArmSha
 
 
 def form_mesh(form: Form) -> Mesh | None:
-    """Return a form as triangles; None of a floor or wall, which is no link.
-
-    Raises:
-        FileFormatError: A mesh file that cannot be read.
-    """
+    """Return a form as triangles; None of a floor or wall, which is no link."""
     import trimesh
 
     if isinstance(form, HalfSpace):

@@ -82,9 +82,6 @@ def write_mcap(arm: RecordedArm, log: MotionLog, out: Path, shapes: tuple[Shape,
         log: The recording: its joints, torques and gravity.
         out: File to write; an older one is replaced, and NAME.urdf beside it.
         shapes: What the robot's links look like.
-
-    Raises:
-        FileFormatError: A file cannot be written.
     """
     store = get_typestore(Stores.LATEST)
     notes: list[str] = []

@@ -69,11 +69,7 @@ def random_motions(model: RobotModel, limits: Bounded, rng: np.random.Generator)
 
 
 def zigzags(model: RobotModel, limits: Bounded) -> Motion:
-    """Return RAVEN-II's calibration zig-zag along joints 2 and 3, or sweeps of another robot's first joints.
-
-    Raises:
-        LimitError: It leaves the limits.
-    """
+    """Return RAVEN-II's calibration zig-zag along joints 2 and 3, or sweeps of another robot's first joints."""
     if model.name in RAVEN_SIDES:
         motion: Trajectory = zigzag("J2-J3", (SPARSITY,))
     else:

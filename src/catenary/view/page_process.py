@@ -46,12 +46,7 @@ class PageProcess:
     """
 
     def __init__(self, *, port: int = PORT) -> None:
-        """Take a port of 127.0.0.1; the next free one where it is taken.
-
-        Raises:
-            InputError: No such port.
-            MissingPackageError: viser is not installed.
-        """
+        """Take a port of 127.0.0.1; the next free one where it is taken."""
         if not 1024 <= port <= 65535:
             raise InputError(f"--port: expected 1024 to 65535, got {port}")
         require_viser()
@@ -66,21 +61,13 @@ class PageProcess:
 
     @property
     def url(self) -> str:
-        """Address of the page, which is empty until `open`; whoever knows it can do what the page can.
-
-        Raises:
-            CatenaryError: The page did not come; the message says why.
-        """
+        """Address of the page, which is empty until `open`; whoever knows it can do what the page can."""
         if self._url is None:
             self._url = self._answer()
         return self._url
 
     def open(self, shown: Shown) -> str:
-        """Show an arm, and return the address of the page.
-
-        Raises:
-            CatenaryError: The page did not come; the message says why.
-        """
+        """Show an arm, and return the address of the page."""
         url = self.url
         self._state = SharedState(shown.model.n)
         with contextlib.suppress(OSError):  # the answer says so
@@ -145,11 +132,7 @@ class PageProcess:
 
 
 def require_viser() -> None:
-    """Refuse to go on without viser.
-
-    Raises:
-        MissingPackageError: It is not installed.
-    """
+    """Refuse to go on without viser."""
     if find_spec("viser") is None:
         raise MissingPackageError(
             "catenary view needs viser, which is not installed: pip install 'catenary[view]'"

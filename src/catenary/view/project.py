@@ -17,11 +17,7 @@ class ShownProject(NamedTuple):
 
 
 def shown_project(folder: Path) -> ShownProject:
-    """Return a project's test recording and recommended model, or as much as there is by now.
-
-    Raises:
-        ConfigError: Nothing was recorded yet.
-    """
+    """Return a project's test recording and recommended model, or as much as there is by now."""
     settings = project_settings(folder)
     logs = [folder / f"{name}.parquet" for name in (TEST, TRAIN)]
     found = [log for log in logs if log.is_file()]

@@ -88,9 +88,6 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
         log: With time; of several recordings one after the other, time goes on from one to the next.
         robot: Has the recording's joints by name; others of its joints are at zero.
         model: Of some of the recording's joints.
-
-    Raises:
-        InputError: No time, or other joints.
     """
     if log.time is None:
         raise InputError(f'recording "{log.name}": has no time; it cannot be shown')

@@ -82,9 +82,6 @@ class DrivenArm:
             seed: Draws another RAVEN-II of the kind; the nominal one when None.
             rng: Draws random motions.
             real_time: False lets ticks be as short as the machine makes them.
-
-        Raises:
-            CatenaryError: As `simulated_arm`, or a model of other joints.
         """
         loaded = None if model is None else load_model(model)[0]
         self.arm: SimulatedArm = simulated_arm(robot, base=SteeredBase(), seed=seed)

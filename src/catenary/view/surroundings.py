@@ -77,11 +77,7 @@ class Surroundings:
         }
 
     def set(self, name: str, value: Value) -> bool:
-        """Change something by the name of its control; False when it is none of these.
-
-        Raises:
-            InputError: A value that it cannot have.
-        """
+        """Change something by the name of its control; False when it is none of these."""
         if name not in self._setters:
             return False
         self._setters[name](value)

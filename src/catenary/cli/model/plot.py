@@ -83,11 +83,7 @@ def plot(
 
 
 def _window(name: str) -> "Figure":
-    """Return a figure in a window that is not shown yet.
-
-    Raises:
-        InputError: There is no screen, or nothing that draws on it.
-    """
+    """Return a figure in a window that is not shown yet."""
     import matplotlib.pyplot as plt
 
     if plt.get_backend().lower() in WITHOUT_WINDOWS:

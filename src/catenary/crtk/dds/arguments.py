@@ -62,11 +62,7 @@ def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def parse_ros_arguments(words: Sequence[str]) -> RosArguments:
-    """Return what `-r FROM:=TO` (`--remap`) say, the last of each.
-
-    Raises:
-        InputError: There is anything else, or a name that ROS 2 has not.
-    """
+    """Return what `-r FROM:=TO` (`--remap`) say, the last of each."""
     topics: dict[str, str] = {}
     node, namespace = None, "/"
     rest = list(words)

@@ -31,11 +31,7 @@ _Write = Callable[
 
 @cache
 def cdr_encoder(name: str) -> Callable[[Message], bytes]:
-    """Return what makes a message's bytes; it raises InputError, naming the field, when a value does not fit.
-
-    Raises:
-        FileFormatError: catenary does not know the type.
-    """
+    """Return what makes a message's bytes; it raises InputError, naming the field, when a value does not fit."""
     name = current_name(name)
     kind, write, pack = message_class(name), _message_writer(name), packer(name, _ENCODING)
 

@@ -38,11 +38,7 @@ DEFAULT = "jazzy"  # the newest with support of five years
 
 
 def distribution(name: str | None = None) -> Distribution:
-    """Return a distribution: the one named, else ROS_DISTRO where ROS 2's setup was sourced, else `DEFAULT`.
-
-    Raises:
-        InputError: There is none of that name.
-    """
+    """Return a distribution: the one named, else ROS_DISTRO where ROS 2's setup was sourced, else `DEFAULT`."""
     if name is None:
         return DISTRIBUTIONS.get(os.environ.get("ROS_DISTRO", ""), DISTRIBUTIONS[DEFAULT])
     if name not in DISTRIBUTIONS:

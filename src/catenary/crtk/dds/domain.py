@@ -25,11 +25,7 @@ _lock = threading.Lock()
 
 
 def domain_number() -> int:
-    """Return the domain's number, ROS_DOMAIN_ID.
-
-    Raises:
-        InputError: It is none.
-    """
+    """Return the domain's number, ROS_DOMAIN_ID."""
     text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not (text.isascii() and text.isdigit() and int(text) <= LARGEST):
         raise InputError(f'ROS_DOMAIN_ID "{text}": expected a whole number from 0 to {LARGEST}')
@@ -37,12 +33,7 @@ def domain_number() -> int:
 
 
 def enter_domain() -> int:
-    """Set up the domain of this process, where that has not been done; return its number.
-
-    Raises:
-        InputError: A variable of the environment has no such value.
-        TransportError: DDS cannot be set up so; CYCLONEDDS_URI may be wrong.
-    """
+    """Set up the domain of this process, where that has not been done; return its number."""
     number = domain_number()
     settings = ",".join(part for part in (_settings(), os.environ.get("CYCLONEDDS_URI", "")) if part)
     with _lock:

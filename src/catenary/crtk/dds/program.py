@@ -38,12 +38,7 @@ class Program:
     """A participant of DDS with one node; `lock` is held while anything is received, made or ended."""
 
     def __init__(self, node: str, namespace: str, distribution: Distribution, came: Came) -> None:
-        """Join the domain; `came` hears of each end of a topic that comes, with the lock held.
-
-        Raises:
-            InputError: A variable of the environment is none of ROS 2's.
-            TransportError: DDS cannot be set up.
-        """
+        """Join the domain; `came` hears of each end of a topic that comes, with the lock held."""
         self.lock = threading.RLock()
         self.distribution, self._namespace, self._node = distribution, namespace, node
         self.node = f"{namespace.rstrip('/')}/{node}"  # its full name

@@ -140,11 +140,7 @@ class Services:
         self._numbers = count(1)  # of requests, and of clients and services
 
     def serve(self, name: str, type_name: str, handler: Handler) -> None:
-        """Offer a service; what fails is told by the response (`success`, `message`), ROS 2 has no other way.
-
-        Raises:
-            TransportError: Somebody offers it.
-        """
+        """Offer a service; what fails is told by the response (`success`, `message`), ROS 2 has no other way."""
         self.program.look()
         if self.program.directory.subscribers(request_topic(name)):
             raise TransportError(f"service {name} is offered already")

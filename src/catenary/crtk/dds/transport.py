@@ -101,10 +101,6 @@ class DdsTransport(Transport):
             name: Node's name; ROS 2 permits two of one name.
             arguments: Other names, as behind `--ros-args`, and the distribution that the others are of.
             settle: [s] without news of other programs that end the waiting.
-
-        Raises:
-            InputError: The name is none, there is no such distribution, or a variable of the environment is wrong.
-            TransportError: DDS cannot be set up.
         """
         self._arguments = arguments or RosArguments()
         super().__init__(self._arguments.node or name)

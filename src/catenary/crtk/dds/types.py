@@ -34,11 +34,7 @@ Raw = Any  # an instance: made of bytes, which are its `data`
 
 @cache
 def message_type(name: str) -> type[Raw]:
-    """Return DDS's class of a message type.
-
-    Raises:
-        FileFormatError: catenary does not know the type.
-    """
+    """Return DDS's class of a message type."""
     return _raw(dds_type(name), _members(name))
 
 

@@ -15,11 +15,7 @@ _FOLDERS = (Path("/usr/lib/python3/dist-packages"), Path("/opt/ros/noetic/lib/py
 
 
 def make_rospy_importable() -> None:
-    """Find rospy, where need be outside this environment.
-
-    Raises:
-        MissingPackageError: There is none for this Python.
-    """
+    """Find rospy, where need be outside this environment."""
     if importlib.util.find_spec("rospy") is not None:
         return
     if _system_python() == sys.version_info[:2]:

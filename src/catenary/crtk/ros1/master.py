@@ -41,11 +41,7 @@ class Master:
     """
 
     def __init__(self, uri: str, caller: str) -> None:
-        """Prepare; nothing is asked yet.
-
-        Raises:
-            TransportError: The URI is none.
-        """
+        """Prepare; nothing is asked yet."""
         parts = urlparse(uri)
         try:
             valid = parts.scheme == "http" and bool(parts.hostname) and parts.port is not None

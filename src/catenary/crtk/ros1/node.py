@@ -173,12 +173,7 @@ class Node:
 
 
 def node(name: str, uri: str) -> Node:
-    """Return this process's node; it is started once.
-
-    Raises:
-        TransportError: There is no master, the name is taken, or the process has a node of another name or master, or
-            one that was shut down.
-    """
+    """Return this process's node; it is started once."""
     global _node
     if _node is None:
         if rospy.core.is_initialized():

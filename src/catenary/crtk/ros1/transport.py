@@ -124,11 +124,6 @@ class Ros1Transport(Transport):
         Args:
             name: Node name; one that runs already is left alone, and this one refused.
             uri: The master's; ROS_MASTER_URI when None.
-
-        Raises:
-            InputError: The name is none.
-            MissingPackageError: There is no rospy.
-            TransportError: There is no master (known within 3 s), the name is taken, or this process has another node.
         """
         global _open
         super().__init__(name)

@@ -12,12 +12,7 @@ CLIPPED = 0.015  # [m] a servo_cp goes at most
 
 
 def servo_pose(arm: ServedArm, pose: Pose) -> None:
-    """Go towards a pose: refused beyond 75 mm from the setpoint, and at most 15 mm of the way.
-
-    Raises:
-        InputError: It is too far away.
-        UnreachablePoseError: The mechanism refuses it.
-    """
+    """Go towards a pose: refused beyond 75 mm from the setpoint, and at most 15 mm of the way."""
     start = arm.tool.pose(arm.setpoint.q)
     way = pose.position - start.position
     distance = float(np.linalg.norm(way))
@@ -33,23 +28,13 @@ def servo_pose(arm: ServedArm, pose: Pose) -> None:
 
 
 def servo_pose_increment(arm: ServedArm, step: Floats, turn: Floats) -> None:
-    """Move the tool by a step (3,) [m] and turn it by a rotation vector (3,) [rad], both in base axes.
-
-    Raises:
-        InputError: A number is not finite.
-        UnreachablePoseError: The mechanism refuses it.
-    """
+    """Move the tool by a step (3,) [m] and turn it by a rotation vector (3,) [rad], both in base axes."""
     q = arm.commanded
     arm.increment_along(_joints_beside(arm, q, step, turn) - q)
 
 
 def servo_twist(arm: ServedArm, twist: Floats) -> None:
-    """Move the tool at a velocity and angular velocity (6,) in base axes [m/s, rad/s], for 0.1 s.
-
-    Raises:
-        InputError: A number is not finite.
-        UnreachablePoseError: The mechanism refuses it.
-    """
+    """Move the tool at a velocity and angular velocity (6,) in base axes [m/s, rad/s], for 0.1 s."""
     dt, q = arm.plant.period, arm.setpoint.q
     qd = (_joints_beside(arm, q, dt * twist[:3], dt * twist[3:]) - q) / dt
     with np.errstate(divide="ignore"):

@@ -53,11 +53,7 @@ class CommandSource:
     def __init__(
         self, transport: Transport, topic: CrtkTopic, beginning: Beginning, reports: Reports
     ) -> None:
-        """Subscribe.
-
-        Raises:
-            TransportError: The topic carries another type.
-        """
+        """Subscribe."""
         self.topic = topic
         self._transport = transport
         self._reports = reports

@@ -59,9 +59,6 @@ class Commander:
             process: As in `Arrival.process`; one that is not known is never refused.
             now: [ns].
             is_moving: Whether a move of the arm's own is under way.
-
-        Raises:
-            RobotHeldError: The message has both names.
         """
         name = process.partition(" ")[0]  # a network has one program of a name
         if self._topic is None or not self._process or name in ("", self._process[0]):

@@ -152,11 +152,7 @@ def _increments(arm: ServedArm, message: Message, field: str = "position") -> Fl
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
-    """Go towards joint positions near the setpoint: a client that stood still for seconds must not make the arm leap.
-
-    Raises:
-        InputError: A joint is farther from the setpoint than `SERVO_REACH`; nothing moves.
-    """
+    """Go towards joint positions near the setpoint: a client that stood still for seconds makes no arm leap."""
     q = _goal(arm, message)
     for name, unit, way in zip(arm.names, arm.plant.joint_units, q - arm.setpoint.q, strict=True):
         if abs(way) > SERVO_REACH[unit]:

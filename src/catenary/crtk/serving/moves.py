@@ -25,11 +25,7 @@ _FLAT = 1e-3  # [rad|m] least slope of a way, so that one without any ends too
 
 
 def joint_move(arm: ServedArm, q: Floats) -> Callable[[], Trajectory]:
-    """Move all joints from the setpoint to q (n,), arriving together; what is returned makes the trajectory.
-
-    Raises:
-        LimitError: A joint would leave its limits; nothing moves.
-    """
+    """Move all joints from the setpoint to q (n,), arriving together; what is returned makes the trajectory."""
     plant = arm.plant
     for name, unit, value, lower, upper in zip(
         plant.joint_names, plant.joint_units, q, plant.lower, plant.upper, strict=True
@@ -46,10 +42,6 @@ def straight_move(arm: ServedArm, goal: Pose) -> Iterator[Trajectory | None]:
     Whether the goal is within the arm's reach is known at once. The rest is worked out piece by piece, one piece each
     time that the iterator is asked, which gives None until it gives the trajectory: a tick has no time for all of it,
     nor for the beginnings of several moves.
-
-    Raises:
-        UnreachablePoseError: The goal is beyond the arm's reach; the iterator raises it where the mechanism refuses
-            the goal, or a pose on the way. Nothing moves.
     """
     arm.tool.require_reach(goal)
     return _planned(arm, arm.setpoint.q, goal)

@@ -26,11 +26,7 @@ class ParkedArm:
         *,
         period: float = 1e-3,
     ) -> None:
-        """Park an arm at joints q (n,) [rad|m].
-
-        Raises:
-            InputError: Another number of joints.
-        """
+        """Park an arm at joints q (n,) [rad|m]."""
         self.joint_names, self.joint_units, self.period = joint_names, joint_units, period
         n = len(joint_names)
         place = as_array("q", q, (n,))

@@ -58,9 +58,6 @@ class RavenDialect(Speaker):
         Args:
             arms: Gold and green.
             torque_arm: Whose `servo_jp` carries torques of its motors [mNm], as the UW's torque controller uses it.
-
-        Raises:
-            InputError: An arm is missing or has other joints.
         """
         for name in ("gold", "green"):
             found = 0 if name not in arms else len(arms[name].names)

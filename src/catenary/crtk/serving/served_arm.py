@@ -129,9 +129,6 @@ class ServedArm:
         """Command joint torques (n,) for 0.1 s, plus gravity's where that was asked for.
 
         A joint whose torque is NaN holds its setpoint.
-
-        Raises:
-            InputError: The arm takes no torques, or only of all joints.
         """
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
@@ -142,11 +139,7 @@ class ServedArm:
         self._torque, self._until = tau, self.tick + self.goal.follow
 
     def go_limp(self) -> None:
-        """Command zero torque, or gravity's alone, until something else is commanded.
-
-        Raises:
-            InputError: The arm takes no torques.
-        """
+        """Command zero torque, or gravity's alone, until something else is commanded."""
         self.push_with(np.zeros(len(self.names)))
         self._until = 2**62
 
@@ -161,11 +154,7 @@ class ServedArm:
         self._plan = plan
 
     def switch_own_gravity(self, grav_dir: tuple[int, int, int] | None) -> None:
-        """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off.
-
-        Raises:
-            InputError: It has none, or there is no such gravity.
-        """
+        """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off."""
         if not hasattr(self.plant, "switch_own_gravity"):
             raise InputError("the arm has no gravity compensation of its own")
         cast(WeighsItself, self.plant).switch_own_gravity(grav_dir)

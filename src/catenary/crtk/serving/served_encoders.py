@@ -30,11 +30,7 @@ class ServedEncoders:
     """
 
     def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> None:
-        """Begin to publish what a plant's telemetry holds, over topics.
-
-        Raises:
-            TransportError: A topic is taken otherwise.
-        """
+        """Begin to publish what a plant's telemetry holds, over topics."""
         self._plant = plant
         self.outlets = tuple(
             Outlet(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.columns[0].name))

@@ -29,11 +29,7 @@ MOST = (
 
 
 def whole_numbers(text: str) -> tuple[int, int, int]:
-    """Return three whole numbers, as 0,0,980.
-
-    Raises:
-        InputError: They are none.
-    """
+    """Return three whole numbers, as 0,0,980."""
     try:
         x, y, z = map(int, text.split(","))
     except ValueError as error:
@@ -65,9 +61,6 @@ class Server:
             button: Offer the RAVEN-II's silver button as a service.
             publish_every: Ticks from one publication to the next.
             encoders: External ones at an arm's joints, which have topics of their own.
-
-        Raises:
-            TransportError: A topic carries another type, or is published by this transport already.
         """
         self.transport, self.arms, self.reports = transport, arms, reports
         self.commands = 0  # taken in, whether they were obeyed or not

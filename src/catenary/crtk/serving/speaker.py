@@ -62,20 +62,11 @@ class Speaker:
         return None
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Obey a command; state commands are the server's.
-
-        Raises:
-            InputError: It is none that can be obeyed; nothing moves.
-            UnreachablePoseError: The mechanism refuses it.
-        """
+        """Obey a command; state commands are the server's."""
         self.follow(topic, message, self._obeyed.get(topic.verb))
 
     def follow(self, topic: CrtkTopic, message: Message, do: Obey | None) -> None:
-        """Have the arm of a topic do something, unless it is in no state to be moved.
-
-        Raises:
-            InputError, UnreachablePoseError: As `obey`.
-        """
+        """Have the arm of a topic do something, unless it is in no state to be moved."""
         if topic.arm is None or do is None:
             raise InputError("the robot has no such arm")
         arm = self.arms[topic.arm]

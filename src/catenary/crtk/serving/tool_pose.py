@@ -24,11 +24,7 @@ class ToolPose:
     """
 
     def __init__(self, model: RobotModel, joint_names: tuple[str, ...]) -> None:
-        """Match model and robot.
-
-        Raises:
-            InputError: They do not belong together.
-        """
+        """Match model and robot."""
         n = len(joint_names)
         self.model = model
         # a da Vinci PSM's last joint is the opening itself, and its joint states leave it out
@@ -73,21 +69,13 @@ class ToolPose:
         return np.append(tau[:-2], tau[-1] - tau[-2])
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
-        """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
-
-        Raises:
-            UnreachablePoseError: Its reach, the remote centre, a joint limit or the mechanism refuses the pose.
-        """
+        """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws."""
         self.require_reach(pose)
         start = np.clip(self._to_model @ near, self.model.lower, self.model.upper)
         return self._with_jaws(self._searched(pose, start), near)
 
     def require_reach(self, pose: Pose) -> None:
-        """Refuse a pose farther away than the arm is long, before anything is worked out.
-
-        Raises:
-            UnreachablePoseError: It is; the message has both lengths.
-        """
+        """Refuse a pose farther away than the arm is long, before anything is worked out."""
         distance = hypot(*pose.position.tolist())
         if distance > self.reach:
             raise UnreachablePoseError(
@@ -101,9 +89,6 @@ class ToolPose:
         """Return joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
 
         A RAVEN-II's 50 poses take one compiled call, well within a tick; other arms are searched pose by pose.
-
-        Raises:
-            UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses a pose.
         """
         model = self.model
         start = np.clip(self._to_model @ near, model.lower, model.upper)

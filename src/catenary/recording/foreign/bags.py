@@ -32,11 +32,7 @@ class Bag:
     """A ROS 1 bag, an MCAP file or a ROS 2 bag (folder), whose types may be any."""
 
     def __init__(self, path: Path) -> None:
-        """Open it.
-
-        Raises:
-            FileFormatError: No such file, another kind, or damaged so far that no message can be read.
-        """
+        """Open it."""
         self.path = path
         is_ros1 = path.suffix == ".bag" and path.is_file()
         self._reader = BagStream(path, foreign=True) if is_ros1 else open_ros2(path, foreign=True)
@@ -81,11 +77,7 @@ class Bag:
         return [s for name in self.counts for s in streams if s.name == name]
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
-        """Return topics with the columns that are wanted of each, all messages.
-
-        Raises:
-            FileFormatError: A message is not of its type.
-        """
+        """Return topics with the columns that are wanted of each, all messages."""
         fields = {name: self._fields(name) for name in wanted}
         collected = self._collected(fields, wanted, lambda topic, data: True)
         return [self._stream(name, columns) for name, columns in collected.items()]
@@ -146,11 +138,7 @@ class _TopicColumns:
             self._read()
 
     def stream(self, name: str, rows: int, where: str) -> Stream:
-        """Return what came, in the order in which it arrived.
-
-        Raises:
-            FileFormatError: A message is not of its type.
-        """
+        """Return what came, in the order in which it arrived."""
         try:
             self._read()
         except FileFormatError as error:

@@ -32,9 +32,6 @@ def stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping) -> Strea
 
     Headers are left for arrivals in all topics when the headers of two differ by more than a second from the arrivals,
     each by another time: they are then of clocks that nobody set.
-
-    Raises:
-        InputError: A table has no time, or headers are asked of topics without.
     """
     notes: list[str] = []
     stamp: dict[str, NDArray[np.int64]] = {}
@@ -93,9 +90,6 @@ class OneClock:
             wanted: Columns of each.
             base: The stream whose samples are the rows.
             mapping: Clock and gaps.
-
-        Raises:
-            InputError: A stream has no sample, or no time.
         """
         stamps = stamps_of(streams, mapping)
         self.notes = stamps.notes

@@ -38,10 +38,6 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
     comma. Dates as of ISO 8601 become nanoseconds since 1970; a first column of them without a name is the time. Other
     columns of text are left out. Of a name that is there twice, the second is called `name#2`. Whole numbers
     that a float64 cannot hold, such as stamps in nanoseconds, stay whole.
-
-    Raises:
-        FileFormatError: No text, no line of names, a line that is too long, columns that differ in number, or text
-            in a column of numbers.
     """
     head = _first_lines(path)
     skipped = 1 if head and _SAYS_SEPARATOR.fullmatch(head[0]) else 0

@@ -21,12 +21,7 @@ _SAME = {"octet": "uint8"}  # ROS 2's words for ROS 1's
 def fields_by_definition(
     path: Path, connection: BagConnection, encoding: Encoding
 ) -> Callable[[str], tuple[Field, ...]]:
-    """Return what gives the fields of a topic's message type and of those within it.
-
-    Raises:
-        FileFormatError: The bag does not define the type and ROS has none of its name, the definition cannot be read,
-            or it holds what has no length that is known.
-    """
+    """Return what gives the fields of a topic's message type and of those within it."""
     where = f"{path}: topic {cut(connection.topic)}: type {cut(connection.type)}"
     types = _types(where, connection, encoding)
     known: dict[str, tuple[Field, ...]] = {}

@@ -51,11 +51,7 @@ class _Wanted:
     columns: dict[str, dict[str, None]] = field(default_factory=dict)
 
     def of(self, references: Sequence[str], what: str) -> _Found:
-        """Find references, and keep them to be read.
-
-        Raises:
-            InputError: One is not there.
-        """
+        """Find references, and keep them to be read."""
         places, signs = list[Place](), list[float]()
         for reference in references:
             try:
@@ -87,10 +83,6 @@ def import_sources(
         sources: The files.
         mapping: Which column is what.
         model: The robot; the mapping's when None.
-
-    Raises:
-        FileFormatError: A file cannot be read.
-        InputError: A column is not there, numbers of columns or units contradict each other, or no row is left.
     """
     where = ", ".join(path.name for path in sources.paths)
     wanted = _Wanted(sources.streams)
@@ -204,11 +196,7 @@ def _ordered_by_name(
     streams: Sequence[Stream],
     model: RobotModel | None,
 ) -> list[str]:
-    """Put whole arrays, parts of them and patterns into the order of q_nominal's joints by name; say so.
-
-    Raises:
-        InputError: A quantity is of other joints than q_nominal.
-    """
+    """Put whole arrays, parts of them and patterns into the order of q_nominal's joints by name; say so."""
 
     def names_of(key: str) -> tuple[str, ...]:
         places = joints[key].places

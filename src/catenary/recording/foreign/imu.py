@@ -45,10 +45,6 @@ def read_imu(
         topic: Of a bag with several Imu topics.
         columns: Of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without.
         time_unit: Of a table's time; told by its name or its steps when None.
-
-    Raises:
-        FileFormatError: No such file, damaged, or hardly a reading in it.
-        InputError: No such topic or column, or several that it may be.
     """
     sources = Sources([path])
     stream = _stream(path, sources.streams, topic)

@@ -22,11 +22,7 @@ Value = TypeVar("Value")
 def joint_names_of(
     mapping: RecordingMapping, model: RobotModel | None, places: Sequence[Place], streams: Sequence[Stream]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Return the joints' names: the mapping's, the robot's that the recording's mean, its own, or J1, J2, ...
-
-    Raises:
-        InputError: They are not clearly the robot's; the message names both sides.
-    """
+    """Return the joints' names: the mapping's, the robot's that the recording's mean, its own, or J1, J2, ..."""
     n = len(places)
     if mapping.joint_names:
         if len(mapping.joint_names) != n:
@@ -95,11 +91,7 @@ def joint_units_of(
     streams: Sequence[Stream],
     names: Sequence[str],
 ) -> tuple[tuple[str, ...], bool, list[str]]:
-    """Return the joints' SI units, whether they were assumed, and what to say of it.
-
-    Raises:
-        InputError: Nothing says them.
-    """
+    """Return the joints' SI units, whether they were assumed, and what to say of it."""
     n = len(names)
     given: tuple[str, ...] | None = mapping.joint_units or None
     if model is not None and given is None:
@@ -141,10 +133,6 @@ def factors(
         quantity: With units, scales and signs.
         joint_units: "rad" or "m" for each joint, where they are known.
         n: Number of its columns.
-
-    Raises:
-        InputError: Another number of units, scales or signs than one or n, counts without a scale, or units that
-            contradict the joints'.
     """
     units = _each(f"{name}: units", quantity.units, n)
     scale = np.array(_each(f"{name}: scale", quantity.scale, n) or (1.0,) * n)

@@ -58,11 +58,7 @@ RAVEN_STATE = Layout("RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)")
 
 
 def layout_of_files(paths: Sequence[Path]) -> Layout | None:
-    """Return which known layout the files of a recording have; None for another, which needs a mapping.
-
-    Raises:
-        FileFormatError: A file is damaged.
-    """
+    """Return which known layout the files of a recording have; None for another, which needs a mapping."""
     if not paths or not all(is_bag(path) and path.exists() for path in paths):
         return layout_of_file(paths[0]) if len(paths) == 1 else None
     try:
@@ -74,11 +70,7 @@ def layout_of_files(paths: Sequence[Path]) -> Layout | None:
 
 
 def layout_of_file(path: Path) -> Layout | None:
-    """Return which known layout a file has; None for another, which needs a mapping.
-
-    Raises:
-        FileFormatError: It is damaged.
-    """
+    """Return which known layout a file has; None for another, which needs a mapping."""
     if not path.is_file():
         return None
     ending = table_ending(path)
@@ -114,10 +106,6 @@ def read_layout(
         model: The robot, where the layout needs one.
         units: "rad" or "m" per joint, for a file that does not state them.
         joint_names: For a file that does not state them.
-
-    Raises:
-        FileFormatError: Damaged, or the robot is not given though it is needed.
-        InputError: The numbers are not a log, or units or names contradict the file's.
     """
     path = paths[0]
     if layout is RAVEN_BAG:

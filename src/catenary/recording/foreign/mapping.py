@@ -127,11 +127,7 @@ class RecordingMapping(Settings):
 
 
 def load_mapping(path: Path) -> RecordingMapping:
-    """Read a mapping from TOML.
-
-    Raises:
-        ConfigError: No such file, no TOML, or a key is unknown, missing or of the wrong type.
-    """
+    """Read a mapping from TOML."""
     return load_toml(path, RecordingMapping)
 
 
@@ -152,9 +148,6 @@ def mapping_of(
         content: A mapping as such a file has it.
         units: Of the joints, where an option has none: one, or one per joint.
         settings: Further keys, such as robot; those that are None are left out.
-
-    Raises:
-        ConfigError: An option or the file is none of these, or the mapping lacks q_nominal.
     """
     own = {key: value for key, value in (settings or {}).items() if value is not None}
     if not options and file is None and content is None:

@@ -20,11 +20,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the arrays of numbers of a `.mat`; those within structs are called `struct.field`.
-
-    Raises:
-        FileFormatError: No such file, version 7.3, damaged, or it unpacks or is nested further than is read.
-    """
+    """Read the arrays of numbers of a `.mat`; those within structs are called `struct.field`."""
     from scipy.io import loadmat
 
     try:

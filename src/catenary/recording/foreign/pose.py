@@ -21,11 +21,7 @@ _PARTS = (("position", "orientation"), ("translation", "rotation"))
 
 
 def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
-    """Return where the seven numbers of a pose are: x, y, z, and the quaternion's x, y, z, w.
-
-    Raises:
-        InputError: They are not there.
-    """
+    """Return where the seven numbers of a pose are: x, y, z, and the quaternion's x, y, z, w."""
     if len(tracked.columns) == 7:
         return [place for column in tracked.columns for place in places_of(column, streams)]
     if len(tracked.columns) != 1:
@@ -67,11 +63,7 @@ def open_joints(
 def _determined(
     model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]
 ) -> NDArray[np.bool_]:
-    """Return the rows of q (M, n) at which all chosen joints are determined, (M,).
-
-    Raises:
-        InputError: Fewer than half are, such as where three numbers are to give six joints.
-    """
+    """Return the rows of q (M, n) at which all chosen joints are determined, (M,)."""
     short = np.array([open_joints(model, row, tracked.frame, tracked.match, chosen) for row in q])
     if short.any(axis=1).mean() <= 0.5:
         return np.asarray(~short.any(axis=1))
@@ -104,9 +96,6 @@ def joints_from_poses(
     Returns:
         (M, n) [rad|m]; NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
         `within_deg`, or the arm is singular, so that the pose does not tell where the chosen joints are.
-
-    Raises:
-        InputError: Poses do not determine the chosen joints.
     """
     base, frame = tracked.T_base_tracker.pose(), tracked.T_marker_frame.pose()
     scale = SI[tracked.unit][1]

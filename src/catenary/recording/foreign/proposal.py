@@ -37,11 +37,7 @@ class Proposal:
     questions: tuple[str, ...]
 
     def accepted(self) -> RecordingMapping:
-        """Return the mapping.
-
-        Raises:
-            InputError: Something in it is open; the message asks it.
-        """
+        """Return the mapping."""
         if self.questions:
             raise InputError(
                 "the proposed mapping leaves open: " + "; ".join(self.questions) + ". Edit it:\n" + self.toml
@@ -66,9 +62,6 @@ def propose(sources: Sources, *, robot: str | None = None, units: str | None = N
         sources: A recording.
         robot: Catalogue name or file: units of the joints.
         units: Of the joints: of q_nominal, and of q_encoder where the names of its columns say none.
-
-    Raises:
-        InputError: The robot has no such name.
     """
     draft = _Draft()
     model = None if robot is None else load_robot(robot)

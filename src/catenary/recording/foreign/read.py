@@ -30,12 +30,7 @@ def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> li
 
 
 def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
-    """Read a recording, by a mapping or as `read_log` does, and mend it.
-
-    Raises:
-        FileFormatError: As `read_log`, or the file cannot be read.
-        InputError: As `read_log`, or what the mapping names is not there.
-    """
+    """Read a recording, by a mapping or as `read_log` does, and mend it."""
     reading = reading if reading is not None else Reading()
     if reading.mapping is None:
         return reading.mend(read_log(path, units=reading.units, joint_names=reading.joint_names))
@@ -51,10 +46,6 @@ def read_torque_recording(
     """Read a recording of a robot for identification, by a mapping or as `read_torque_log` does, and mend it.
 
     Where it is held against identified parameters, `trained` is how the recordings behind these were mended.
-
-    Raises:
-        FileFormatError: As `read_torque_log`, or the file cannot be read.
-        InputError: As `read_torque_log`, or what the mapping names is not there.
     """
     reading = reading if reading is not None else Reading()
     mapping = reading.mapping

@@ -21,12 +21,7 @@ class Sources:
     """Bags and tables of one recording."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        """Open them: a sample of each bag's topics, tables whole.
-
-        Raises:
-            FileFormatError: None given, no such file, another kind, or damaged.
-            InputError: A topic has another type in another bag, or two tables one name.
-        """
+        """Open them: a sample of each bag's topics, tables whole."""
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
@@ -50,11 +45,7 @@ class Sources:
             )
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> dict[str, Stream]:
-        """Return streams with the columns wanted of each, whole.
-
-        Raises:
-            FileFormatError: A message is not of its type.
-        """
+        """Return streams with the columns wanted of each, whole."""
         found = [stream for stream in self.streams if stream.type == "table" and stream.name in wanted]
         for bag in self._bags:
             here = {name: columns for name, columns in wanted.items() if name in bag.counts}

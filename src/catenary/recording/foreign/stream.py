@@ -50,9 +50,6 @@ def places_of(reference: str, streams: Sequence[Stream]) -> list[Place]:
     `position[0:6]`, `position[elbow]` by the name of the joint) or a pattern (`cmd_*`, in the file's order; names that
     differ in a number by that). In front of it stands a topic and a dot (`/arm/state.position`); of several tables, the
     name of the file and a colon.
-
-    Raises:
-        InputError: There is none, or several streams have it.
     """
     stem, colon, rest = reference.partition(":")
     candidates: list[tuple[Stream, str]] = []

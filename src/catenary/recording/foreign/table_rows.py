@@ -20,11 +20,7 @@ class TableRows:
     """A table's rows in the order of the file; one whose time goes back begins another recording."""
 
     def __init__(self, stream: Stream, mapping: RecordingMapping) -> None:
-        """Find the time of the rows; those without time, or whose time repeats the row's before, are left out.
-
-        Raises:
-            InputError: The time or its unit cannot be told.
-        """
+        """Find the time of the rows; those without time, or whose time repeats the row's before, are left out."""
         self.notes: list[str] = []
         self._stream = stream
         self._keep = np.ones(stream.rows, dtype=bool)

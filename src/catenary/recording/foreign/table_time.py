@@ -45,9 +45,6 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
         columns: Which column holds the time, one for each table; without, the one whose name says so.
         unit: Of that column; where None it is told by its name, by being a time since 1970, or by the rate of rows.
         rate: Rows a second [Hz], for a table without time.
-
-    Raises:
-        InputError: No such column, several that it may be, or the unit cannot be told.
     """
     if rate is not None:
         if columns:
@@ -74,11 +71,7 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
 
 
 def _given(stream: Stream, columns: Sequence[str]) -> str | None:
-    """Return the column of this table among those that were given.
-
-    Raises:
-        InputError: None of them is in it, though it is the only one given, or one is many.
-    """
+    """Return the column of this table among those that were given."""
     for reference in columns:
         try:
             places = places_of(reference, [stream])

@@ -26,9 +26,6 @@ def read_table_file(path: Path) -> list[Stream]:
     """Read a file as streams without stamps: which column holds the time is for the mapping to say.
 
     Arrays of another number of rows are streams of their own, called `FILE#ROWS`.
-
-    Raises:
-        FileFormatError: No such file, another kind, damaged, or nothing in it is a column of numbers.
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")

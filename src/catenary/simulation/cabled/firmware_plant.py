@@ -69,11 +69,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self.control.mode[:] = np.where(pushed, TORQUE, POSITION)
 
     def wait(self) -> None:
-        """Advance by one tick of 1 ms.
-
-        Raises:
-            NotReadyError: Homing found that it cannot be done; the arm is then in FAULT.
-        """
+        """Advance by one tick of 1 ms."""
         row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
         rows = np.full((1, len(self.joint_names)), np.nan) if row is None else row[np.newaxis]  # NaN: stay
         self._advance(rows, self.log.rows(0))
@@ -85,9 +81,6 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
         Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run
         in pieces: the next call goes on where this one ended, bit for bit, and a log takes some 500 B a tick.
-
-        Raises:
-            NotReadyError: Not homed, not enabled, or the firmware stopped by itself on the way.
         """
         self._require_ready()
         rows = np.ascontiguousarray(setpoints, dtype=float)

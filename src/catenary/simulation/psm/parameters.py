@@ -108,11 +108,7 @@ class PsmArm(NamedTuple):
 
 
 def load_psm(path: Path | None = None) -> PsmArm:
-    """Load the package's PSM, or another of the kind from a file.
-
-    Raises:
-        ConfigError: A parameter or link is missing, unknown, or of the wrong length; the message names it.
-    """
+    """Load the package's PSM, or another of the kind from a file."""
     if path is None:
         with as_file(files("catenary.simulation") / "data" / "dvrk_psm.toml") as packaged:
             return load_psm(packaged)

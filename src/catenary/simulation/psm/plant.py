@@ -82,9 +82,6 @@ class PsmPlant(FirmwarePlant[PsmLog]):
             start: (7,) where the joints stand at power-on [rad, rad, m, rad...], in place of a drawn one.
             base: What it stands on; a level base at rest when None.
             substeps: Physics steps in 1 ms.
-
-        Raises:
-            InputError: Fewer than one substep.
         """
         if substeps < 1:
             raise InputError(f"substeps: expected at least 1, got {substeps}")
