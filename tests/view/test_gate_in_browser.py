@@ -119,8 +119,7 @@ def test_page_works_at_its_own_address_and_is_found_again_after_a_reload(
     for payload in (0.5, 0.75):
         looked.tab("Surroundings")
         looked.set_slider("payload [kg]", payload)
-        found: list[Change] = []
-        looked.wait_until(lambda found=found: found.extend(page.changes()) or found)
-        assert found[-1] == Change("payload_kg", payload)
+        told = Change("payload_kg", payload)
+        looked.wait_until(lambda told=told: told in page.changes())
         looked.page.reload(timeout=PATIENCE)
     assert looked.complaints == []

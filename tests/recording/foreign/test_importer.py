@@ -171,7 +171,7 @@ def test_a_dvrk_s_joints_follow_from_a_tracked_marker(kind: Kind, tmp_path: Path
     bag, transforms = dvrk_bag(tmp_path / "psm", kind, error)
     mapping = {
         "robot": "dvrk_psm",
-        "joint_names": ["q1", "q2", "q3"],
+        "joint_names": ["outer_yaw", "outer_pitch", "outer_insertion"],
         "q_nominal": {"columns": "/PSM1/measured_js.position[0:3]"},
         "q_encoder": {"pose": {"columns": "/ndi/marker.pose", "frame": "outer_insertion", **transforms}},
     }
