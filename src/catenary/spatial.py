@@ -5,12 +5,12 @@ that a served robot's tick makes are plain arithmetic, in a tenth of scipy's tim
 """
 
 from math import atan2, cos, hypot, inf, sin, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array, frozen
+from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError
 
 STANDARD_GRAVITY = 9.81  # [m/s2], as everywhere in this package
@@ -25,8 +25,8 @@ def cross(a: Floats, b: Floats) -> Floats:
 class Pose(NamedTuple):
     """Pose of a frame b in a frame a: p_a = rotation p_b + position; or N poses, which compose row by row."""
 
-    rotation: Floats  # (3, 3) or (N, 3, 3) R_a_b
-    position: Floats  # (3,) or (N, 3) origin of b in a [m]
+    rotation: Annotated[Floats, Listed((3, 3))]  # (3, 3) or (N, 3, 3) R_a_b
+    position: Annotated[Floats, Listed((3,))]  # (3,) or (N, 3) origin of b in a [m]
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Return T_a_c of T_a_b @ T_b_c."""

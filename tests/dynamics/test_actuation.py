@@ -18,7 +18,7 @@ C = np.array([1.0, -0.5])
 ALL = Actuation(
     friction=(Friction("a", C),),
     motor_inertia=(MotorInertia("m", C),),
-    springs=(Spring("s", C), Spring("l", C, LeverSpring(0.01, 0.1, 0.06, 0.4))),
+    springs=(Spring("s", C), Spring("l", C, LeverSpring(0.01, 0.1, 0.06, 23.0))),
 )
 finite = st.floats(-3.0, 3.0)
 
@@ -57,7 +57,7 @@ def test_a_rotor_takes_the_power_that_its_kinetic_energy_gains(qd, qdd):
 
 
 def test_a_spring_on_a_lever_is_the_gradient_of_its_energy():
-    lever = LeverSpring(arm=0.0075, anchor=0.1035, rest=0.0613, angle=np.deg2rad(203))
+    lever = LeverSpring(arm=0.0075, anchor=0.1035, rest=0.0613, angle_deg=203.0)
 
     def energy(s):
         end = lever.arm * np.array([np.cos(lever.angle + s), np.sin(lever.angle + s)])

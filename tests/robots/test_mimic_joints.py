@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.errors import UnsupportedModelError
-from catenary.robots.description import Mimic, resolve_mimics
+from catenary.robots.mimic_joints import Mimic, resolve_mimics
 
 factors = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
 

@@ -4,8 +4,36 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import own_base
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
-from catenary.robots.table import load_table
-from oracles.tree_poses import frame_pose
+from catenary.robots.dh_table import load_table
+from catenary.spatial import Pose, rotation_from_rpy
+from oracles.tree_poses import frame_pose, homogeneous
+
+
+def modified_product(alpha, a, d, theta):
+    """Craig, Introduction to Robotics, eq. 3.6, written out."""
+    ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
+    return np.array(
+        [
+            [ct, -st, 0, a],
+            [st * ca, ct * ca, -sa, -sa * d],
+            [st * sa, ct * sa, ca, ca * d],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
+def standard_product(alpha, a, d, theta):
+    """Denavit and Hartenberg's matrix, as in Spong, Robot Modeling and Control, eq. 3.10."""
+    ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
+    return np.array(
+        [
+            [ct, -st * ca, st * sa, a * ct],
+            [st, ct * ca, -ct * sa, a * st],
+            [0, sa, ca, d],
+            [0, 0, 0, 1],
+        ]
+    )
+
 
 HEAD = 'name = "r"\nconvention = "modified"\nsources = ["assumed"]\n'
 MASS = "mass_kg = 2\ncom_m = [0.1, 0.2, 0.3]\ninertia_kg_m2 = [1, 0.1, 0.2, 2, 0.3, 2.5]\n"
@@ -28,6 +56,74 @@ def load(tmp_path):
         return load_table(path, **options)
 
     return load_text
+
+
+def product_row(name, joint, alpha, a, d, theta):
+    angles = f"alpha_deg = {np.rad2deg(alpha)!r}\ntheta_deg = {np.rad2deg(theta)!r}\n".replace(
+        "np.float64(", ""
+    )
+    return row(name, joint, f"{angles}a_m = {a}\nd_m = {d}\n".replace(")", ""), "")
+
+
+@pytest.mark.parametrize(
+    ("convention", "product"), [("modified", modified_product), ("standard", standard_product)]
+)
+@pytest.mark.parametrize("seed", range(4))
+def test_poses_are_the_product_of_the_conventions_matrices(load, convention, product, seed):
+    rng = np.random.default_rng(seed)
+    kinds = ["revolute", "prismatic", "fixed", "revolute", "prismatic", "revolute"]
+    table = rng.normal(size=(6, 4))
+    base = Pose(rotation_from_rpy(rng.normal(size=3)), rng.normal(size=3))
+    text = f"base_rotation = {base.rotation.tolist()}\nbase_position_m = {base.position.tolist()}\n"
+    text += HEAD.replace("modified", convention)
+    text += "".join(
+        product_row(f"r{i}", kind, *numbers)
+        for i, (kind, numbers) in enumerate(zip(kinds, table, strict=True))
+    )
+    model = load(text)
+    q = rng.normal(size=model.n)
+    expected = homogeneous(base.rotation, base.position)
+    left = list(q)
+    for number, (kind, (alpha, a, d, theta)) in enumerate(zip(kinds, table, strict=True)):
+        theta_now = theta + (left.pop(0) if kind == "revolute" else 0.0)
+        d_now = d + (left.pop(0) if kind == "prismatic" else 0.0)
+        expected = expected @ product(alpha, a, d_now, theta_now)
+        assert_allclose(frame_pose(model, f"r{number}", q), expected, atol=1e-12)
+
+
+def along_x(name, a, more=""):
+    return row(name, numbers=f"alpha_deg = 0\na_m = {a}\nd_m = 0\ntheta_deg = 0\n", more=more)
+
+
+def test_a_table_may_branch(load):
+    rows = (
+        along_x("a", 1),
+        along_x("b", 1),
+        along_x("c", 2, 'parent = "a"\n'),
+        along_x("d", 0, 'parent = "base"\n'),
+    )
+    model = load(HEAD + "".join(rows))
+    assert_array_equal(model.tree.parent, [-1, 0, 0, -1])
+    assert_array_equal(frame_pose(model, "c", np.zeros(4))[:3, 3], [3, 0, 0])
+    assert model.tip == "d"
+
+
+def test_every_branch_that_hangs_on_the_base_has_the_tables_base_pose(load):
+    head = 'base_position_m = [0, 0, 1]\nbase_frame = "foot"\n' + HEAD
+    model = load(head + along_x("a", 0) + along_x("b", 0, 'parent = "base"\n'))
+    for frame in ("a", "b", "foot"):
+        assert_array_equal(frame_pose(model, frame, np.zeros(2))[:3, 3], [0, 0, 1])
+
+
+# a parallelogram, whose second link keeps its direction when the first turns; a row without a coordinate of its own
+@pytest.mark.parametrize(("variable", "names", "coupling"), [
+    ("{ b = 1, a = -1 }", ("a", "b"), [[1, 0], [-1, 1]]),
+    ("{ a = 2 }", ("a",), [[1], [2]]),
+])  # fmt: skip
+def test_a_row_may_move_with_other_rows_coordinates(load, variable, names, coupling):
+    model = load(HEAD + along_x("a", 1) + along_x("b", 1, f"variable = {variable}\n"))
+    assert model.joint_names == names
+    assert_array_equal(model.coupling, coupling)
 
 
 def test_degrees_become_radians_and_six_numbers_a_tensor(load):
@@ -115,6 +211,9 @@ def test_a_wrong_key_is_refused_by_file_row_and_key(load, text, said):
 
 @pytest.mark.parametrize(("text", "error", "said"), [
     (ONE + "variable = { x = 1 }", InputError, 'link "a": moves with unknown coordinate "x"'),
+    (ONE + 'variable = { a = 1 }\n' + row("b", more='variable = { a = 1 }\nlimits_deg = [0, 1]\n'), InputError,
+     'DH row "b": has limits but no coordinate of its own'),
+    (ONE + 'limits_deg = [0, 1]\n[[coordinate]]\nname = "a"\nunit = "rad"\n', InputError, "has limits but no coordinate"),
     ("base_rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n" + ONE, InputError, "expected a rotation matrix"),
     (HEAD + row("a", "fixed"), UnsupportedModelError, "no moving joint"),
 ])  # fmt: skip
