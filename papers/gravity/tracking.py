@@ -19,7 +19,7 @@ from catenary.control.controller import SplitController
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityLearner
 from catenary.control.loop import GravitySource, Tick
 from catenary.control.pd import Damping
-from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
@@ -202,7 +202,7 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
     controller = _controller(name, arm, damping)
     source = gravity_source(name, plant) if name in (*SENSORS, *ADAPTIVE, *BY_ORIENTATION) else None
     result = track(arm, controller, motion, gravity=source, observers=[observe])
-    wanted, reported, true = (frame_poses(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
+    wanted, reported, true = (forward_kinematics(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
     off = 1000.0 * (wanted - reported)
     return Run(
         name,

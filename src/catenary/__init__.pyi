@@ -20,12 +20,12 @@ from catenary.dynamics.center_of_mass import center_of_mass_jacobian as center_o
 from catenary.dynamics.inverse_dynamics import BaseMotion as BaseMotion
 from catenary.dynamics.inverse_dynamics import coriolis_matrix as coriolis_matrix
 from catenary.dynamics.inverse_dynamics import inverse_dynamics as inverse_dynamics
+from catenary.dynamics.inverse_dynamics import mass_matrix as mass_matrix
 from catenary.dynamics.inverse_kinematics import inverse_kinematics as inverse_kinematics
-from catenary.dynamics.kernels import gravity_kernel as gravity_kernel
 from catenary.dynamics.kinematics import forward_kinematics as forward_kinematics
 from catenary.dynamics.kinematics import jacobian as jacobian
-from catenary.dynamics.mass_matrix import mass_matrix as mass_matrix
-from catenary.dynamics.regressor import torque_regressor as torque_regressor
+from catenary.dynamics.robot_kernels import gravity_kernel as gravity_kernel
+from catenary.dynamics.torque_regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
 from catenary.errors import DataError as DataError
 from catenary.gravity.carriers import locate_load as locate_load

@@ -10,9 +10,8 @@ import pytest
 import sympy
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function

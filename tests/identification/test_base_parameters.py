@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.regressor import link_parameters
+from catenary.dynamics.torque_regressor import link_parameters
 from catenary.errors import InputError
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.regressor import (

@@ -41,7 +41,7 @@ def test_compiled_functions_call_those_that_nobody_has_called_yet() -> None:
 
 def test_importing_compiled_functions_and_asking_for_a_line_does_not_import_numba() -> None:
     code = (
-        "import sys, catenary, catenary.gravity.torque, catenary.dynamics.mass_matrix, catenary.control.limits\n"
+        "import sys, catenary, catenary.gravity.torque, catenary.dynamics.inverse_dynamics, catenary.control.limits\n"
         "from catenary.gravity.compact import compact_regressor\n"
         "from catenary.dynamics.lines import gravity_line\n"
         "gravity_line(catenary.load_robot('raven2'))\n"

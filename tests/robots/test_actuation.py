@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.config import parse_settings, plain_data
-from catenary.dynamics.actuation import known_loads
+from catenary.dynamics.actuation_loads import known_loads
 from catenary.errors import ConfigError, InputError
 from catenary.robots.actuation import Actuation, Friction, MotorInertia, Spring, actuation_terms, joint_drives
 from catenary.robots.catalog import load_robot

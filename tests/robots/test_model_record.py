@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import known_loads
+from catenary.dynamics.actuation_loads import known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import FileFormatError
 from catenary.identification.files import identification_card, save_identification

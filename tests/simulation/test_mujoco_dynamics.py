@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.errors import MissingPackageError
 from catenary.gravity.payload import Payload
 from catenary.robots.catalog import load_robot

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import ActuationLoads, joint_friction, known_loads
+from catenary.dynamics.actuation_loads import ActuationLoads, joint_friction, known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import MissingInertiaError
 from catenary.identification.files import identification_card, load_identification, save_identification

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.collision.bodies import Body, bodies_of
 from catenary.collision.segments import segment_distance
-from catenary.dynamics.kinematics import link_poses
+from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
@@ -48,12 +48,8 @@ class CollisionScene:
 
     def place(self, q: Floats) -> PlacedBodies:
         """Return the links' poses at configurations (N, n)."""
-        rotations, positions = link_poses(self.model, q)
-        n = len(q)
-        return PlacedBodies(
-            np.concatenate([rotations, np.broadcast_to(np.eye(3), (n, 1, 3, 3))], axis=1),
-            np.concatenate([positions, np.zeros((n, 1, 3))], axis=1),
-        )
+        placed = Configuration(self.model, q)
+        return PlacedBodies(placed.rotations, placed.positions)
 
     def lower_bounds(self, placed: PlacedBodies) -> Floats:
         """Return distances (N, P) [m] that the pairs have at least, by the capsules about them."""

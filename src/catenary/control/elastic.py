@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import gravity_and_rates, nominal_gravity
 from catenary.control.pd import Damping, JointPD
-from catenary.dynamics.kernels import holding_kernel
+from catenary.dynamics.robot_kernels import holding_kernel
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.control.limits import TorqueLimits
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 from catenary.transmission.coupling import winding_of

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats
 from catenary.control.controller import gravity_and_rates, nominal_gravity
 from catenary.control.pd import Damping, JointPD
-from catenary.dynamics.kernels import holding_kernel
+from catenary.dynamics.robot_kernels import holding_kernel
 from catenary.errors import InputError
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kinematics import link_poses
-from catenary.dynamics.regressor import PER_LINK, torque_regressor
+from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel, Tree
 

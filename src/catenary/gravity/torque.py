@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.kernels import MANY, gravity_kernel, known_kernel, one_by_kernel
 from catenary.dynamics.lines import gravity_line
-from catenary.dynamics.recursion import first_moments, gravity_recursion
-from catenary.dynamics.regressor import torque_regressor
+from catenary.dynamics.recursion import first_moments, gravity_recursion, place_tree, to_robot
+from catenary.dynamics.robot_kernels import Quantity, gravity_kernel
+from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import LEVEL
@@ -44,17 +43,12 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         MissingInertiaError: Links without inertia.
         InputError: An argument has another shape or is not finite.
     """
-    quick = one_by_kernel(model, "gravity", gravity_line, 1, (q, gravity))
+    quick = _GRAVITY.of_one(model, (q, gravity))
     if quick is not None:
         return quick
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
-    gravities = gravity_rows(gravity, len(rows))
-    if len(rows) >= MANY or threads > 1:
-        out = known_kernel(model, "gravity", gravity_line, (model.n,)).rows(rows, gravities, threads=threads)
-    else:
-        out = np.empty((len(rows), model.n))
-        _gravity_torque_rows(model.tree, model.coupling, model.offset, rows, gravities, out)
+    out = _GRAVITY.of_rows(model, (rows, gravity_rows(gravity, len(rows))), threads)
     return out[0] if single else out
 
 
@@ -159,3 +153,6 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     for each in model.unseen:
         out += np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], each.change)) * max(-each.low, each.high)
     return out
+
+
+_GRAVITY = Quantity("gravity", gravity_line, _gravity_torque_rows, 1)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.regressor import PER_LINK, torque_regressor
+from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.carriers import likely, location_text, probabilities, telling_joint
 from catenary.gravity.compact import compact_regressor

@@ -117,7 +117,7 @@ class RobotModel:
 
     @cached_property
     def kernels(self) -> dict[str, Any]:
-        """What has been compiled for this robot, kept by `catenary.dynamics.kernels` for as long as the model lives."""
+        """What `catenary.dynamics.robot_kernels` compiled for this robot, for as long as the model lives."""
         return {}
 
     def require_masses(self) -> None:

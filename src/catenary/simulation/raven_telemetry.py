@@ -7,7 +7,7 @@ parked arm's channels stay zero.
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.kinematics import frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.columns import CONTROL_FIELDS
 from catenary.simulation.firmware import TickLog, joint_torques
@@ -64,6 +64,6 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
 def _tool_poses(plant: CablePlant, joint: Floats) -> tuple[Floats, Floats]:
     """Return the rotation (T, 3, 3) and position (T, 3) [m] of the tool in the arm's frame 0."""
     q = np.column_stack([joint[:, :5], 0.5 * (joint[:, 6] - joint[:, 5])])
-    rotation, position = frame_poses(plant.model, q, plant.model.tip)
+    rotation, position = forward_kinematics(plant.model, q, plant.model.tip)
     base = plant.model.frames["frame0"].pose
     return base.rotation.T @ rotation, (position - base.position) @ base.rotation

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import ActuationLoads
+from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.lines import (
     gravity_line,
     gravity_regressor_line,

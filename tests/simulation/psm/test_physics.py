@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.psm.parameters import load_psm
 from catenary.simulation.psm.physics import PsmState, PsmWork, unstretched_motors, wind

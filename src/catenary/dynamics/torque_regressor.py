@@ -9,9 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.coordinates import place_tree, to_tree
-from catenary.dynamics.inverse_dynamics import BaseMotion, base_rows, gravity_rows, motion_rows
-from catenary.dynamics.vectors import Numbers, add, cross, dot, put, row, scale, times, transpose_times
+from catenary.dynamics.inverse_dynamics import BaseMotion, felt_rows, motion_rows
+from catenary.dynamics.recursion import link_motion, place_tree, to_tree
+from catenary.dynamics.vectors import (
+    Numbers,
+    Vector,
+    add,
+    cross,
+    dot,
+    put,
+    row,
+    scale,
+    times,
+)
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel, Tree
@@ -47,11 +57,10 @@ def torque_regressor(
         InputError: An argument has another shape or is not finite.
     """
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
-    gravities = gravity_rows(gravity, len(rows))
+    felt = felt_rows(gravity, base, len(rows))
     out = np.zeros((len(rows), model.n, PER_LINK * len(model.link_names)))
-    motion = np.zeros((1, 3, 3)) if base is None else base_rows(base, len(rows))
     arm = model.tree, model.coupling, model.offset
-    _regressor_rows(*arm, rows, velocities, accelerations, gravities, motion, out)
+    _regressor_rows(*arm, rows, velocities, accelerations, *felt, out)
     return out[0] if single else out
 
 
@@ -67,11 +76,7 @@ def link_parameters(tree: Tree) -> Floats:
 
 
 def tree_with_parameters(tree: Tree, phi: ArrayLike) -> Tree:
-    """Return a tree with given links' parameters: the inverse of `link_parameters`.
-
-    Raises:
-        InputError: Not ten finite numbers a link, or first moments or inertia on a link whose mass is not above zero.
-    """
+    """Return a tree with given links' parameters: the inverse of `link_parameters`."""
     values = as_array("phi", phi, (PER_LINK * len(tree.parent),)).reshape(-1, PER_LINK)
     com, inertia = np.zeros((len(values), 3)), np.zeros((len(values), 3, 3))
     for i, (mass, moment, six) in enumerate(zip(values[:, 0], values[:, 1:4], values[:, 4:], strict=True)):
@@ -106,36 +111,12 @@ def regressor_recursion(
     a the origin's acceleration less gravity. Each of the ten is carried down the path to the base, and leaves its
     part along every joint it passes.
 
-    Args:
-        tree: The robot's tree; its masses are not read.
-        rotation: (n, 3, 3) R_parent_i.
-        position: (n, 3) origins in the parents [m].
-        xd: (n,) tree velocities [rad/s or m/s].
-        xdd: (n,) tree accelerations [rad/s2 or m/s2].
-        omega: (n + 1, 3); the base's stands in the last row [rad/s].
-        alpha: (n + 1, 3); the base's stands in the last row [rad/s2].
-        acceleration: (n + 1, 3); a_base - gravity stands in the last row [m/s2].
-        wrench: (2, 10, 3) overwritten: forces and moments of one link's parameters.
-        matrix: (n, 10 n) entries of joints on the path of each link are written, others left as they are.
+    Arrays as in recursion.py; `wrench` (2, 10, 3) is overwritten, and of `matrix` (n, 10 n) the entries of joints on
+    the path of each link are written, others left as they are. The tree's masses are not read.
     """
     n = len(tree.parent)
     for i in range(n):
-        parent = tree.parent[i]
-        a = row(tree.axis, i)
-        w = transpose_times(rotation, i, row(omega, parent))
-        dw = transpose_times(rotation, i, row(alpha, parent))
-        r = row(position, i)
-        inward = cross(row(omega, parent), cross(row(omega, parent), r))
-        at = add(row(acceleration, parent), add(cross(row(alpha, parent), r), inward))
-        o = transpose_times(rotation, i, at)
-        if tree.prismatic[i]:
-            o = add(o, add(scale(xdd[i], a), scale(2.0 * xd[i], cross(w, a))))
-        else:
-            dw = add(dw, add(scale(xdd[i], a), scale(xd[i], cross(w, a))))
-            w = add(w, scale(xd[i], a))
-        put(omega, i, w)
-        put(alpha, i, dw)
-        put(acceleration, i, o)
+        w, dw, o = link_motion(tree, rotation, position, i, xd, xdd, omega, alpha, acceleration)
         _link_wrenches(w, dw, o, wrench[0], wrench[1])
         for p in range(10):
             f = row(wrench[0], p)
@@ -151,9 +132,9 @@ def regressor_recursion(
 
 @inlined
 def _link_wrenches(
-    w: tuple[float, float, float],
-    dw: tuple[float, float, float],
-    o: tuple[float, float, float],
+    w: Vector,
+    dw: Vector,
+    o: Vector,
     force: Numbers,
     moment: Numbers,
 ) -> None:
@@ -177,9 +158,7 @@ def _link_wrenches(
 
 
 @inlined
-def _symmetric_times(
-    a: tuple[float, float, float], b: tuple[float, float, float], same: bool, v: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def _symmetric_times(a: Vector, b: Vector, same: bool, v: Vector) -> Vector:
     """Return (a b^T + b a^T) v, or a a^T v where both are the same."""
     one = scale(dot(b, v), a)
     return one if same else add(one, scale(dot(a, v), b))
@@ -194,7 +173,8 @@ def _regressor_rows(
     qd: Floats,
     qdd: Floats,
     gravity: Floats,
-    base_motion: Floats,
+    base_omega: Floats,
+    base_alpha: Floats,
     out: Floats,
 ) -> None:
     n = len(tree.parent)
@@ -208,11 +188,10 @@ def _regressor_rows(
         place_tree(tree, coupling, offset, q[k], work, rotation, position)
         to_tree(coupling, qd[k], xd)
         to_tree(coupling, qdd[k], xdd)
-        base = base_motion[k if len(base_motion) > 1 else 0]
-        omega[n] = base[0]
-        alpha[n] = base[1]
+        omega[n] = base_omega[k if len(base_omega) > 1 else 0]
+        alpha[n] = base_alpha[k if len(base_alpha) > 1 else 0]
         for r in range(3):
-            acceleration[n, r] = base[2, r] - gravity[k if len(gravity) > 1 else 0, r]
+            acceleration[n, r] = 0.0 - gravity[k if len(gravity) > 1 else 0, r]
         regressor_recursion(tree, rotation, position, xd, xdd, omega, alpha, acceleration, wrench, matrix)
         for i in range(n):
             for c in range(coupling.shape[1]):

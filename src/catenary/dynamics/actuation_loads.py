@@ -39,14 +39,7 @@ class ActuationLoads(NamedTuple):
     def torque(self, q: Floats, qd: Floats, qdd: Floats, links: Floats | None = None) -> Floats:
         """Return the torques (N, n) [Nm or N] that they ask of the actuators at q, qd, qdd (N, n), known ones too.
 
-        Args:
-            q: (N, n), and so are the others.
-            qd: Velocities.
-            qdd: Accelerations.
-            links: Torques that the links ask; needed where friction depends on the load.
-
-        Raises:
-            InputError: They are needed and not given.
+        `links` (N, n) are torques that the links ask; needed where friction depends on the load.
         """
         if self.depends_on_load and links is None:
             raise InputError("friction depends on the load: expected the torques of the links as well")
@@ -68,9 +61,6 @@ def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) ->
         model: The robot; its file may state at which speed Coulomb friction is smooth.
         coulomb: One number for all joints or (n,), zero or more [Nm or N].
         viscous: Likewise [Nms/rad or Ns/m].
-
-    Raises:
-        InputError: Another number of them, a negative one, NaN or infinity.
     """
     values = np.empty((model.n, 2))
     for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
@@ -103,15 +93,9 @@ def actuation_columns(
 ) -> Floats:
     """Return torques (N, n, k) per unit of each term, at q, qd, qdd (N, n).
 
-    A term acts on s = c . q: the load f(s) appears as c f in the robot's coordinates.
-
-    Args:
-        terms: The terms.
-        q: (N, n), and so are the others.
-        qd: Velocities.
-        qdd: Accelerations.
-        coulomb_velocity: v0 of tanh(v / v0) [rad/s or m/s]; a sign function at 0.
-        carried: (N, n) torques of all but friction, which load-dependent friction grows with; none when None.
+    A term acts on s = c . q: the load f(s) appears as c f in the robot's coordinates. `coulomb_velocity` is v0 of
+    tanh(v / v0) [rad/s or m/s], a sign function at 0; `carried` (N, n) are torques of all but friction, which
+    load-dependent friction grows with.
     """
     out = np.empty((*q.shape, len(terms)))
     for k, term in enumerate(terms):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics import kernels
-from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
+from catenary.dynamics import robot_kernels
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.lines import (
     forward_kinematics_line,
@@ -16,7 +16,6 @@ from catenary.dynamics.lines import (
     inverse_dynamics_line,
     mass_matrix_line,
 )
-from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque
 from catenary.kernels.tracing import evaluate
 from catenary.robots.catalog import load_robot
@@ -52,12 +51,12 @@ def expected_of(m: RobotModel, frame: str | None, q, qd, qdd, gravity, omega, al
 def test_kernels_give_what_the_recursions_give(name: str) -> None:
     m = model_of(name)
     made = (
-        kernels.gravity_kernel(m),
-        kernels.holding_kernel(m),
-        kernels.inverse_dynamics_kernel(m),
-        kernels.mass_matrix_kernel(m),
+        robot_kernels.gravity_kernel(m),
+        robot_kernels.holding_kernel(m),
+        robot_kernels.inverse_dynamics_kernel(m),
+        robot_kernels.mass_matrix_kernel(m),
     )
-    made = (*made, kernels.forward_kinematics_kernel(m))
+    made = (*made, robot_kernels.forward_kinematics_kernel(m))
     for given in states(m, 20):
         for kernel, expected in zip(made, expected_of(m, None, **given), strict=True):
             result = kernel(*(given[name] for name in kernel.inputs))
@@ -86,20 +85,19 @@ def test_many_configurations_go_through_the_kernel(monkeypatch: pytest.MonkeyPat
     plain, matrices = gravity_torque(m, q, g), mass_matrix(m, q)
     assert_allclose(gravity_torque(m, q, g, threads=3), plain, rtol=0.0, atol=1e-12)
     assert_allclose(mass_matrix(m, q, threads=2), matrices, rtol=0.0, atol=1e-12)
-    monkeypatch.setattr("catenary.gravity.torque.MANY", 100)
-    monkeypatch.setattr("catenary.dynamics.mass_matrix.MANY", 100)
+    monkeypatch.setattr("catenary.dynamics.robot_kernels.MANY", 100)
     assert_allclose(gravity_torque(m, q, g), plain, rtol=0.0, atol=1e-12)
     assert_allclose(gravity_torque(m, q, g[0])[0], plain[0], rtol=0.0, atol=1e-12)
     assert_allclose(mass_matrix(m, q), matrices, rtol=0.0, atol=1e-12)
-    assert kernels.MANY > 1000  # fewer are done before a kernel is compiled
+    assert robot_kernels.MANY > 1000  # fewer are done before a kernel is compiled
 
 
 def test_a_robots_kernels_are_made_once() -> None:
     m = load_robot("raven2")
-    assert kernels.gravity_kernel(m) is kernels.gravity_kernel(m)
-    assert kernels.gravity_kernel(m) is not kernels.gravity_kernel(replace(m, name="another"))
+    assert robot_kernels.gravity_kernel(m) is robot_kernels.gravity_kernel(m)
+    assert robot_kernels.gravity_kernel(m) is not robot_kernels.gravity_kernel(replace(m, name="another"))
 
 
 def test_a_robots_name_is_no_code() -> None:
     model = replace(load_robot("raven2"), name='"""\nraise SystemExit\n"""')
-    assert kernels.gravity_kernel(model)(np.zeros(3), np.zeros(3)).shape == (3,)
+    assert robot_kernels.gravity_kernel(model)(np.zeros(3), np.zeros(3)).shape == (3,)

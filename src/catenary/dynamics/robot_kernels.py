@@ -1,11 +1,13 @@
-"""A robot's quantities as kernels: the recursions traced once for the robot (lines.py) and compiled (kernels/).
+"""A robot's quantities, evaluated by recursion or by kernels: the recursions traced once for the robot, and compiled.
 
 They are made when they are asked for and kept for as long as the model lives; asking again costs nothing.
 """
 
 import re
 from collections.abc import Callable
+from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
@@ -44,9 +46,6 @@ def holding_kernel(model: RobotModel) -> Kernel:
 
     Inputs are q (n,) [rad|m]; gravity (3,), the free-fall acceleration less the acceleration of the base's origin
     [m/s2]; omega and alpha (3,), the angular velocity and acceleration of the base [rad/s, rad/s2]; all in base axes.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
     """
     return known_kernel(model, "holding", holding_line, (model.n,)).ready()
 
@@ -56,19 +55,12 @@ def inverse_dynamics_kernel(model: RobotModel) -> Kernel:
 
     Inputs are q, qd and qdd (n,) [rad|m, /s, /s2]; gravity, omega and alpha (3,) as in `holding_kernel`, omega and
     alpha zero on a base at rest.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
     """
     return known_kernel(model, "inverse-dynamics", inverse_dynamics_line, (model.n,)).ready()
 
 
 def mass_matrix_kernel(model: RobotModel) -> Kernel:
-    """Return `kernel(q)`, the mass matrix (n, n) at q (n,) [rad|m]; see `mass_matrix`.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-    """
+    """Return `kernel(q)`, the mass matrix (n, n) at q (n,) [rad|m]; see `mass_matrix`."""
     return known_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n)).ready()
 
 
@@ -78,51 +70,56 @@ def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Ke
     Args:
         model: The robot.
         frame: Name of the frame; the model's tip when None.
-
-    Raises:
-        InputError: No frame of that name.
     """
     name = model.tip if frame is None else frame
     return known_kernel(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4)).ready()
 
 
-def one_by_kernel(
-    model: RobotModel, name: str, trace: Trace, dimensions: int, inputs: tuple[ArrayLike, ...]
-) -> Floats | None:
-    """Return a quantity at one configuration by the robot's kernel; None for its first calls and for odd inputs.
+class Quantity(NamedTuple):
+    """One quantity of a robot and its one evaluator: the recursion at first, the robot's traced kernel beyond.
 
-    The first `FEW` are left to the recursions, so that nothing is compiled for a robot that is asked for little; odd is
-    what needs the careful checks: anything but finite, contiguous arrays of float64 of one configuration.
-    Many configurations count as a call too, and are odd.
-
-    Args:
-        model: The robot.
-        name: As in `known_kernel`.
-        trace: As in `known_kernel`.
-        dimensions: Of the result, each as long as the robot has coordinates.
-        inputs: Of the kernel.
-
-    Raises:
-        MissingInertiaError: As `trace` has it.
+    The recursion interprets the robot's tree; it needs no compiling for this robot. The kernel takes over from the
+    101st single configuration on, and for 50,000 configurations at once: it differs in rounding only.
     """
-    kernel = model.kernels.get(name, 0)
-    if isinstance(kernel, int):  # calls so far
-        if kernel < FEW:
-            model.kernels[name] = kernel + 1
-            return None
-        kernel = known_kernel(model, name, trace, (model.n,) * dimensions)
-    found: Floats | None = kernel.of_finite(inputs)
-    return found
+
+    name: str  # of the kernel
+    trace: Trace
+    recursion: Callable[..., None]  # compiled: (tree, coupling, offset, inputs as rows..., out)
+    dimensions: int  # of a result, each as long as the robot has coordinates
+
+    def kernel(self, model: RobotModel) -> Kernel:
+        """Return the robot's kernel, traced; it is compiled when it is used."""
+        return known_kernel(model, self.name, self.trace, (model.n,) * self.dimensions)
+
+    def of_one(self, model: RobotModel, inputs: tuple[ArrayLike, ...]) -> Floats | None:
+        """Return the quantity at one configuration by the kernel; None for its first calls and for odd inputs.
+
+        Odd is what needs the careful checks: anything but finite, contiguous arrays of float64 of one configuration.
+        Many configurations count as a call too, and are odd.
+        """
+        kernel = model.kernels.get(self.name, 0)
+        if isinstance(kernel, int):  # calls so far
+            if kernel < FEW:
+                model.kernels[self.name] = kernel + 1
+                return None
+            kernel = self.kernel(model)
+        found: Floats | None = kernel.of_finite(inputs)
+        return found
+
+    def of_rows(self, model: RobotModel, inputs: tuple[Floats, ...], threads: int = 1) -> Floats:
+        """Return the quantity at N configurations: the first input has N rows, others N, or one for all."""
+        count = len(inputs[0])
+        if count >= MANY or threads > 1:
+            return self.kernel(model).rows(*inputs, threads=threads)
+        out = np.empty((count, *(model.n,) * self.dimensions))
+        self.recursion(model.tree, model.coupling, model.offset, *inputs, out)
+        return out
 
 
 def known_kernel(model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...]) -> Kernel:
     """Return a robot's kernel, traced once for as long as the model is there and compiled when it is used.
 
-    Args:
-        model: The robot.
-        name: Of the quantity; no other of this robot's may have it.
-        trace: Its line of operations.
-        shape: Of one configuration's result.
+    No other quantity of this robot's may have its name; shape is that of one configuration's result.
     """
     kernel = model.kernels.get(name)
     if not isinstance(kernel, Kernel):

@@ -4,7 +4,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.regressor import link_parameters, torque_regressor, tree_with_parameters
+from catenary.dynamics.torque_regressor import link_parameters, torque_regressor, tree_with_parameters
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import actuation_columns, known_torque, lever_load
+from catenary.dynamics.actuation_loads import actuation_columns, known_torque, lever_load
 from catenary.robots.actuation import (
     Actuation,
     Friction,
