@@ -7,7 +7,7 @@ from catenary.calibration.calibration import fit as fit
 from catenary.calibration.calibration import load_model as load_model
 from catenary.calibration.calibration import refresh as refresh
 from catenary.calibration.corrector import Corrector as Corrector
-from catenary.control.elastic import ElasticPD as ElasticPD
+from catenary.control.elastic_pd import ElasticPD as ElasticPD
 from catenary.control.gravity_pd import EstimatedGravityPD as EstimatedGravityPD
 from catenary.control.gravity_pd import GravityPD as GravityPD
 from catenary.control.inertia_pd import InertiaPD as InertiaPD
@@ -28,11 +28,11 @@ from catenary.dynamics.robot_kernels import gravity_kernel as gravity_kernel
 from catenary.dynamics.torque_regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
 from catenary.errors import DataError as DataError
-from catenary.gravity.carriers import locate_load as locate_load
-from catenary.gravity.compact import compact_regressor as compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor as compact_regressor
 from catenary.gravity.estimator import GravityEstimator as GravityEstimator
 from catenary.gravity.export import export_function as export_function
-from catenary.gravity.regressor import gravity_regressor as gravity_regressor
+from catenary.gravity.gravity_regressor import gravity_regressor as gravity_regressor
+from catenary.gravity.load_location import locate_load as locate_load
 from catenary.gravity.torque import gravity_torque as gravity_torque
 from catenary.gravity.torque import potential_energy as potential_energy
 from catenary.identification.identification import identify as identify
@@ -47,9 +47,9 @@ from catenary.robots.model import RobotModel as RobotModel
 from catenary.simulation.base_motion import FixedBase as FixedBase
 from catenary.simulation.cable_plant import CablePlant as CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant as MujocoPlant
-from catenary.trajectories.point_to_point import go_to as go_to
 from catenary.trajectories.reference import Reference as Reference
 from catenary.trajectories.sinusoids import random_sinusoids as random_sinusoids
+from catenary.trajectories.smoothed_path import go_to as go_to
 from catenary.trajectories.zigzag import zigzag as zigzag
 from catenary.workflows.import_recording import import_recording as import_recording
 from catenary.workflows.import_recording import propose_mapping as propose_mapping

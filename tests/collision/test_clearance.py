@@ -5,8 +5,8 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from catenary.collision.bodies import box_at, floor_at
 from catenary.collision.clearance import FIRST, clearance_of
-from catenary.collision.obstacles import box_at, floor_at
 from catenary.collision.scene import scene_of
 from catenary.dynamics.kinematics import forward_kinematics
 from colliding_arm import PANDA, apart, box_arm, capsule_arm, motion

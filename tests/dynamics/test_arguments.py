@@ -17,7 +17,7 @@ from catenary.dynamics.robot_kernels import (
 )
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError, MissingInertiaError
-from catenary.gravity.regressor import gravity_regressor, standard_gravity_regressor
+from catenary.gravity.gravity_regressor import gravity_regressor, standard_gravity_regressor
 from catenary.gravity.torque import gravity_delta, gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
 

@@ -22,7 +22,7 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.kernels.compiled import inlined
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.transmission.friction import coulomb
+from catenary.transmission.cable_friction import coulomb
 
 ROBOT = "raven2"
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] on a level base

@@ -17,7 +17,7 @@ from catenary.control.limits import TorqueLimits
 from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
-from catenary.transmission.coupling import winding_of
+from catenary.transmission.cable_coupling import winding_of
 
 FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a stiff arm follow with ease
 DAMPING_RATIO = 0.7

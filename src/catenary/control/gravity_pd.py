@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.control.controller import gravity_and_rates, nominal_gravity
-from catenary.control.pd import Damping, JointPD
+from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
 from catenary.errors import InputError
 from catenary.plant import JointState

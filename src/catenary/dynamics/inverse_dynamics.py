@@ -15,7 +15,7 @@ from catenary.dynamics.recursion import (
     to_robot_matrix,
     to_tree,
 )
-from catenary.dynamics.robot_kernels import Quantity
+from catenary.dynamics.robot_kernels import DynamicQuantity
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
@@ -223,5 +223,5 @@ def _mass_matrix_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, o
         to_robot_matrix(coupling, tree_matrix, half, out[k])
 
 
-_INVERSE_DYNAMICS = Quantity("inverse-dynamics", inverse_dynamics_line, _inverse_dynamics_rows, 1)
-_MASS_MATRIX = Quantity("mass-matrix", mass_matrix_line, _mass_matrix_rows, 2)
+_INVERSE_DYNAMICS = DynamicQuantity("inverse-dynamics", inverse_dynamics_line, _inverse_dynamics_rows, 1)
+_MASS_MATRIX = DynamicQuantity("mass-matrix", mass_matrix_line, _mass_matrix_rows, 2)

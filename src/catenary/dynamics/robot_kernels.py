@@ -75,7 +75,7 @@ def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Ke
     return known_kernel(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4)).ready()
 
 
-class Quantity(NamedTuple):
+class DynamicQuantity(NamedTuple):
     """One quantity of a robot and its one evaluator: the recursion at first, the robot's traced kernel beyond.
 
     The recursion interprets the robot's tree; it needs no compiling for this robot. The kernel takes over from the

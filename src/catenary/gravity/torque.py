@@ -10,7 +10,7 @@ from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import first_moments, gravity_recursion, place_tree, to_robot
-from catenary.dynamics.robot_kernels import Quantity, gravity_kernel
+from catenary.dynamics.robot_kernels import DynamicQuantity, gravity_kernel
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
@@ -155,4 +155,4 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     return out
 
 
-_GRAVITY = Quantity("gravity", gravity_line, _gravity_torque_rows, 1)
+_GRAVITY = DynamicQuantity("gravity", gravity_line, _gravity_torque_rows, 1)

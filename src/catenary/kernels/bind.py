@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import InputError
-from catenary.kernels.cache import load_module
-from catenary.kernels.compiled import Compiled, start_numba
+from catenary.kernels.compiled import Compiled, load_module, start_numba
 
 METH_NOARGS = 0x0004  # methodobject.h
 CODE, NONE, ARGUMENTS = range(3)  # places in the block

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.kernels.bind import bind
-from catenary.kernels.line_text import widths_of
-from catenary.kernels.tracing import Line
+from catenary.kernels.tracing import Line, widths_of
 
 NDARRAY, FLOAT64 = np.ndarray, np.dtype(np.float64)
 ONE_AFTER_THE_OTHER = (FLOAT64.itemsize,)  # strides of a contiguous row
@@ -27,7 +26,7 @@ class Kernel:
     counts its NaN: one reaches every number that depends on it. Any number of threads may call.
 
     Its machine code is made when it is first called or bound, in about half a second, and found in the user's cache
-    afterwards (cache.py). It is pickled without, so it goes to processes that are spawned; what `bind` returns holds
+    afterwards (compiled.py). It is pickled without, so it goes to processes that are spawned; what `bind` returns holds
     addresses of this process and is not pickled.
     """
 
@@ -147,7 +146,7 @@ class Kernel:
     @cached_property
     def _functions(self) -> Any:
         # numba takes a second to import and to make ready: not before there is something to compile
-        from catenary.kernels.numba_functions import numba_functions
+        from catenary.kernels.machine_code import numba_functions
 
         return numba_functions(self.name, self.line, self.shape)
 

@@ -10,7 +10,7 @@ from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, InputError
 from catenary.files import write_atomically
 from catenary.robots.plausible import FARTHEST, check_within
-from catenary.sensing.mailbox import Kind
+from catenary.sensing.vector import Kind
 from catenary.spatial import as_rotation
 
 Vector = tuple[float, float, float]

@@ -17,7 +17,7 @@ from catenary.dynamics.lines import (
     mass_matrix_line,
 )
 from catenary.errors import InputError
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.c99 import c_comment, c_function, c_sines
 from catenary.kernels.tracing import evaluate
 from catenary.robots.model import RobotModel

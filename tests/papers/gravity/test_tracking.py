@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary import CablePlant, load_robot
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.sensing.mailbox import Kind, Mailbox
+from catenary.sensing.vector import Kind, Mailbox
 from catenary.spatial import LEVEL
 from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.workflows.gravity.motions import RAVEN_START
