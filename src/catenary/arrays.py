@@ -77,11 +77,7 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
 
 
 def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()) -> Floats:
-    """Return `as_array` of numbers that are all above zero.
-
-    Raises:
-        InputError: As for `as_array`, or zero or less.
-    """
+    """Return `as_array` of numbers that are all above zero."""
     array = as_array(name, values, shape)
     if not (array > 0.0).all():
         raise InputError(f"{name}: expected more than 0, got {array.tolist()}")
@@ -89,11 +85,7 @@ def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()
 
 
 def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
-    """Return `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row.
-
-    Raises:
-        InputError: Another shape, NaN or infinity.
-    """
+    """Return `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row."""
     array = _as_floats(name, values, (width,))
     if array.ndim not in (1, 2) or array.shape[-1] != width:
         raise InputError(f"{name}: expected shape ({width},) or (N, {width}), got {array.shape}")

@@ -57,22 +57,12 @@ def load_toml(path: Path, schema: type[Schema]) -> Schema:
 
 
 def load_json(path: Path, schema: type[Schema]) -> Schema:
-    """Read a JSON file into its schema.
-
-    Raises:
-        FileFormatError: File missing or not JSON.
-        ConfigError: Key unknown, missing, or of the wrong type.
-    """
+    """Read a JSON file into its schema."""
     return parse_json(read_bounded(path, MOST_JSON), schema, str(path))
 
 
 def parse_json(data: str | bytes, schema: type[Schema], where: str, *, finite: bool = True) -> Schema:
-    """Read JSON text into its schema; `where` opens every message, `finite` as in `json_value`.
-
-    Raises:
-        FileFormatError: Not JSON, or beyond the bounds of `json_value`.
-        ConfigError: Key unknown, missing, or of the wrong type.
-    """
+    """Read JSON text into its schema; `where` opens every message, `finite` as in `json_value`."""
     return parse_settings(json_value(data, where, finite=finite), schema, where)
 
 

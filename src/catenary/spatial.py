@@ -78,11 +78,7 @@ def rotation_from_rpy(rpy: ArrayLike) -> Floats:
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
-    """Return the rotation matrix of a quaternion (w, x, y, z), which is normalised first.
-
-    Raises:
-        InputError: The quaternion is zero.
-    """
+    """Return the rotation matrix of a quaternion (w, x, y, z), which is normalised first."""
     q = as_array("quaternion", quaternion, (4,))
     largest = float(np.abs(q).max())
     if not largest > 0.0:
@@ -134,11 +130,7 @@ def rotation_vector(rotation: ArrayLike) -> Floats:
 
 
 def rotation_from_vector(vector: ArrayLike) -> Floats:
-    """Return the rotation matrix (3, 3) of an axis times angle (3,) [rad]; the inverse of `rotation_vector`.
-
-    Raises:
-        InputError: Its length overflows.
-    """
+    """Return the rotation matrix (3, 3) of an axis times angle (3,) [rad]; the inverse of `rotation_vector`."""
     x, y, z = as_array("vector", vector, (3,)).tolist()
     angle = hypot(x, y, z)
     if angle == inf:
@@ -148,11 +140,7 @@ def rotation_from_vector(vector: ArrayLike) -> Floats:
 
 
 def as_rotation(name: str, values: ArrayLike) -> Floats:
-    """Return the values as a proper rotation matrix (3, 3).
-
-    Raises:
-        InputError: Not orthonormal to 1e-6, or a reflection.
-    """
+    """Return the values as a proper rotation matrix (3, 3)."""
     matrix = as_array(name, values, (3, 3))
     if np.abs(matrix).max() > 2.0:
         raise InputError(f"{name}: expected a rotation matrix, got numbers up to {np.abs(matrix).max():.3g}")

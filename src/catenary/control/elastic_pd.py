@@ -118,11 +118,7 @@ class StiffnessMargin(NamedTuple):
         return self.slope < 1.0
 
     def require(self, robot: str) -> None:
-        """Refuse springs and gains that the proofs do not cover.
-
-        Raises:
-            InputError: With the numbers.
-        """
+        """Refuse springs and gains that the proofs do not cover."""
         if not self.holds:
             raise InputError(
                 f'robot "{robot}": gravity changes by {self.slope:.3g} times the joints\' stiffness, expected less '
@@ -150,10 +146,6 @@ def stiffness_margin(
         kp: (n,) [Nm/rad|N/m].
         stiffness: (n,) K [Nm/rad|N/m].
         gravity: (3,) in base axes [m/s2]; any direction of 9.81 m/s2 when None.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: Something of another shape, not positive, or a prismatic joint without limits.
     """
     gains = as_array("kp", kp, (model.n,))
     springs = as_array("stiffness", stiffness, (model.n,))

@@ -87,10 +87,6 @@ class GravityHold:
         Args:
             model: With inertia.
             gravity: (3,) nominal vector in base axes [m/s2]; None takes the sensed one.
-
-        Raises:
-            MissingInertiaError: Links without inertia.
-            InputError: Gravity of another shape, or not finite.
         """
         self.model = model
         self.gravity = nominal_gravity(gravity)
@@ -98,11 +94,7 @@ class GravityHold:
         self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return the torques (n,) [Nm|N] that gravity asks for at the measured position.
-
-        Raises:
-            InputError: The robot has another number of joints than the model.
-        """
+        """Return the torques (n,) [Nm|N] that gravity asks for at the measured position."""
         if len(state.q) != self.model.n:
             raise InputError(
                 f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}"

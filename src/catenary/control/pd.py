@@ -45,11 +45,7 @@ class SplitController(Controller, Protocol):
 
 
 def nominal_gravity(gravity: ArrayLike | None) -> Floats | None:
-    """Return a gravity vector (3,) [m/s2] for all times, or None, which stands for the sensed one.
-
-    Raises:
-        InputError: Another shape, or not finite.
-    """
+    """Return a gravity vector (3,) [m/s2] for all times, or None, which stands for the sensed one."""
     return None if gravity is None else as_array("gravity", gravity, (3,))
 
 

@@ -19,11 +19,7 @@ class FiniteTicks:
     """
 
     def __init__(self, joint_names: Sequence[str], q: Floats, give_up_after: int = GIVE_UP_AFTER) -> None:
-        """Begin at measured positions (n,) [rad|m].
-
-        Raises:
-            InputError: Not one tick or more.
-        """
+        """Begin at measured positions (n,) [rad|m]."""
         if not give_up_after >= 1:
             raise InputError(f"give_up_after: expected 1 tick or more, got {give_up_after}")
         self.held = np.array(q)
@@ -32,11 +28,7 @@ class FiniteTicks:
         self._lost = np.zeros((2, len(q)), dtype=int)  # ticks of this row: positions, torques, by joint
 
     def update(self, q: Floats, tau: Floats | None = None) -> None:
-        """Look at a tick's measured positions (n,) [rad|m] and the torques (n,) [Nm|N] that were asked for.
-
-        Raises:
-            NotFiniteError: Something was NaN or infinite in this tick and in all of those just before it, too many.
-        """
+        """Look at a tick's measured positions (n,) [rad|m] and the torques (n,) [Nm|N] that were asked for."""
         if np.isfinite(q).all() and (tau is None or (len(tau) == len(q) and np.isfinite(tau).all())):
             self.held = q
             if self._in_a_row:

@@ -161,7 +161,7 @@ def felt_rows(gravity: ArrayLike, base: BaseMotion | None, count: int) -> tuple[
         return down, _AT_REST[None], _AT_REST[None]
     omega, alpha, linear = (
         _vector_rows(f"base {name.replace('_', ' ')}", vectors, count)
-        for name, vectors in base._asdict().items()
+        for name, vectors in zip(BaseMotion._fields, base, strict=True)
     )
     return down - linear, omega, alpha
 

@@ -91,9 +91,6 @@ class CompactRegressor:
         Args:
             q: (n,) or (N, n) coordinates [rad or m].
             gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-
-        Raises:
-            InputError: An argument has another shape or is not finite.
         """
         rows, single = as_batch("q", q, self.model.n)
         gravities = gravity_rows(gravity, len(rows))
@@ -123,12 +120,7 @@ class CompactRegressor:
         )
 
     def compress(self, s: ArrayLike) -> Floats:
-        """Return the parameters (p,) from those of the full form, `gravity_parameters`.
-
-        Raises:
-            InputError: Another number of entries, or an s that no robot of this structure has: entries that must be
-                equal differ, or one that must be zero is not; the message names them.
-        """
+        """Return the parameters (p,) from those of the full form, `gravity_parameters`."""
         n = len(self.model.tree.parent)
         width = 3 * n * (n + 1) + int(self.model.tree.prismatic.sum())
         full = require_parameters("s", s, [f"entry {k} of {width}" for k in range(width)])
@@ -149,12 +141,7 @@ class CompactRegressor:
         return np.array([full[entries[0]] for entries in self.sources])
 
     def parameters(self, model: RobotModel | None = None) -> Floats:
-        """Return the parameters (p,) of a robot of this structure, of the one that the regressor was made of when None.
-
-        Raises:
-            MissingInertiaError: Links without inertia.
-            InputError: A robot of another structure or geometry.
-        """
+        """Return the parameters (p,) of a robot of this structure, of the regressor's own when None."""
         robot = self.model if model is None else with_quarter_turns(model)
         if robot is not self.model:
             _require_same_structure(self.model, robot)
@@ -320,12 +307,6 @@ def _compact_line(
     As `regressor_columns` has it, but in the links' frames. A first moment e asks z . (gravity x e) = e . (z x gravity)
     of a joint that carries it: so z x gravity, two numbers and no sum in the joint's own frame, is turned on
     from link to link, and its parts are the entries. In the base frame every entry would be a scalar product.
-
-    Args:
-        model: The robot; it needs no inertia.
-        columns: Which first moments and masses.
-        targets: Which column of the regressor each is added to.
-        width: Columns of the regressor.
     """
     p = placed(model)
     n, m = len(model.tree.parent), len(p.tree.parent)
@@ -393,10 +374,6 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
     Args:
         model: The robot.
         gravity: (3,) in base axes, down [m/s2].
-
-    Raises:
-        MissingInertiaError: Links without mass, by name.
-        InputError: gravity has another shape or is not finite.
     """
     model.require_masses()
     regressor = compact_regressor(model)

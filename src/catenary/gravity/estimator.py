@@ -60,12 +60,7 @@ class EstimatedGravity:
     """Parameters of a robot's gravity that are being estimated, and the torque that they give."""
 
     def __init__(self, model: RobotModel, s0: ArrayLike | None, form: Form = "compact") -> None:
-        """Take a robot, of which only the geometry is used, and parameters (p,) to start from, zero when None.
-
-        Raises:
-            InputError: Another number of parameters, not finite, no such form, or a robot on which gravity has no
-                effect.
-        """
+        """Take a robot, of which only the geometry is used, and parameters (p,) to start from, zero when None."""
         if form not in get_args(Form):
             raise InputError(f'form "{form}": expected one of {", ".join(get_args(Form))}')
         self.regressor = compact = compact_regressor(model)
@@ -281,10 +276,6 @@ class RecursiveGravityEstimator(EstimatedGravity):
             carriers: Frames that may take up or put down a load on the way, such as hands.
             load: Standard deviations of a large load's mass [kg], and of its moment about the frame's origin [kg m];
                 smaller ones, down to a 64th, are as likely.
-
-        Raises:
-            InputError: Another shape or range, a carrier that is no moving frame, or a robot on which gravity has no
-                effect.
         """
         super().__init__(model, s0)
         n, p = model.n, len(self._s)

@@ -95,12 +95,6 @@ def regressor_columns(
 
     The mass that a prismatic joint with axis z carries asks -gravity . z of the joint itself and, because the joint
     moves it by x along z, x times what a first moment along z asks of the revolute joints before it.
-
-    Args:
-        model: The robot.
-        columns: Which.
-        q: (N, n) [rad or m].
-        gravity: (1, 3) or (N, 3) [m/s2].
     """
     return _columns(model, columns, q, _placed(model, q, gravity))
 
@@ -112,9 +106,6 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
     seen from frame k, that lies along frame j's axes: D_ik p + d_i p_c of the paper. On the way from k to i that is
     the step from frame j to the next one, taken with prismatic joints at zero, or the centre of mass in frame i = j.
     At the end the masses that prismatic joints carry.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
     """
     model.require_masses()
     tree = model.tree
@@ -146,18 +137,8 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
     """Return the regressor of every link's mass and first moment (m, m c), with Z s = g.
 
     The columns of (m, m c) of `torque_regressor` at rest; they are dependent: see identification/base_parameters.py.
-
-    Args:
-        model: The robot; it needs no inertia.
-        q: (n,) or (N, n) coordinates [rad or m].
-        gravity: (3,) or (N, 3) free-fall acceleration in base axes [m/s2].
-
-    Returns:
-        (n, 4 n_links) or (N, n, 4 n_links); link i has columns 4 i (mass) to 4 i + 3 (moments about x, y, z of
-        frame i's origin).
-
-    Raises:
-        InputError: An argument has another shape or is not finite.
+    For q (n,) or (N, n) and gravity (3,) or (N, 3) in base axes [m/s2]: (n, 4 n_links) or (N, n, 4 n_links); link i has
+    columns 4 i (mass) to 4 i + 3 (moments about x, y, z of the origin of frame i).
     """
     rows, single = as_batch("q", q, model.n)
     rest, links = np.zeros_like(rows), len(model.link_names)
@@ -167,11 +148,7 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
 
 
 def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
-    """Return the parameters of `standard_gravity_regressor`: m [kg], m c [kg m] of every link, in its frame.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-    """
+    """Return the parameters of `standard_gravity_regressor`: m [kg], m c [kg m] of every link, in its frame."""
     model.require_masses()
     mass = model.tree.mass[:, None]
     values = np.hstack([mass, mass * model.tree.com]).ravel()
@@ -209,11 +186,7 @@ def carried_links(tree: Tree, joint: int) -> set[int]:
 
 
 def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:
-    """Return a parameter vector as an array.
-
-    Raises:
-        InputError: Another number of entries than labels, or not finite; the message names the entry.
-    """
+    """Return a parameter vector as an array."""
     array = as_array(name, values, (len(labels),), finite=False)
     bad = np.flatnonzero(~np.isfinite(array))
     if len(bad):

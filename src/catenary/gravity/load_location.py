@@ -72,11 +72,7 @@ class LoadHypotheses:
     def __init__(
         self, regressor: CompactRegressor, frames: Sequence[str], load: tuple[float, float] = LOAD
     ) -> None:
-        """Take the frames, and the standard deviations of a large load's mass [kg] and moment [kg m].
-
-        Raises:
-            InputError: No such frame, one of the base, or a standard deviation that is not positive.
-        """
+        """Take the frames, and the standard deviations of a large load's mass [kg] and moment [kg m]."""
         self.frames, self._regressor = tuple(frames), regressor
         self._sizes = np.repeat(as_positive("load", load, (2,)), (1, PER_LOAD - 1))
         p = len(regressor.labels)
@@ -100,11 +96,8 @@ class LoadHypotheses:
     ) -> LoadBeliefs:
         """Return probabilities and masses; every frame is as likely beforehand.
 
-        Args:
-            q: (n,) where the arm stands, from where a joint may move to tell more.
-            gravity: (3,) there [m/s2].
-            noise: (n,) [Nm|N].
-            beforehand: Probability that there is a load; when None, none is as likely as each of the frames.
+        q (n,) is where the arm stands, from where a joint may move to tell more; beforehand is the probability that
+        there is a load: when None, none is as likely as each of the frames.
         """
         bodies = []
         for J, b in self._tests():
@@ -239,12 +232,8 @@ def telling_joint(
 ) -> str | None:
     """Return the joint whose motion makes the torques of two loads differ most, None where no joint's would show it.
 
-    Args:
-        regressor: Of the arm.
-        loads: Frame, and mass and moment (4,) [kg, kg m] of each.
-        q: (n,) where the arm stands; one joint is thought to move from there, within its limits.
-        gravity: (3,) [m/s2].
-        noise: (n,) [Nm|N].
+    loads are a frame with mass and moment (4,) [kg, kg m] each; one joint is thought to move from q, within its limits;
+    noise is (n,) [Nm|N].
     """
     model = regressor.model
     (first, one), (second, other) = loads

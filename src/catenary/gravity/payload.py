@@ -34,9 +34,6 @@ def load_directions(regressor: CompactRegressor, frame: str) -> Floats:
     parameters are linear in masses and moments, so a body of mass m with its centre at c in the frame changes them by
     the columns times (m, m c). What the structure cannot hold is left out: a moment
     off the axes that `axes_of_com` declares.
-
-    Raises:
-        InputError: No such frame, or one of the base, whose load no joint carries.
     """
     model = regressor.model
     link, pose = model.frame(frame)

@@ -55,19 +55,9 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
 def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the torques to add where firmware compensates for a level base only: g(q, gravity) - g(q, level).
 
-    g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base.
-
-    Args:
-        model: The robot, as the firmware knows it: payloads it was told of included.
-        q: (n,) or (N, n) coordinates [rad or m].
-        gravity: (3,) or (N, 3) true free-fall acceleration in base axes [m/s2].
-
-    Returns:
-        (n,) or (N, n) [Nm or N].
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: An argument has another shape or is not finite.
+    g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base. For q (n,) or (N, n) and
+    true gravity (3,) or (N, 3) in base axes [m/s2]; the model is the robot as the firmware knows it, payloads it was
+    told of included.
     """
     rows, single = as_batch("gravity", gravity, 3)
     beyond = rows - LEVEL
@@ -131,18 +121,8 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     """Return by how much torques of gravity can be off for what the recordings of an identified robot did not show.
 
     Recordings on one base show masses as far as they have an effect there: on a level floor not the first moments about
-    an upright axis. Zero where nothing is unseen, and under the gravity that it was identified in.
-
-    Args:
-        model: The robot; `unseen` says what its recordings left open, and within which bounds.
-        q: (n,) configuration [rad or m].
-        gravity: (3,) free-fall acceleration in base axes [m/s2].
-
-    Returns:
-        (n,) [Nm or N], at most so much to either side.
-
-    Raises:
-        InputError: An argument has another shape or is not finite.
+    an upright axis. Zero where nothing is unseen, and under the gravity that it was identified in. q is (n,), gravity
+    (3,) in base axes [m/s2]; the torques (n,) [Nm or N] can be off so much to either side.
     """
     rows = as_array("q", q, (model.n,))[None]
     rest, down = np.zeros_like(rows), as_array("gravity", gravity, (3,))

@@ -93,11 +93,7 @@ def crossed(a: Floats, v: SymbolicVector) -> SymbolicVector:
 
 
 def dotted(a: SymbolicVector, b: SymbolicVector) -> Terms:
-    """Return a . b, multiplied out.
-
-    Raises:
-        TooLongError: It has more than 64 terms.
-    """
+    """Return a . b, multiplied out."""
     total: Terms = {}
     for k in range(3):
         for left, x in a[k].items():
@@ -110,11 +106,7 @@ def dotted(a: SymbolicVector, b: SymbolicVector) -> Terms:
 
 
 def sum_of(a: Terms, b: Terms, *, most: int | None = MOST) -> Terms:
-    """Add two sums.
-
-    Raises:
-        TooLongError: More than `most` terms remain; None for as many as there are.
-    """
+    """Add two sums."""
     total = dict(a)
     for atoms, value in b.items():
         total[atoms] = total.get(atoms, 0.0) + value
@@ -209,15 +201,9 @@ def full_entry(
 ) -> Terms | None:
     """Write an entry of the paper's full regressor, -gravity . (z_joint x e); None for what is too long.
 
-    Unlike `moment_entries` it stands for one joint alone, whether it carries the frame or not.
-
-    Args:
-        model: The robot.
-        joint: Index of a joint of the tree.
-        frame: Index of a link, -1 for the base.
-        axis: (3,) e in that frame.
-        gravity: (3,) a constant, such as (0, 0, -1) for a level base, in units of the free fall.
-        coordinate: Row of the regressor.
+    Unlike `moment_entries` it stands for one joint alone, whether it carries the frame or not. joint and frame are
+    indices of the tree, frame -1 the base; axis is e (3,) in that frame, gravity (3,) a constant, such as (0, 0, -1)
+    for a level base, in units of the free fall; coordinate is the row of the regressor.
     """
     weight = float(model.coupling[joint, coordinate])
     if weight == 0.0 or model.tree.prismatic[joint]:
@@ -263,11 +249,7 @@ def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | 
 
 
 def _short(written: Written | None) -> Written:
-    """Return what could be written out.
-
-    Raises:
-        TooLongError: It could not.
-    """
+    """Return what could be written out."""
     if written is None:
         raise TooLongError
     return written

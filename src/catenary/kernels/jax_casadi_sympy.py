@@ -24,11 +24,8 @@ DOTS = {"qd": r"\dot{q}", "qdd": r"\ddot{q}"}
 def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) -> Any:
     """Return a `casadi.Function` of scalar operations (SX), differentiable and ready for its code generator.
 
-    Args:
-        name: Of the function: letters, digits and underscores.
-        line: The operations.
-        shape: Of the result, (m,) or (m, k).
-        result: Name of the output; inputs have the names of the line's arrays.
+    shape is of the result, (m,) or (m, k), and result the name of the output; inputs have the names of the arrays of
+    the line.
     """
     try:
         import casadi
@@ -48,12 +45,7 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
 
 
 def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
-    """Return a jitted function of float64 arrays in the order of the line's inputs, which are its names too.
-
-    Args:
-        line: The operations.
-        shape: Of the result.
-    """
+    """Return a jitted function of float64 arrays in the order of the line's inputs, which are its names too."""
     try:
         import jax
         import jax.numpy as jnp
@@ -181,10 +173,6 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
 
     Short lines (60 operations) are multiplied out, with sines and cosines of sums of angles; longer ones stay as nested
     as they were computed, for `sympy.cse`, `sympy.lambdify` and derivatives.
-
-    Args:
-        line: The operations.
-        shape: Of the result, (m,) or (m, k).
     """
     try:
         import sympy

@@ -33,10 +33,7 @@ class Kernel:
     def __init__(self, name: str, line: Line, shape: tuple[int, ...]) -> None:
         """Take a line of operations.
 
-        Args:
-            name: What it computes; letters, digits and hyphens.
-            line: The operations.
-            shape: Of one configuration's result.
+        The name has letters, digits and hyphens; shape is of the result of one configuration.
         """
         self.name, self.line, self.shape = name, line, shape
         self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
@@ -66,11 +63,7 @@ class Kernel:
         return self
 
     def __call__(self, *inputs: ArrayLike) -> Floats:
-        """Return the quantity at one configuration, a new array.
-
-        Args:
-            inputs: One array each, in the order of `kernel.inputs`.
-        """
+        """Return the quantity at one configuration, a new array."""
         found = self.of_finite(inputs)
         if found is None:
             widths = zip(self.inputs.items(), self._counted(inputs), strict=True)
@@ -95,11 +88,7 @@ class Kernel:
             return None
 
     def bind(self, *arrays: Floats) -> Callable[[], None]:
-        """Return a function without arguments that reads the inputs and writes `out`; see `catenary.kernels.bind`.
-
-        Args:
-            arrays: One float64 array each in the order of `kernel.inputs`, and `out`.
-        """
+        """Return a function without arguments that reads the inputs and writes `out`; see `catenary.kernels.bind`."""
         *inputs, out = self._counted(arrays, "out")
         shapes = {**{name: (width,) for name, width in self.inputs.items()}, "out": self.shape}
         for (name, shape), array in zip(shapes.items(), arrays, strict=True):

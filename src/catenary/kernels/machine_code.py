@@ -61,10 +61,6 @@ def line_code(line: Line, lanes: int = 1) -> Any:
 
     `arrays` is a tuple of the inputs and `out`, `first` of the numbers of their first elements, `step` of how far the
     next configuration's are behind them. Results are stored last, so `out` may be an input.
-
-    Args:
-        line: The operations.
-        lanes: How many configurations are run, 1 or `LANES`.
     """
     numba = start_numba()
     names = [*widths_of(line), "out"]
@@ -94,10 +90,7 @@ def line_code(line: Line, lanes: int = 1) -> Any:
 def write_line(builder: Any, line: Line, pointers: Callable[[str, int], Sequence[Any]]) -> None:
     """Write the operations of a line on float64, one after the other.
 
-    Args:
-        builder: Where to.
-        line: The operations.
-        pointers: Gives where an element of an array lies, "out" among them, for each configuration.
+    pointers gives where an element of an array lies, "out" among them, for each configuration.
     """
     values: dict[int, Any] = {}
 
@@ -268,12 +261,7 @@ def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleTyp
     `into(INPUT..., out)`, of arrays of one configuration each, is for compiled callers and for `bind`; it checks
     nothing. `single(INPUT..., out)` is for Python: it refuses other arrays (TypeError) and other sizes (InputError),
     and returns whether all inputs are finite. `rows(INPUT..., out)` takes `out` (N, size) and inputs of N rows or one
-    row each.
-
-    Args:
-        title: What it computes; letters, digits and hyphens.
-        line: The operations.
-        shape: Of one configuration's result.
+    row each. The title has letters, digits and hyphens.
     """
     widths = widths_of(line)
     writers = [Path(file) for file in (str(sines.__file__), __file__)]

@@ -229,11 +229,7 @@ def evaluate(
 ) -> list[Any]:
     """Run a line operation by operation: on floats what every back end must agree with, or on another's symbols.
 
-    Args:
-        line: The operations.
-        sine: Of one number of the kind that the arrays hold.
-        cosine: Likewise.
-        **arrays: The inputs, by name.
+    sine and cosine are of one number of the kind that the arrays, the inputs by name, hold.
     """
     values: list[Any] = []
     for kind, a, b in line.steps:

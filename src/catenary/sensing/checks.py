@@ -122,9 +122,6 @@ class SensorRules:
         accept_jump_after: Time for which a jump that nothing explains must last to be believed, and for which an
             accelerometer and a gyroscope that disagreed must agree [s].
         future: Time by which a stamp may lie ahead of the reader's clock [s].
-
-    Raises:
-        InputError: A number out of its range, or rest_lower not below rest_upper.
     """
 
     max_step: float = 1.2
@@ -235,11 +232,8 @@ class GravityCheck:
     def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None) -> Fault:
         """Return the fault of a reading, NONE if it has none.
 
-        Args:
-            stamp: [s].
-            gravity: (3,) the reading.
-            expected: (3,) prediction by the believed ones before it; not used before there are any.
-            rate: (3,) angular velocity [rad/s], where it is known.
+        gravity (3,) is the reading, expected (3,) its prediction by the believed ones before it, not used before there
+        are any; rate (3,) the angular velocity [rad/s], where it is known.
         """
         rules = self._rules
         dt = stamp - self.last_stamp

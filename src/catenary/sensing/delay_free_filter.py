@@ -31,11 +31,7 @@ class DelayFreeFilter:
     """
 
     def __init__(self, cutoff_hz: float) -> None:
-        """Take the frequency of half power [Hz].
-
-        Raises:
-            InputError: Not a positive number.
-        """
+        """Take the frequency of half power [Hz]."""
         if not 0.0 < cutoff_hz < np.inf:
             raise InputError(f"cutoff_hz: expected a positive frequency, got {cutoff_hz}")
         self.window = CUTOFF_BY_WINDOW / cutoff_hz
@@ -99,19 +95,9 @@ def cutoff_errors(
 ) -> CutoffErrors:
     """Return the errors of a DelayFreeFilter of that cut-off, at its newest sample.
 
-    The value and the derivative at the end of a least-squares parabola are weighted sums of samples: noise comes out
-    as the length of the weights, a sine as their transform.
-
-    Args:
-        cutoff_hz: Of the filter.
-        angle: Amplitude of the rocking [rad].
-        frequency: Of the rocking [Hz].
-        noise: Standard deviation of an axis of the accelerometer [m/s2], of a sample.
-        rate_noise: The same of the gyroscope [rad/s].
-        rate_hz: Of samples.
-
-    Raises:
-        InputError: A number that is negative, no frequency, or fewer than five samples in the window.
+    The value and the derivative at the end of a least-squares parabola are weighted sums of samples: noise comes out as
+    the length of the weights, a sine as their transform. Of the rocking the amplitude angle [rad] and the frequency
+    [Hz]; noise and rate_noise are standard deviations of an axis of a sample [m/s2, rad/s].
     """
     for name, number in (("angle", angle), ("noise", noise), ("rate_noise", rate_noise)):
         if not 0.0 <= number < np.inf:
@@ -151,16 +137,8 @@ def recommended_cutoff(
 ) -> CutoffErrors:
     """Return the cut-off with the least error of acceleration at a mass that is `reach` [m] away, and its errors.
 
-    Args:
-        angle: Amplitude of the fastest rocking that counts [rad].
-        frequency: Its frequency [Hz].
-        noise: Standard deviation of an axis of the accelerometer [m/s2], of a sample.
-        rate_noise: The same of the gyroscope [rad/s].
-        rate_hz: Of samples.
-        reach: Distance of what the arm carries from the base [m].
-
-    Raises:
-        InputError: As of `cutoff_errors`; or no cut-off leaves five samples.
+    Arguments as of `cutoff_errors`, for the fastest rocking that counts; reach is the distance of what the arm carries
+    from the base [m].
     """
     given = {
         "angle": angle,

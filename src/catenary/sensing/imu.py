@@ -77,9 +77,6 @@ class SensedGravity:
             start_limit: Time without any believed sample after which `stop` stops [s].
             rules: What is believed.
             feed: Called with the time before samples are taken: what has no thread of its own delivers then.
-
-        Raises:
-            InputError: No such base or fallback, or times that are not 0 < stale_after <= age_limit.
         """
         if not 0.0 < stale_after <= age_limit < math.inf:
             raise InputError(

@@ -54,12 +54,6 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
     their cross-axis terms]
 
     Six attitudes, each side up once, are enough for the numbers; more leave a residual that tells how good they are.
-
-    Args:
-        readings: (N, 3) means at rest [m/s2], N >= 6.
-
-    Raises:
-        InputError: Fewer than six readings, or another shape.
     """
     y = as_array("readings", readings, (None, 3))
     if len(y) < FEWEST:
@@ -109,9 +103,6 @@ def align(
         tumble: Corrects the readings.
         expected: (3, 3) rotation that is roughly expected, to tell a wrong sign from swapped axes; the same axes
             when None, in which case other rotations are no fault.
-
-    Raises:
-        InputError: Other shapes, or directions that are all parallel.
     """
     y = as_array("readings", readings, (None, 3))
     told = as_array("up", up, (len(y), 3))
@@ -156,16 +147,10 @@ def level_and_tilts(
 ) -> tuple[Floats, Floats]:
     """Return readings and directions of up for `align`, of a base that was level, then tilted by unknown angles.
 
-    Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive
-    (x side down), in its x-z plane. How far follows from the angle between the readings.
-
-    Args:
-        level: (3,) reading on the level base.
-        roll: (3,) reading after the roll.
-        pitch: (3,) reading after a pitch from level; with it a mirrored sensor is found out.
-
-    Returns:
-        Readings (N, 3) and up (N, 3) in base axes.
+    Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive (x
+    side down), in its x-z plane. How far follows from the angle between the readings. Readings (3,) on the level base,
+    after the roll, and after a pitch from level, with which a mirrored sensor is found out; returns readings (N, 3) and
+    up (N, 3) in base axes.
     """
     rows = [as_array("level", level, (3,)), as_array("roll", roll, (3,))]
     ups = [np.array([0.0, 0.0, 1.0])]
@@ -249,13 +234,8 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
     """Fit rotation and bias, from nine orientations on scale too, to means at rest in known orientations.
 
     Minimises sum_i |s (R^T up_i g) + b - y_i|^2, beginning at Kabsch's rotation without bias. Without scale it is 1.
-
-    Args:
-        readings: (N, 3) means at rest [m/s2], N >= 4.
-        up: (N, 3) where up was, in the axes to which the rotation leads.
-
-    Raises:
-        InputError: Fewer than four, other shapes, or orientations that do not tell bias from rotation.
+    readings (N, 3) are means at rest [m/s2], N >= 4; up (N, 3) is where up was, in the axes to which the rotation
+    leads.
     """
     y = as_array("readings", readings, (None, 3))
     told = as_array("up", up, (len(y), 3))

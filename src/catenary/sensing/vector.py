@@ -91,11 +91,7 @@ class FixedGravity:
     """A given gravity vector, of a base that stands still; a GravitySource."""
 
     def __init__(self, gravity: ArrayLike = LEVEL) -> None:
-        """Take the vector, (3,) [m/s2] in base axes, downwards; one that is not Earth's is logged (`gravity_doubts`).
-
-        Raises:
-            InputError: Another shape, NaN or infinity.
-        """
+        """Take the vector, (3,) [m/s2] in base axes, down; one that is not Earth's is logged (`gravity_doubts`)."""
         self.gravity = frozen(as_array("gravity", gravity, (3,)))
         for doubt in gravity_doubts(self.gravity):
             _log.warning("%s", doubt)
@@ -140,9 +136,6 @@ def tilt_of(gravity: ArrayLike) -> tuple[float, float]:
     """Return roll about x, within 90 degrees, then pitch about the base's y [rad], that give this gravity.
 
     Gravity does not tell how a base is turned about the vertical.
-
-    Raises:
-        InputError: The vector is zero.
     """
     x, y, z = as_array("gravity", gravity, (3,))
     length = float(np.sqrt(x * x + y * y + z * z))

@@ -238,12 +238,8 @@ class SteeredBase:
     ) -> "SteeredBase":
         """Return the base from a time on, on its way to another attitude.
 
-        Args:
-            time: [s] from which on; before it the base stands as it did then.
-            roll: [rad].
-            pitch: [rad].
-            amplitude: Of rocking about x [rad].
-            frequency: Of rocking [Hz].
+        Before the time [s] it stands as it did then. Angles are in rad; amplitude and frequency [Hz] are of rocking
+        about x.
         """
         values = as_array("roll, pitch, amplitude, frequency", [roll, pitch, amplitude, frequency], (4,))
         if (values[2:] < 0.0).any():

@@ -51,13 +51,7 @@ def pull_cable(
 ) -> None:
     """Stretch cable j and write its tension; update its hysteresis, creep, set and wear.
 
-    Args:
-        cable: The arm's numbers.
-        state: Overwritten.
-        j: Which cable.
-        winding: What the joints wind up of it, in units of the motor's side of the gear [rad or m].
-        winding_rate: Its rate.
-        step: [s].
+    winding is what the joints wind up of it, in units of the motor's side of the gear [rad or m], step in s.
     """
     true_ratio = cable.ratio[j] * (1.0 + cable.ratio_error[j])
     runout = cable.capstan_runout[j] * math.sin(
@@ -145,13 +139,8 @@ def tree_dynamics(
 ) -> None:
     """Write a tree's bias torques and its mass matrix, in its own coordinates.
 
-    Args:
-        tree: The links.
-        x: (n,) or more, its coordinates [rad|m].
-        xd: (n,) or more, their rates.
-        gravity: (3,) in base axes [m/s2].
-        base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
-        work: Scratch; `bias` and `matrix` are the result.
+    x and its rates xd have n entries or more; gravity (3,) [m/s2] and base_motion (3, 3), angular velocity, angular
+    acceleration and linear acceleration of the base, are in base axes; `bias` and `matrix` of work are the result.
     """
     n = len(tree.parent)
     for j in range(n):
@@ -220,13 +209,8 @@ def physics_step(
 ) -> None:
     """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
 
-    Args:
-        cable: The arm's numbers.
-        state: Overwritten.
-        shaft_torque: (7,) of the motors [Nm].
-        braked: Every motor's shaft is held.
-        step: [s].
-        work: Scratch, in which `link_dynamics` has left the links' dynamics.
+    shaft_torque (7,) is of the motors [Nm]; braked: every shaft is held. In work `link_dynamics` has left the dynamics
+    of the links.
     """
     q, qd = state.q, state.qd
     rate = winding_of(cable.coupling, qd)
@@ -289,15 +273,8 @@ def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: boo
 def link_dynamics(tree: Tree, state: ArmState, gravity: Floats, base_motion: Floats, work: Work) -> None:
     """Write the links' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix.
 
-    They change with the pose, which a millisecond hardly moves; cables, rotors and friction are what substeps
-    are for.
-
-    Args:
-        tree: The three positioning joints, payload included.
-        state: Where the arm is.
-        gravity: (3,) in base axes [m/s2].
-        base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
-        work: Scratch; `bias` and `inverse` are the result.
+    They change with the pose, which a millisecond hardly moves; cables, rotors and friction are what substeps are for.
+    The tree is of the three positioning joints, payload included; gravity and base_motion are as for `tree_dynamics`.
     """
     tree_dynamics(tree, state.q, state.qd, gravity, base_motion, work)
     invert_symmetric(work.matrix, work.inverse)

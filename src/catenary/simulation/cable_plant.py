@@ -63,11 +63,8 @@ def sample(
 ) -> dict[str, Floats]:
     """Return every column at one instant, as copies.
 
-    Args:
-        control: The firmware's state.
-        q: (3,) where the joints really are [rad, rad, m].
-        encoders: Of the rig.
-        base: How the base moves, one row; its ideal accelerometer and gyroscope are at its origin, in base axes.
+    q (3,) is where the joints really are [rad, rad, m]; base is one row of its motion, whose ideal accelerometer and
+    gyroscope are at its origin, in base axes.
     """
     specific_force, rate = imu_reading(base)
     counts = encoders.counts(q)

@@ -288,11 +288,7 @@ def own_gravity(links: Tree) -> OwnGravity:
 
 
 def gravity_of(grav_dir: Sequence[int]) -> Floats:
-    """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], whose z points down.
-
-    Raises:
-        InputError: Not three whole numbers of at most 32767 cm/s2.
-    """
+    """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], whose z points down."""
     given = np.asarray(grav_dir, dtype=float)
     if given.shape != (3,) or not (np.abs(given) <= MOST).all() or (given != np.round(given)).any():
         raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {MOST}, got {grav_dir}")
@@ -345,26 +341,12 @@ def run_ticks(
 ) -> int:
     """Run the firmware and the arm for T ticks of 1 ms.
 
-    A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the
-    physics by 1 ms, and reads the encoders again. The log holds each tick's reading and what was sent on it. Joint
-    torques act within the motors' limits and the joints' soft ones.
-
-    Args:
-        tree: The positioning joints, payload included.
-        cable: The arm.
-        firmware: Its control.
-        arm: The arm's state; overwritten.
-        control: The control's state; overwritten.
-        own: Its gravity compensation.
-        work: Scratch.
-        setpoints: (T, 7) desired joint positions; NaN leaves an axis where it is.
-        gravity: (1, 3) or (T, 3) [m/s2] in base axes.
-        base_motion: (1, 3, 3) or (T, 3, 3).
-        substeps: Physics steps in a tick.
-        log: T rows to write, or none to keep no log.
-
-    Returns:
-        Number of ticks run; fewer than T when the software e-stop tripped.
+    A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the physics by 1
+    ms, and reads the encoders again. The log holds each tick's reading and what was sent on it. Joint torques act
+    within the motors' limits and the joints' soft ones. The tree is that of the positioning joints, payload included.
+    Setpoints (T, 7) are desired joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in
+    base axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log. Returns the number of
+    ticks run; fewer than T when the software e-stop tripped.
     """
     cable, firmware, arm, control, work = cable[()], firmware[()], arm[()], control[()], work[()]
     own = own[()]

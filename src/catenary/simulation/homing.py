@@ -88,12 +88,8 @@ def home(
 ) -> Iterator[Floats]:
     """Home an arm, tick by tick: each item is the next row of setpoints (7,).
 
-    Args:
-        firmware: The arm's.
-        control: Its state; modes, registration and what it seeks are written.
-        encoders: The rig's, registered at the positioning joints' stops.
-        stop_side: (3,) -1 for a stop below, 1 above.
-        joint_names: For messages.
+    Modes, registration and what it seeks are written to control; the encoders of the rig are registered at the stops of
+    the positioning joints, on stop_side (3,): -1 for a stop below, 1 above.
     """
     control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION

@@ -116,11 +116,7 @@ LEAST_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links are given 1e-12 k
 def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Sequence[str]) -> None:
     """Refuse joints that move no mass, and a step that is too long.
 
-    Args:
-        joints: The arm's hardware.
-        mass: (nz, nz) mass matrix of all that moves, where the arm stands.
-        step: [s].
-        names: Of the joints.
+    mass (nz, nz) is that of all that moves, where the arm stands; step in s.
     """
     n, nz = len(joints.joints), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < LEAST_INERTIA]

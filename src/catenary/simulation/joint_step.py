@@ -96,18 +96,8 @@ def end_stage(
 ) -> bool:
     """Find a stage's accelerations without friction and stops, and go to the next; to the step's end after stage 3.
 
-    Runge-Kutta's fourth-order method for position' = rate, rate' = acceleration.
-
-    Args:
-        joints: The arm's drives.
-        motion: The stage's acceleration and factor, and the next position and rate are written.
-        tree: Its terms at the stage; the next positions and velocities are written.
-        effort: (n,) motor torques [Nm|N].
-        stage: 0 to 3.
-        step: [s].
-
-    Returns:
-        False where the mass matrix is singular.
+    Runge-Kutta's fourth-order method for position' = rate, rate' = acceleration. effort (n,) are motor torques [Nm|N],
+    stage is 0 to 3. Returns False where the mass matrix is singular.
     """
     if not _find_accelerations(joints, motion, tree, effort, stage):
         return False
@@ -200,17 +190,10 @@ SETTLED = 1e-13  # [rad/s|m/s] change in a sweep below which impulses are found
 def finish_step(joints: DriveParameters, motion: StepMotion, step: float) -> bool:
     """Let friction and stops act on a step that was made without them, and take it.
 
-    Impulses on velocities, found by projected Gauss-Seidel on the inverse mass matrix: friction brings a joint to
-    rest with at most its Coulomb torque times the step, a stop takes the velocity into it (no bounce). A joint that
-    sticks does not move at all, and none passes its limit.
-
-    Args:
-        joints: The arm's hardware.
-        motion: Its end becomes the next step's start; the mass matrix is that of the first stage.
-        step: [s].
-
-    Returns:
-        False, and nothing has moved, where the end is not finite.
+    Impulses on velocities, found by projected Gauss-Seidel on the inverse mass matrix: friction brings a joint to rest
+    with at most its Coulomb torque times the step, a stop takes the velocity into it (no bounce). A joint that sticks
+    does not move at all, and none passes its limit. The motion's end becomes the next step's start; the mass matrix is
+    that of the first stage. Returns False, and nothing has moved, where the end is not finite.
     """
     n, nz = len(joints.joints), len(motion.parts)
     stop = np.zeros(nz)  # 1 at a lower stop, -1 at an upper one

@@ -38,13 +38,8 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     """Return the torques (n,) [Nm|N] of an ideal position servo: computed torque on what the motors move.
 
     a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the BANDWIDTH and friction fed
-    forward as F clip(error / SLIP, -1, 1): within SLIP of where it should be, a joint may stick.
-
-    Args:
-        joints: The arm's hardware.
-        motion: As a step begins.
-        tree: Its terms there.
-        wanted: (n,) positions of the motors [rad|m].
+    forward as F clip(error / SLIP, -1, 1): within SLIP of where it should be, a joint may stick. The motion is as a
+    step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
     """
     n, dof, drive = len(joints.joints), joints.tree.dof, joints.joints.drive
     hardware, position, rate = joints.parts, motion.parts.start, motion.parts.start_rate

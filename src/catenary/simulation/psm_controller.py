@@ -145,14 +145,7 @@ def take_psm_setpoint(controller: PsmController, control: PsmControlState, wante
 
 
 def register_psm(controller: PsmController, control: PsmControlState, drive: PsmDrive, rotor: Floats) -> None:
-    """Write encoder offsets from what the potentiometers say of the actuators: true but for `registration`.
-
-    Args:
-        controller: The dVRK's numbers.
-        control: Its state; overwritten.
-        drive: The arm's.
-        rotor: (7,) where the motors' shafts are [rad].
-    """
+    """Write encoder offsets from what the potentiometers say of the actuators: true but for `registration`."""
     actuator = rotor / (drive.ratio * (1.0 + drive.ratio_error)) + controller.registration
     motor = actuator * controller.ratio
     control.offset = np.trunc(control.counts - motor * controller.counts / TURN)
@@ -178,22 +171,7 @@ def run_psm_ticks(
 ) -> int:
     """Run the controller and the arm for T ticks of 1 ms; as `run_ticks` does for a RAVEN-II.
 
-    Args:
-        tree: The links of the first three joints.
-        coupling: (links, 3) their coordinates per joint.
-        drive: The arm.
-        controller: Its control.
-        arm: The arm's state; overwritten.
-        control: The control's state; overwritten.
-        work: Scratch.
-        setpoints: (T, 7) desired joint positions; NaN leaves an axis where it is.
-        gravity: (1, 3) or (T, 3) [m/s2] in base axes.
-        base_motion: (1, 3, 3) or (T, 3, 3).
-        substeps: Physics steps in a tick.
-        log: T rows to write, or none to keep no log.
-
-    Returns:
-        Number of ticks run; fewer than T when the controller stopped by itself.
+    coupling (links, 3) holds the coordinates of the links of the first three joints.
     """
     drive, controller, arm, control, work = drive[()], controller[()], arm[()], control[()], work[()]
     shaft_torque = np.zeros(7)

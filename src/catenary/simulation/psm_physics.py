@@ -60,13 +60,7 @@ def psm_step(
 ) -> None:
     """Advance a PSM by one semi-implicit Euler step: forces, then velocities, then positions.
 
-    Args:
-        drive: The arm's numbers.
-        state: Overwritten.
-        shaft_torque: (7,) of the motors [Nm].
-        braked: Every motor's shaft is held.
-        step: [s].
-        work: Scratch, in which `psm_dynamics` has left the links' dynamics.
+    shaft_torque (7,) is of the motors [Nm]; in work `psm_dynamics` has left the dynamics of the links.
     """
     q, qd = state.q, state.qd
     wind(drive.coupling, q, work.winding)
@@ -115,16 +109,8 @@ def psm_dynamics(
 
     The links' coordinates are x = A q, a parallelogram's: M = A^T M_x A and h = A^T h_x. What was identified of the
     real arm's first three joints has their rotors in it; those turn by themselves here, and are taken out. The tool's
-    joints move what they move alone, without weight.
-
-    Args:
-        tree: The links.
-        coupling: A (links, 3).
-        drive: The arm's numbers.
-        state: Where it is.
-        gravity: (3,) in base axes [m/s2].
-        base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
-        work: Scratch; `load` and `inverse` are the result.
+    joints move what they move alone, without weight. gravity (3,) [m/s2] and the motion (3, 3) of the base are in base
+    axes; `load` and `inverse` of work are the result.
     """
     links = len(tree.parent)
     for k in range(links):

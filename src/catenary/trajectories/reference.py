@@ -51,11 +51,7 @@ class SampledTrajectory(ABC):
 
     @abstractmethod
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n).
-
-        Raises:
-            InputError: `times` has another shape or is not finite.
-        """
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
 
 
 _NEAR = 1e-9  # [rad|m] rounding, between the end of one motion and the start of the next
@@ -65,11 +61,7 @@ class Rest(SampledTrajectory):
     """Standing still for a while."""
 
     def __init__(self, q: ArrayLike, duration: float) -> None:
-        """Stand at q (n,) [rad or m] for `duration` [s].
-
-        Raises:
-            InputError: Not finite, or a negative duration.
-        """
+        """Stand at q (n,) [rad or m] for `duration` [s]."""
         self._q = as_array("q", q, (None,)).copy()
         self.duration = float(as_array("duration", duration, ()))
         if self.duration < 0.0:
@@ -86,11 +78,7 @@ class InTurn:
     """Trajectories one after the other, each beginning where the last one ended."""
 
     def __init__(self, parts: Sequence[Trajectory]) -> None:
-        """Join motions.
-
-        Raises:
-            InputError: None, or one that begins elsewhere than the last one ended.
-        """
+        """Join motions."""
         if not parts:
             raise InputError("parts: expected at least one trajectory")
         for k in range(1, len(parts)):
@@ -138,9 +126,6 @@ class Embedded(SampledTrajectory):
             trajectory: Of len(joints) joints.
             joints: Where they are among the robot's, each once.
             q_hold: (n,) where the robot's joints stand [rad or m]; not read for those that move.
-
-        Raises:
-            InputError: The numbers do not fit together.
         """
         self._trajectory, self._joints, self.duration = trajectory, list(joints), trajectory.duration
         self._hold = as_array("q_hold", q_hold, (None,)).copy()

@@ -48,12 +48,7 @@ class SmoothedPath(SampledTrajectory):
     """A trajectory along one broken line per joint, its corners rounded."""
 
     def __init__(self, lines: Sequence[BrokenLine]) -> None:
-        """Take one line per joint.
-
-        Raises:
-            InputError: No line; times that do not rise; numbers of another shape, or not finite; a blend that
-                is not positive.
-        """
+        """Take one line per joint."""
         if not lines:
             raise InputError("lines: expected one for each joint, got none")
         times, points, slopes, blends = [], [], [], []
@@ -77,11 +72,7 @@ class SmoothedPath(SampledTrajectory):
 
     @classmethod
     def through(cls, times: ArrayLike, points: ArrayLike, blend: float) -> "SmoothedPath":
-        """Return the path of joints that share their corners: times (K,) [s], points (K, n) [rad|m].
-
-        Raises:
-            InputError: As for the class.
-        """
+        """Return the path of joints that share their corners: times (K,) [s], points (K, n) [rad|m]."""
         t = as_array("times", times, (None,))
         rows = as_array("points", points, (len(t), None))
         return cls([BrokenLine(t, column, blend) for column in rows.T])
@@ -213,9 +204,6 @@ def follow_waypoints(
         blend: Time over which velocities are averaged [s], positive.
         q_start: (n,) where the robot is [rad or m]: from there it first goes to the first row, at the same
             speed, and comes to rest for an instant. The motion begins at the first row when None.
-
-    Raises:
-        InputError: An argument has another shape, is not finite or not positive.
     """
     rows = as_array("points", points, (None, None))
     if len(rows) == 0 or rows.shape[1] == 0:

@@ -61,13 +61,8 @@ def bouc_wen_step(state: float, stretching: float, width: float) -> float:
     """Return the Bouc-Wen state after the stretch has grown by `stretching`.
 
     dz = ds / w (1 - |z| (1/2 sgn(ds z) + 1/2)): unloading follows a straight line to zero, loading nears 1
-    exponentially. Both are solved exactly, so only the path counts, not the steps in which it is taken, and z
-    stays between -1 and 1.
-
-    Args:
-        state: z before.
-        stretching: ds [rad or m].
-        width: w, the stretch at which it yields [rad or m].
+    exponentially. Both are solved exactly, so only the path counts, not the steps in which it is taken, and z stays
+    between -1 and 1. state is z before, stretching ds and width w, the stretch at which it yields [rad or m].
     """
     side = 1.0 if stretching >= 0.0 else -1.0
     way = abs(stretching) / width
@@ -92,17 +87,8 @@ def set_rate(
 ) -> float:
     """Return the rate at which a cable's permanent set grows [rad/s or m/s].
 
-    d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): by travel, more under tension, ever
-    slower.
-
-    Args:
-        tension: T [Nm or N].
-        reference: T_ref.
-        side: 1 or -1, the way in which the cable is laid.
-        speed: |dq/dt| [rad/s or m/s].
-        slack: The set so far [rad or m].
-        rate: Set per rad or m of travel.
-        most: The largest set [rad or m].
+    d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): by travel, more under tension, ever slower. side
+    is 1 or -1, the way in which the cable is laid; slack the set so far, most the largest [rad or m].
     """
     return rate * (0.5 + side * tension / reference) * speed * (1.0 - abs(slack) / most)
 

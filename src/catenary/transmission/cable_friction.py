@@ -20,15 +20,10 @@ def coulomb_coupled(
 ) -> None:
     """Let friction act on coupled joints, by projected Gauss-Seidel on the inverse inertia.
 
-    Finds impulses p_j, |p_j| <= impulse_j, so that velocity - A p is zero where |p_j| is below its bound and
-    opposed to p_j where it is at it. [the maximum dissipation principle; Moreau 1988]
-
-    Args:
-        inverse_inertia: A (n, n).
-        impulse: (n,) largest impulses: friction times the step.
-        velocity: (n,) before, overwritten with after.
-        given: (n,) overwritten with p; what stands there is where the search starts.
-        sweeps: Rounds over the joints.
+    Finds impulses p_j, |p_j| <= impulse_j, so that velocity - A p is zero where |p_j| is below its bound and opposed to
+    p_j where it is at it. [the maximum dissipation principle; Moreau 1988] inverse_inertia is A (n, n), impulse (n,)
+    the largest impulses, friction times the step; velocity (n,) is overwritten with that after, given (n,) with p: what
+    stands there is where the search starts.
     """
     n = len(velocity)
     for j in range(n):
