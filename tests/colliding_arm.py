@@ -9,7 +9,7 @@ from catenary.collision.scene import scene_of
 from catenary.identification.fourier_series import series_at_rest
 from catenary.robots.catalog import load_robot
 from catenary.robots.geometry import Box, Geometry, shape_on
-from catenary.robots.link_capsules import capsules_along_links
+from catenary.robots.shapes import capsules_along_links
 from catenary.spatial import identity_pose
 
 ARM = load_robot("planar_3r")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import actuation_columns
+from catenary.dynamics.actuation_loads import actuation_columns
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.identification.options import actuation_of
 from catenary.plant import MotionLog

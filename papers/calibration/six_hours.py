@@ -24,7 +24,7 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.fit import FitOptions
 from catenary.calibration.model import CalibrationModel, Target
-from catenary.dynamics.kinematics import frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
 from papers.calibration.inputs import ALL_138, SIXTEEN, STAMPED_138
 from papers.calibration.recordings import BEST, METHODS, NETWORK, SETS, fitted, rows_of, unguarded
@@ -73,7 +73,7 @@ def tip_rmse(log: MotionLog, left: Floats) -> list[float]:
     rest = np.column_stack([log.signals["q:roll"], log.signals["q:wrist"], (jaws[1] - jaws[0]) / 2.0])
     truth = np.asarray(log.q_encoder)
     robot = load_robot(ROBOT)
-    true, corrected = (frame_poses(robot, np.hstack([q, rest]), TIP)[1] for q in (truth, truth - left))
+    true, corrected = (forward_kinematics(robot, np.hstack([q, rest]), TIP)[1] for q in (truth, truth - left))
     squares = np.mean((1e3 * (corrected - true)) ** 2, axis=0)
     return _plain(np.sqrt([*squares, squares.sum()]))
 

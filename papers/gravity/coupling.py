@@ -32,8 +32,8 @@ from catenary import BaseMotion, gravity_torque, inverse_dynamics, load_robot, m
 from catenary.arrays import Floats
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor

@@ -17,15 +17,13 @@ import numpy as np
 from catenary import CablePlant, go_to, run_loop
 from catenary.arrays import Floats
 from catenary.control.loop import GravitySource, Tick
-from catenary.sensing.faults import Fault
+from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
-from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.sensing.vector import GravityReading, Mailbox, ReadingStatus
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.sensors import SimulatedSensor
 from catenary.spatial import LEVEL
-from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm

@@ -21,14 +21,14 @@ import numpy as np
 from catenary import CablePlant, FixedBase, random_sinusoids, run_loop
 from catenary.arrays import Floats
 from catenary.control.loop import Tick
-from catenary.control.report import GravityReport, LoopReport
+from catenary.control.loop_report import GravityReport, LoopReport
 from catenary.errors import SensorError
 from catenary.reports.page import Table
 from catenary.sensing.fallback import FALLBACKS
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
-from catenary.trajectories.in_turn import Rest
+from catenary.trajectories.reference import Rest
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START

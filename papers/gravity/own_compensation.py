@@ -22,8 +22,8 @@ import numpy as np
 from catenary import CablePlant
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from catenary.simulation.own_gravity import NOMINAL, grav_dir_of
-from catenary.trajectories.in_turn import Rest
+from catenary.simulation.firmware import NOMINAL, grav_dir_of
+from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.track import with_approach

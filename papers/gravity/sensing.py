@@ -21,8 +21,8 @@ from catenary.arrays import Floats
 from catenary.reports.page import Table
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
 from catenary.spatial import LEVEL

@@ -25,10 +25,10 @@ from numpy.typing import ArrayLike
 
 from catenary import CablePlant, gravity_torque, run_loop
 from catenary.arrays import Floats
-from catenary.control.controller import SplitController
 from catenary.control.loop import GravitySource, Tick
+from catenary.control.pd import SplitController
 from catenary.spatial import LEVEL
-from catenary.trajectories.in_turn import Rest
+from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.track import with_approach

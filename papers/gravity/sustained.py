@@ -28,7 +28,7 @@ from catenary.arrays import Floats
 from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.spatial import LEVEL
-from catenary.transmission.coupling import winding_of
+from catenary.transmission.cable_coupling import winding_of
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains
 from papers.experiment import (

@@ -15,19 +15,16 @@ from numpy.typing import ArrayLike
 
 from catenary import CablePlant
 from catenary.arrays import Floats, as_array
-from catenary.control.controller import SplitController
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityLearner
 from catenary.control.loop import GravitySource, Tick
-from catenary.control.pd import Damping
-from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.control.pd import Damping, SplitController
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
-from catenary.gravity.estimator import GravityEstimator
-from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
+from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
 from catenary.robots.model import RobotModel
-from catenary.sensing.faults import Fault
+from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
-from catenary.sensing.vector import FixedGravity, GravityReading, ReadingStatus
+from catenary.sensing.vector import FixedGravity, GravityReading, Mailbox, ReadingStatus
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
@@ -202,7 +199,7 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
     controller = _controller(name, arm, damping)
     source = gravity_source(name, plant) if name in (*SENSORS, *ADAPTIVE, *BY_ORIENTATION) else None
     result = track(arm, controller, motion, gravity=source, observers=[observe])
-    wanted, reported, true = (frame_poses(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
+    wanted, reported, true = (forward_kinematics(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
     off = 1000.0 * (wanted - reported)
     return Run(
         name,

@@ -31,12 +31,11 @@ from catenary import (
     run_loop,
 )
 from catenary.arrays import Floats
-from catenary.control.controller import Controller
 from catenary.control.loop import Tick
-from catenary.gravity.estimator import Form
+from catenary.control.pd import Controller
+from catenary.gravity.estimator import Form, RecursiveGravityEstimator
+from catenary.gravity.gravity_regressor import gravity_parameters
 from catenary.gravity.payload import Payload
-from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
-from catenary.gravity.regressor import gravity_parameters
 from catenary.plant import JointState
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.trajectories.smoothed_path import SmoothedPath

@@ -40,9 +40,9 @@ from catenary import (
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.control.loop import Tick
-from catenary.control.measures import pd_share
+from catenary.control.loop_report import pd_share
 from catenary.errors import ExcitationError
-from catenary.gravity.compact import CompactRegressor
+from catenary.gravity.compact_regressor import CompactRegressor
 from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.options import IdentifyOptions
 from catenary.spatial import LEVEL

@@ -8,8 +8,7 @@ import numpy as np
 from catenary import GravityEstimator, JointState, RobotModel, load_robot
 from catenary.arrays import Floats
 from catenary.errors import ExcitationError
-from catenary.gravity.estimator import EstimatedGravity
-from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
+from catenary.gravity.estimator import EstimatedGravity, RecursiveGravityEstimator
 from catenary.identification.identification import identify_samples
 from catenary.identification.options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare

@@ -4,9 +4,9 @@ import numpy as np
 
 from catenary import RobotModel, gravity_torque, load_robot
 from catenary.arrays import Floats
-from catenary.gravity.carriers import LOAD
+from catenary.gravity.estimator import RecursiveGravityEstimator
+from catenary.gravity.load_location import LOAD
 from catenary.gravity.payload import Payload
-from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.spatial import LEVEL
 from papers.experiment import Result, run
 from papers.regressor.decomposition import with_bodies

@@ -23,12 +23,11 @@ from catenary import (
     mass_matrix,
 )
 from catenary.arrays import Floats
-from catenary.control.controller import Controller
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, gains_from_mass
+from catenary.control.pd import Controller
 from catenary.reports.page import Table
 from catenary.spatial import LEVEL
-from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from papers.claims import NOT_MEASURED, by_count
 from papers.experiment import (
     Case,

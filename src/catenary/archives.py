@@ -66,11 +66,7 @@ def content_in_words(names: Collection[str]) -> str:
 
 
 def read_array(path: Path) -> NDArray[Any]:
-    """Read a `.npy` file of numbers or texts.
-
-    Raises:
-        FileFormatError: As for `read_arrays`.
-    """
+    """Read a `.npy` file of numbers or texts."""
     if not path.is_file():
         raise FileFormatError(no_file(path))
     try:
@@ -86,11 +82,7 @@ def read_array(path: Path) -> NDArray[Any]:
 
 
 def unpacked(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
-    """Unpack bytes that another program packed.
-
-    Raises:
-        ValueError: They are no whole stream of this kind, or unpack to more than `most` bytes.
-    """
+    """Unpack bytes that another program packed."""
     import pyarrow as pa
 
     try:

@@ -19,11 +19,7 @@ SEAL = "arrays_sha256"  # in a card: of the arrays that it was written with
 
 
 def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mapping[str, Any]) -> None:
-    """Write arrays and their card, which gets their SHA-256, and a readable copy of it beside them: both or neither.
-
-    Raises:
-        FileFormatError: One of the two cannot be written; neither has changed.
-    """
+    """Write arrays and their card, which gets their SHA-256, and a readable copy of it beside them: both or neither."""
     text, buffer = card_text({**card, SEAL: sha256_of_arrays(arrays)}), io.BytesIO()
     np.savez(buffer, allow_pickle=False, card=np.array(text), **arrays)
     with written_whole(card_path(path)) as copy, written_whole(path) as file:
@@ -35,11 +31,7 @@ def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mappin
 
 
 def card_of(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> dict[str, Any]:
-    """Return the card that an archive's arrays were written with; it tells damage and slips, not who changes both.
-
-    Raises:
-        FileFormatError: They are other arrays; the message ends with the remedy.
-    """
+    """Return the card that an archive's arrays were written with; it tells damage and slips, not who changes both."""
     card = json_table(str(arrays.get("card")), "card", finite=False)
     if card.get(SEAL) != sha256_of_arrays(arrays):
         why = (

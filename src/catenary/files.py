@@ -59,11 +59,7 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def partial_folder(parent: Path) -> Iterator[Path]:
-    """Make a folder to write in, under a name of its own, deleted at the end; see `written_whole`.
-
-    Raises:
-        OSError: It cannot be made.
-    """
+    """Make a folder to write in, under a name of its own, deleted at the end; see `written_whole`."""
     sweep_partial(parent)
     folder = parent / _partial_name()
     folder.mkdir(mode=0o700)
@@ -103,11 +99,7 @@ def _lock(descriptor: int) -> None:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write bytes as `written_whole` does.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write bytes as `written_whole` does."""
     with written_whole(path) as file:
         file.write(content)
 

@@ -155,12 +155,7 @@ _WAYS_TO_ENABLED = {
 
 
 def require_ready(plant: Plant, verb: str) -> None:
-    """Refuse a robot that must not be moved, or that lacks the verb by which it would be.
-
-    Raises:
-        UnsupportedCommandError: It has no such verb.
-        NotReadyError: It is not enabled, not homed, or busy with a motion of its own.
-    """
+    """Refuse a robot that must not be moved, or that lacks the verb by which it would be."""
     if verb not in plant.supports:
         raise UnsupportedCommandError(
             f"the robot has no {verb}, which this motion needs; it has {', '.join(sorted(plant.supports))}"
@@ -206,9 +201,6 @@ def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[
         had: Such as a recording.
         whose: What has them, as the message begins: 'recording "run"'.
         of: What wants them: "the model is for".
-
-    Raises:
-        InputError: A wanted joint is not there, or in another unit; the message names both sides.
     """
     names = had.joint_names
     both = f"it has {joints_text(had)}, {of} {joints_text(wanted)}"

@@ -5,12 +5,12 @@ that a served robot's tick makes are plain arithmetic, in a tenth of scipy's tim
 """
 
 from math import atan2, cos, hypot, inf, sin, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array, frozen
+from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError
 
 STANDARD_GRAVITY = 9.81  # [m/s2], as everywhere in this package
@@ -25,8 +25,8 @@ def cross(a: Floats, b: Floats) -> Floats:
 class Pose(NamedTuple):
     """Pose of a frame b in a frame a: p_a = rotation p_b + position; or N poses, which compose row by row."""
 
-    rotation: Floats  # (3, 3) or (N, 3, 3) R_a_b
-    position: Floats  # (3,) or (N, 3) origin of b in a [m]
+    rotation: Annotated[Floats, Listed((3, 3))]  # (3, 3) or (N, 3, 3) R_a_b
+    position: Annotated[Floats, Listed((3,))]  # (3,) or (N, 3) origin of b in a [m]
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Return T_a_c of T_a_b @ T_b_c."""
@@ -78,11 +78,7 @@ def rotation_from_rpy(rpy: ArrayLike) -> Floats:
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
-    """Return the rotation matrix of a quaternion (w, x, y, z), which is normalised first.
-
-    Raises:
-        InputError: The quaternion is zero.
-    """
+    """Return the rotation matrix of a quaternion (w, x, y, z), which is normalised first."""
     q = as_array("quaternion", quaternion, (4,))
     largest = float(np.abs(q).max())
     if not largest > 0.0:
@@ -134,11 +130,7 @@ def rotation_vector(rotation: ArrayLike) -> Floats:
 
 
 def rotation_from_vector(vector: ArrayLike) -> Floats:
-    """Return the rotation matrix (3, 3) of an axis times angle (3,) [rad]; the inverse of `rotation_vector`.
-
-    Raises:
-        InputError: Its length overflows.
-    """
+    """Return the rotation matrix (3, 3) of an axis times angle (3,) [rad]; the inverse of `rotation_vector`."""
     x, y, z = as_array("vector", vector, (3,)).tolist()
     angle = hypot(x, y, z)
     if angle == inf:
@@ -148,11 +140,7 @@ def rotation_from_vector(vector: ArrayLike) -> Floats:
 
 
 def as_rotation(name: str, values: ArrayLike) -> Floats:
-    """Return the values as a proper rotation matrix (3, 3).
-
-    Raises:
-        InputError: Not orthonormal to 1e-6, or a reflection.
-    """
+    """Return the values as a proper rotation matrix (3, 3)."""
     matrix = as_array(name, values, (3, 3))
     if np.abs(matrix).max() > 2.0:
         raise InputError(f"{name}: expected a rotation matrix, got numbers up to {np.abs(matrix).max():.3g}")

@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary import Corrector, GravityPD, JointPD, JointState, Reference, TorqueLimits, run_loop
 from catenary.arrays import Floats
-from catenary.control.controller import Controller
+from catenary.control.pd import Controller
 from catenary.trajectories.reference import Trajectory
 from tests.benchmarks.measure import ROUNDS, Tables, report
 from tests.benchmarks.robots import robots

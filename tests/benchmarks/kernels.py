@@ -14,7 +14,11 @@ import numpy as np
 import pinocchio
 
 from catenary import RobotModel, gravity_kernel, gravity_torque, inverse_dynamics, mass_matrix
-from catenary.dynamics.kernels import forward_kinematics_kernel, inverse_dynamics_kernel, mass_matrix_kernel
+from catenary.dynamics.robot_kernels import (
+    forward_kinematics_kernel,
+    inverse_dynamics_kernel,
+    mass_matrix_kernel,
+)
 from catenary.kernels.kernel import Kernel
 from tests.benchmarks.casadi_gravity import casadi_gravity
 from tests.benchmarks.measure import Call, Table, Tables, cpu_time, report, side_by_side
@@ -135,7 +139,7 @@ STARTS = {
     "import numba": "import numba",
     "raven2's kernels": (
         "import numpy as np, catenary; r = catenary.load_robot('raven2'); k = catenary.gravity_kernel(r); "
-        "k(np.zeros(3), np.zeros(3)); from catenary.dynamics.kernels import mass_matrix_kernel; mass_matrix_kernel(r)"
+        "k(np.zeros(3), np.zeros(3)); from catenary.dynamics.robot_kernels import mass_matrix_kernel; mass_matrix_kernel(r)"
     ),
     "a first torque": (
         "import catenary; catenary.gravity_torque(catenary.load_robot('raven2'), [0.0] * 3, [0.0] * 3)"

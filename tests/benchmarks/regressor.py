@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio
 
 from catenary import GravityEstimator, RobotModel, compact_regressor
-from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
+from catenary.gravity.estimator import RecursiveGravityEstimator
 from tests.benchmarks.measure import Call, Tables, report, side_by_side
 from tests.benchmarks.robots import pinocchio_robot, robots
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from catenary.collision.bodies import box_at, floor_at
 from catenary.collision.clearance import FIRST, clearance_of
-from catenary.collision.obstacles import box_at, floor_at
 from catenary.collision.scene import scene_of
-from catenary.dynamics.kinematics import frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from colliding_arm import PANDA, apart, box_arm, capsule_arm, motion
 
 CAPSULES = apart(capsule_arm(), [floor_at(0.25)])
@@ -56,9 +56,9 @@ def test_the_same_of_boxes_by_coal(seed, amplitude):
 def test_a_small_thing_that_is_passed_between_two_looks_is_found():
     path = motion(PANDA, 3, 1.5, centre=np.array([0.0, 0.9, 0.0, -1.2, 0.0, 2.0, 0.0]))
     times = np.linspace(0.0, path.duration, FIRST + 1)
-    tip = frame_poses(PANDA, path.sample(times)[0])[1]
+    tip = forward_kinematics(PANDA, path.sample(times)[0])[1]
     k = int(np.argmax(np.linalg.norm(np.diff(tip, axis=0), axis=1)))
-    passed = frame_poses(PANDA, path.sample(times[k : k + 2].mean(keepdims=True))[0])[1][0]
+    passed = forward_kinematics(PANDA, path.sample(times[k : k + 2].mean(keepdims=True))[0])[1][0]
     scene = scene_of(PANDA, capsule_arm(radius=0.001), [box_at(1, [*passed, 1e-3, 1e-3, 1e-3])])
     # the hand's own capsule alone: the links before it would be in the way as well
     is_hand = [set(scene.names(p)) == {PANDA.link_names[-1], "box 1"} for p in range(len(scene.pairs))]

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from catenary.collision.bodies import box_at, floor_at
 from catenary.collision.contacts import (
     is_free,
     keep_apart,
@@ -9,7 +10,6 @@ from catenary.collision.contacts import (
     touching,
     without_constant_contacts,
 )
-from catenary.collision.obstacles import box_at, floor_at
 from catenary.collision.scene import scene_of
 from catenary.errors import InputError
 from colliding_arm import PANDA, apart, box_arm, capsule_arm

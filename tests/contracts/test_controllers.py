@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from catenary.arrays import Floats
-from catenary.control.controller import SplitController
-from catenary.control.elastic import ElasticPD
+from catenary.control.elastic_pd import ElasticPD
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold, GravityPD
 from catenary.control.inertia_pd import InertiaPD
-from catenary.control.pd import JointPD
+from catenary.control.pd import JointPD, SplitController
 from catenary.errors import InputError
-from catenary.gravity.estimator import GravityEstimator
-from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
+from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
 from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.reference import Reference

@@ -8,8 +8,7 @@ import pytest
 
 from catenary.control.loop import GravitySource
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
-from catenary.sensing.vector import FixedGravity, ReadingStatus, tilted_gravity
+from catenary.sensing.vector import FixedGravity, Mailbox, ReadingStatus, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 

@@ -13,7 +13,7 @@ from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
-from catenary.simulation.psm.plant import PsmPlant
+from catenary.simulation.psm_plant import PsmPlant
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.psm_arms import homed_psm

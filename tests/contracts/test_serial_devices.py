@@ -10,7 +10,7 @@ from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.devices.encoder_board import EncoderBoard
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.errors import SensorError
-from catenary.sensing.mailbox import Mailbox
+from catenary.sensing.vector import Mailbox
 from oracles.simulated_board import SimulatedBoard
 from oracles.simulated_encoders import SimulatedEncoders
 from patience import PATIENCE, until

@@ -10,18 +10,15 @@ from numpy.typing import NDArray
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.cartesian import CartesianSinusoids
-from catenary.trajectories.in_turn import Embedded, InTurn, Rest
-from catenary.trajectories.point_to_point import go_to
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import Embedded, InTurn, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.waypoints import follow_waypoints, play_rows
+from catenary.trajectories.smoothed_path import follow_waypoints, go_to
 from catenary.trajectories.zigzag import (
     CALIBRATION_LOWER,
     CALIBRATION_UPPER,
     DIRECTIONS,
     FORMS,
     zigzag,
-    zigzag_rows,
 )
 
 Floats = NDArray[np.float64]
@@ -77,11 +74,6 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
     "go to, nowhere": (lambda: go_to(LOW, LOW, **BOUNDS), LOW, LOW),
     "waypoints": (lambda: follow_waypoints(random_rows(), speed=SPEED, q_start=LOW), LOW, HIGH),
     "waypoints, blends overlapping": (lambda: follow_waypoints(random_rows(), speed=SPEED, blend=60.0), LOW, HIGH),
-    "rows of a published path": (
-        lambda: play_rows(zigzag_rows("J2-J3", 1 / 2), rows_per_second=64.3),
-        CALIBRATION_LOWER,
-        CALIBRATION_UPPER,
-    ),
 }  # fmt: skip
 
 

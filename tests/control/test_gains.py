@@ -3,12 +3,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.control import gains
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.firmware import joint_torques
-from catenary.transmission.coupling import winding_of
+from catenary.transmission.cable_coupling import winding_of
 
 NOMINAL = load_cable_arm()
 FIRMWARE = NOMINAL.firmware

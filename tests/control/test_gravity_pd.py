@@ -8,7 +8,7 @@ from catenary.arrays import Floats
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold, GravityPD
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.errors import InputError, MissingInertiaError
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import AT_REST, JointState

@@ -4,8 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.control.inertia_pd import InertiaPD
-from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics, mass_matrix
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import AT_REST, JointState

@@ -6,7 +6,7 @@ from catenary.crtk.gravity_topic import ACCEL, IMU, VECTOR, GravityTopic
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.errors import InputError
-from catenary.sensing.mailbox import Kind, Mailbox
+from catenary.sensing.vector import Kind, Mailbox
 
 XYZ = message_class("geometry_msgs/Vector3")
 MINUS_ONE = np.array([-1.0, *[0.0] * 8])

@@ -8,12 +8,10 @@ from numpy.testing import assert_allclose
 
 from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.errors import SensorError
-from catenary.sensing.checks import SensorRules
-from catenary.sensing.faults import Fault
+from catenary.sensing.checks import Fault, SensorRules
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import ReadingStatus
+from catenary.sensing.vector import Kind, Mailbox, ReadingStatus
 from oracles.simulated_board import SimulatedBoard, framed
 from patience import PATIENCE, until
 

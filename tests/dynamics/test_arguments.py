@@ -6,25 +6,24 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics
-from catenary.dynamics.kernels import (
+from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics, mass_matrix
+from catenary.dynamics.kinematics import forward_kinematics, jacobian, link_poses
+from catenary.dynamics.robot_kernels import (
     forward_kinematics_kernel,
     gravity_kernel,
     holding_kernel,
     inverse_dynamics_kernel,
     mass_matrix_kernel,
 )
-from catenary.dynamics.kinematics import forward_kinematics, frame_poses, jacobian, link_poses
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.dynamics.regressor import torque_regressor
+from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError, MissingInertiaError
-from catenary.gravity.regressor import gravity_regressor, standard_gravity_regressor
+from catenary.gravity.gravity_regressor import gravity_regressor, standard_gravity_regressor
 from catenary.gravity.torque import gravity_delta, gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
 
 RAVEN = load_robot("raven2")
 FUNCTIONS = {
-    frame_poses: ("q",),
+    forward_kinematics: ("q",),
     link_poses: ("q",),
     jacobian: ("q",),
     mass_matrix: ("q",),
@@ -109,7 +108,7 @@ def test_what_single_functions_take_beside_is_checked_too() -> None:
         inverse_dynamics(RAVEN, q, q, q, q, BaseMotion(angular_acceleration=(0.0, np.inf, 0.0)))
     with pytest.raises(InputError, match=r"q: expected shape \(3,\)"):
         forward_kinematics(RAVEN, np.zeros(2))
-    for ask in (frame_poses, jacobian):
+    for ask in (forward_kinematics, jacobian):
         with pytest.raises(InputError, match=r'no frame "hand"; frames: .*wrist'):
             ask(RAVEN, q, "hand")
     with pytest.raises(InputError, match="point"):

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path, raven_solutions
 from catenary.errors import InputError, UnreachablePoseError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
@@ -135,7 +135,7 @@ def test_a_shaft_along_the_shoulders_axis_is_out_of_reach(name: str) -> None:
 def test_a_path_of_poses_is_followed_along_one_branch(arm, rng: np.random.Generator) -> None:
     a, b = rng.uniform(arm.lower, clear_of_the_remote_centre(arm), size=(2, arm.n))
     q = a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a)
-    assert_allclose(raven_path(arm, *frame_poses(arm, q), a), q, atol=1e-9)
+    assert_allclose(raven_path(arm, *forward_kinematics(arm, q), a), q, atol=1e-9)
 
 
 def test_a_path_names_the_pose_that_it_cannot_reach() -> None:
@@ -143,10 +143,10 @@ def test_a_path_names_the_pose_that_it_cannot_reach() -> None:
     q = np.tile([0.5, 1.5, 0.4, 0.1, 0.3, 0.2], (5, 1))
     q[3, 0] = 1.7
     with pytest.raises(UnreachablePoseError, match=r'pose 3 of 5: .*joint "shoulder": 1.7 rad outside'):
-        raven_path(model, *frame_poses(model, q))
+        raven_path(model, *forward_kinematics(model, q))
     q[2, 2] = D
     with pytest.raises(UnreachablePoseError, match=r"pose 2 of 5: .*remote centre"):
-        raven_path(model, *frame_poses(model, q))
+        raven_path(model, *forward_kinematics(model, q))
     assert raven_path(model, np.empty((0, 3, 3)), np.empty((0, 3))).shape == (0, 6)
 
 

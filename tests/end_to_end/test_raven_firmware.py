@@ -14,8 +14,7 @@ from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.firmware import ControlState
-from catenary.simulation.own_gravity import NOMINAL, gravity_of, own_gravity, weigh
+from catenary.simulation.firmware import NOMINAL, ControlState, gravity_of, own_gravity, weigh
 from catenary.workflows.c_header import c_header, write_header
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "raven_firmware"

@@ -8,7 +8,7 @@ import pytest
 from catenary import CrtkClient, read_log
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
-from catenary.trajectories.waypoints import follow_waypoints
+from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import motion_log_path

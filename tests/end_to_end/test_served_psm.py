@@ -19,7 +19,7 @@ from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import load_robot
-from catenary.simulation.psm.plant import PsmPlant
+from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import Pose
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings

@@ -9,10 +9,9 @@ from catenary.control.gravity_pd import EstimatedGravityPD
 from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
-from catenary.gravity.compact import compact_regressor
-from catenary.gravity.estimator import GravityEstimator
-from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
-from catenary.gravity.regressor import gravity_parameters, gravity_regressor
+from catenary.gravity.compact_regressor import compact_regressor
+from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
+from catenary.gravity.gravity_regressor import gravity_parameters, gravity_regressor
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot

@@ -10,15 +10,14 @@ import pytest
 import sympy
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function
-from catenary.gravity.regressor import standard_gravity_regressor
+from catenary.gravity.gravity_regressor import standard_gravity_regressor
 from catenary.gravity.torque import gravity_torque
-from catenary.kernels import jax_writer
+from catenary.kernels import jax_casadi_sympy
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import random_robot
 
@@ -145,7 +144,7 @@ def test_jax_takes_batches_and_names(rng):
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["inverse_dynamics", "compact_regressor"])
 def test_jax_runs_long_lines_in_a_loop(quantity, monkeypatch):
-    monkeypatch.setattr(jax_writer, "LONGEST", 0)
+    monkeypatch.setattr(jax_casadi_sympy, "LONGEST", 0)
     arrays = arrays_of(TREE, quantity)
     function = export_function(TREE, quantity, "jax")
     assert_allclose(function(*arrays), by_recursion(TREE, quantity, arrays), atol=1e-10)

@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.gravity.compact import compact_regressor
-from catenary.gravity.payload import CarriedLoad, Payload, load_directions
+from catenary.gravity.compact_regressor import compact_regressor
+from catenary.gravity.payload import Payload, load_directions
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import random_robot
@@ -44,22 +44,3 @@ def test_a_load_on_the_base_is_refused() -> None:
     frames = {**model.frames, "table": model.frames[model.tip]._replace(link=-1)}
     with pytest.raises(InputError, match='frame "table" is fixed to the base'):
         load_directions(compact_regressor(replace(model, frames=frames)), "table")
-
-
-@pytest.mark.parametrize(
-    ("load", "message"),
-    [
-        ((-1.0,), "mass -1 kg, expected zero or more"),
-        ((np.inf,), "mass is inf"),
-        ((2.0, "left_hand", [0.0]), r"position: expected shape \(3,\)"),
-        ((2.0, "no such frame"), 'no frame "no such frame"'),
-    ],
-)
-def test_a_load_that_cannot_be_carried_is_refused_and_changes_nothing(load: tuple, message: str) -> None:
-    carried = CarriedLoad(load_robot("dual_arm_19"))
-    carried.attach(1.0, "left_hand")
-    before = carried.model
-    with pytest.raises(InputError, match=message):
-        carried.attach(*load)
-    assert carried.mass == 1.0
-    assert carried.model is before

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.gravity import symbols
-from catenary.gravity.regressor import carried
+from catenary.gravity.gravity_regressor import carried
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import RandomRobot
 

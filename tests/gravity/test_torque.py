@@ -3,7 +3,7 @@ import pinocchio
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.dynamics.kernels import FEW
+from catenary.dynamics.robot_kernels import FEW
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_delta, gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot

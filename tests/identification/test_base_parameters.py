@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.regressor import link_parameters
+from catenary.dynamics.torque_regressor import link_parameters
 from catenary.errors import InputError
-from catenary.gravity.compact import compact_regressor
-from catenary.gravity.regressor import (
+from catenary.gravity.compact_regressor import compact_regressor
+from catenary.gravity.gravity_regressor import (
     standard_gravity_parameters,
     standard_gravity_regressor,
     standard_labels,

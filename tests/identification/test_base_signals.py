@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
-from catenary.dynamics.regressor import link_parameters, torque_regressor
+from catenary.dynamics.torque_regressor import link_parameters, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import identify

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from catenary.collision.bodies import floor_at
 from catenary.collision.contacts import is_free
-from catenary.collision.obstacles import floor_at
 from catenary.errors import InputError
 from catenary.identification.excitation import static_poses
 from catenary.identification.motion_limits import MotionLimits, room_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.collision.obstacles import box_at, floor_at
+from catenary.collision.bodies import box_at, floor_at
 from catenary.errors import InputError, LimitError
 from catenary.identification.fourier import fourier_motion
 from catenary.identification.motion_limits import MotionLimits, room_of

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import known_loads
+from catenary.dynamics.actuation_loads import known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.regressor import link_parameters
+from catenary.dynamics.torque_regressor import link_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.consistency import pseudo_inertia

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.collision.obstacles import floor_at
+from catenary.collision.bodies import floor_at
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError
 from catenary.identification.fourier import fourier_motion

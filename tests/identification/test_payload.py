@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.regressor import torque_regressor
+from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics import raven_closed_form
+from catenary.dynamics import raven_inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.lines import gravity_line, mass_matrix_line
 from catenary.dynamics.raven_inverse_kinematics import raven_path
@@ -145,7 +145,7 @@ def test_a_kernel_goes_to_a_process_that_is_spawned(kernel: Kernel) -> None:
 def test_a_compiled_function_is_pickled_by_its_name() -> None:
     place = forward_kinematics(MODEL, Q)
     for _ in range(2):  # before it is compiled, and after
-        again = pickle.loads(pickle.dumps(raven_closed_form.nearest_within_limits))
+        again = pickle.loads(pickle.dumps(raven_inverse_kinematics.nearest_within_limits))
         assert again.__name__ == "nearest_within_limits"
         raven_path(MODEL, place.rotation[None], place.position[None])
 

@@ -9,9 +9,8 @@ from catenary.crtk.message import header, message_class
 from catenary.errors import InputError
 from catenary.nodes.gravity import GravityNode, publish_gravity
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.vector import Mailbox, tilted_gravity
 from catenary.spatial import rotation_about_z
 from oracles.ticking_clock import SetClock
 

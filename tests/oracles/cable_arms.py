@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
-from catenary.simulation.cable_physics import Work, link_dynamics, physics_step, unstretched_rotors
+from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step, unstretched_rotors
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cabled.arm_state import ArmState
 
 Floats = NDArray[np.float64]
 HOME = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])

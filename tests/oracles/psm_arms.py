@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
-from catenary.simulation.psm.parameters import PsmDrive
-from catenary.simulation.psm.physics import PsmState, PsmWork, psm_dynamics, psm_step, unstretched_motors
-from catenary.simulation.psm.plant import PsmPlant
+from catenary.simulation.psm_parameters import PsmDrive
+from catenary.simulation.psm_physics import PsmState, PsmWork, psm_dynamics, psm_step, unstretched_motors
+from catenary.simulation.psm_plant import PsmPlant
 
 Floats = NDArray[np.float64]
 HOME = np.array([0.1, -0.2, 0.12, 0.3, -0.2, 0.25, 0.2])

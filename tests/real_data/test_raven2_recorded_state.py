@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose
 from oracles.random_trees import Floats
@@ -28,7 +28,7 @@ def circle(recordings: Path) -> tuple[Floats, Floats]:
 def test_tip_is_where_the_real_arm_reported_it(circle: tuple[Floats, Floats]) -> None:
     joints, position = circle
     model = load_robot("raven2_full")
-    _, in_base = frame_poses(model, joints)
+    _, in_base = forward_kinematics(model, joints)
     frame_0 = model.frames["frame0"].pose
     assert len(joints) > 400
     # recorded: the tip truncated to 1 um, insertion with six digits (steps of 1.7 um)

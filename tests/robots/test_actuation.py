@@ -1,9 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.config import parse_settings, plain_data
+from catenary.dynamics.actuation_loads import known_loads
 from catenary.errors import ConfigError, InputError
-from catenary.robots.table import load_table
+from catenary.robots.actuation import Actuation, Friction, MotorInertia, Spring, actuation_terms, joint_drives
+from catenary.robots.catalog import load_robot
+from catenary.robots.dh_table import load_table
 
 ARM = """
 name = "r"
@@ -59,6 +65,12 @@ def test_a_table_says_what_loads_the_joints(load):
     assert_array_equal(actuation.effort_scale, [1, -2])
     with pytest.raises(ValueError, match="read-only"):
         actuation.friction[0].combination[0] = 1.0
+    record = plain_data(actuation)
+    assert record["friction"][0]["on"] == [2.0, -1.5]
+    assert plain_data(parse_settings(record, Actuation, "actuation")) == record
+    record["spring"][0]["lever"]["arm"] = 1.0
+    with pytest.raises(ConfigError, match=r"lever: arm: unknown key.*ends in its unit: arm_m"):
+        parse_settings(record, Actuation, "actuation")
 
 
 def test_a_coordinate_that_moves_no_joint_needs_an_effect_of_its_own(load):
@@ -90,3 +102,35 @@ def test_effects_that_cannot_be_meant_are_refused(load, text, error, said):
     with pytest.raises(error) as caught:
         load(text)
     assert said in str(caught.value)
+
+
+C = np.array([0.0, 2.0])
+
+
+def test_nothing_is_known_of_an_actuation_without_numbers():
+    assert joint_drives(Actuation(friction=(Friction("a", C),)), 2) is None
+
+
+def test_friction_and_rotors_of_a_joint_are_those_of_the_actuation_in_steady_sliding():
+    friction = Friction("a", C, offset=False, presliding=0.01)
+    actuation = Actuation(friction=(friction,), motor_inertia=(MotorInertia("m", C),))
+    assert len(actuation_terms(actuation)) == 4
+    known = replace(actuation, values=np.array([0.5, 0.1, 0.25, 0.02]))
+    drives = joint_drives(known, 2)
+    assert drives is not None
+    assert drives.left_out == ()
+    loads = known_loads(replace(load_robot("two_link"), actuation=known))
+    assert loads is not None
+    qd, qdd = np.array([[0.0, 0.7]]), np.array([[0.0, 3.0]])
+    expected = drives.friction * np.sign(qd) + drives.damping * qd + drives.armature * qdd
+    assert_allclose(loads.torque(0 * qd, qd, qdd), expected)
+
+
+def test_what_is_no_joints_own_is_named():
+    actuation = Actuation(
+        friction=(Friction("both", np.ones(2), offset=False), Friction("one", C, stribeck=0.1)),
+        springs=(Spring("s", C),),
+    )
+    drives = joint_drives(replace(actuation, values=np.ones(7)), 2)
+    assert drives is not None
+    assert drives.left_out == ("coulomb both", "viscous both", "offset one", "stribeck one", "spring s")

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.errors import InputError, MissingInertiaError, UnsupportedModelError
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.assembly import Coordinate, Link, assemble

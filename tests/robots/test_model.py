@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.errors import CatenaryError, InputError, MissingInertiaError
 from catenary.gravity.torque import potential_energy
 from catenary.robots.assembly import Coordinate, Link, assemble

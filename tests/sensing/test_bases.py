@@ -9,7 +9,7 @@ from catenary.errors import InputError
 from catenary.sensing.bases import BASES, BaseSpectrum, rules_for
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import FixedBase, SwayingBase, Wave
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SensorModel, SimulatedSensor
 from tests.campaign.parts.sensors import NAMED

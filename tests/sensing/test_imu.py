@@ -5,12 +5,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.sensing.checks import SensorRules
-from catenary.sensing.faults import Fault
+from catenary.sensing.checks import Fault, SensorRules
 from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
-from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import ReadingStatus, tilted_gravity
+from catenary.sensing.vector import Kind, Mailbox, ReadingStatus, tilted_gravity
 from catenary.spatial import LEVEL
 
 TILTED = tilted_gravity(0.2, -0.1)

@@ -4,8 +4,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.sensing.mailbox import Kind
 from catenary.sensing.mounting import Mounting, TumbleSection, load_mounting, save_mounting
+from catenary.sensing.vector import Kind
 
 TURNED = Mounting(
     rotation=Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_matrix(),

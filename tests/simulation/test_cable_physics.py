@@ -4,19 +4,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.cable_physics import Work
+from catenary.simulation.cable_physics import ArmState, Work
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cabled.arm_state import ArmState
 from catenary.simulation.firmware import control_motors, read_encoders
 from catenary.simulation.records import OFF
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.transmission.coupling import tensions_for, winding_of
-from catenary.transmission.elasticity import beyond_backlash
+from catenary.transmission.cable_coupling import tensions_for, winding_of
+from catenary.transmission.cable_elasticity import beyond_backlash
 from oracles import cable_arms
 from oracles.mujoco_cable_arm import MujocoCableArm
 from oracles.tree_poses import potential_energy

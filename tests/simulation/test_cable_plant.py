@@ -10,9 +10,8 @@ from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
 from catenary.simulation.cable_parameters import varied
-from catenary.simulation.cable_plant import PAYLOAD_PLACE, CablePlant
-from catenary.simulation.columns import COLUMNS, CONTROL_FIELDS
-from catenary.transmission.coupling import tensions_for, winding_of
+from catenary.simulation.cable_plant import COLUMNS, CONTROL_FIELDS, PAYLOAD_PLACE, CablePlant
+from catenary.transmission.cable_coupling import tensions_for, winding_of
 from oracles.cable_arms import homed_plant, linear_arm, smooth_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -10,8 +10,7 @@ from catenary.plant import OperatingState
 from catenary.simulation import homing
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.external_encoders import mean_near_peak
-from catenary.simulation.homing import SEEK_SPEED
+from catenary.simulation.homing import SEEK_SPEED, mean_near_peak
 from oracles.cable_arms import homed_plant, linear_arm
 
 Floats = NDArray[np.float64]

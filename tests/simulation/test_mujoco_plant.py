@@ -6,8 +6,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
-from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.gravity.payload import Payload
 from catenary.gravity.torque import gravity_torque, potential_energy

@@ -6,11 +6,10 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
-from catenary.sensing.faults import Fault
+from catenary.sensing.checks import Fault
 from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
-from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import ReadingStatus
+from catenary.sensing.vector import Kind, Mailbox, ReadingStatus
 from catenary.simulation import sensors
 from catenary.simulation.base_motion import FixedBase, RockingBase, imu_reading
 from catenary.simulation.cable_plant import CablePlant

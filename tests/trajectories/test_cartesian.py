@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, LimitError
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose
@@ -20,7 +20,7 @@ def test_tip_follows_a_sine_along_each_axis_in_turn(name: str) -> None:
     start = forward_kinematics(model, STARTS[name])
     times = np.linspace(0.0, motion.duration, 3001)
     q, _, _ = motion.sample(times)
-    rotations, positions = frame_poses(model, q)
+    rotations, positions = forward_kinematics(model, q)
     for axis in range(3):
         turn = (times >= 9.0 * axis) & (times <= 9.0 * (axis + 1))
         others = [other for other in range(3) if other != axis]
@@ -39,7 +39,7 @@ def test_other_robots_are_moved_by_search() -> None:
     model = load_robot("planar_3r")
     motion = CartesianSinusoids(model, [0.3, 0.8, 0.5], axes=("z", "x"), amplitude=0.1, period=2.0, cycles=1)
     times = np.linspace(0.0, motion.duration, 501)
-    _, positions = frame_poses(model, motion.sample(times)[0])
+    _, positions = forward_kinematics(model, motion.sample(times)[0])
     assert motion.duration == pytest.approx(2 * (2.0 + 0.5))
     assert_allclose(positions, motion.tip_positions(times), atol=1e-6)
     assert_allclose(np.ptp(positions, axis=0), [0.2, 0.0, 0.2], atol=1e-3)

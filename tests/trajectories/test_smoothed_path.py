@@ -5,7 +5,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.trajectories.smoothed_path import PEAK, BrokenLine, SmoothedPath
+from catenary.trajectories.smoothed_path import (
+    PEAK,
+    BrokenLine,
+    SmoothedPath,
+    follow_waypoints,
+    go_to,
+)
 
 steps = st.lists(
     st.tuples(st.floats(0.01, 3.0), st.floats(-5.0, 5.0)), min_size=2, max_size=12
@@ -88,3 +94,129 @@ def test_single_point_is_a_joint_at_rest_and_no_line_no_path() -> None:
 def test_bad_lines_are_refused(times: list[float], points: list[float], blend: float, message: str) -> None:
     with pytest.raises(InputError, match=message):
         SmoothedPath([BrokenLine(times, points, blend)])
+
+
+positions = st.lists(st.floats(-3.0, 3.0).map(lambda x: round(x, 6)), min_size=3, max_size=3)
+bounds = st.lists(st.floats(0.01, 10.0), min_size=3, max_size=3)
+
+
+@settings(deadline=None)
+@given(positions, positions, bounds, bounds, st.booleans())
+def test_motion_goes_from_start_to_goal_within_its_bounds(
+    start: list[float], goal: list[float], velocity: list[float], acceleration: list[float], together: bool
+) -> None:
+    motion = go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration, together=together)
+    q, qd, qdd = motion.sample(np.linspace(0.0, motion.duration, 501))
+    assert_allclose(q[[0, -1]], [start, goal], atol=1e-12)
+    way = np.subtract(goal, start)
+    assert (np.diff(q, axis=0) * np.sign(way)).min() >= -1e-9  # never back, never beyond
+    assert (np.abs(qd) <= np.multiply(velocity, 1.0 + 1e-9)).all()
+    assert (np.abs(qdd) <= np.multiply(acceleration, 1.0 + 1e-9)).all()
+    if together and np.abs(way).max() > 0.0:  # on a straight line
+        done = (q - start) @ way / (way @ way)
+        assert_allclose(q, start + done[:, np.newaxis] * way, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("way", "duration", "speed", "acceleration"),
+    [
+        (2.0, 4.0 + 1.5 * 0.5, 0.5, 1.5 * 0.5 / 0.75),  # 4 s at full speed and one blend of 3/2 * 0.5 s
+        (0.06, 2.0 * 0.06 / 0.2, 0.2, 1.0),  # sqrt(way a / 1.5): all of the acceleration
+        (0.0, 0.0, 0.0, 0.0),
+    ],
+)
+def test_way_is_covered_as_quickly_as_the_bounds_allow(way, duration, speed, acceleration) -> None:
+    motion = go_to([0.3], [0.3 + way], max_velocity=[0.5], max_acceleration=[1.0])
+    _, qd, qdd = motion.sample(np.linspace(0.0, motion.duration, 10001))
+    assert motion.duration == pytest.approx(duration)
+    assert qd.max() == pytest.approx(speed)
+    assert np.abs(qdd).max() == pytest.approx(acceleration, rel=1e-6)  # sampled
+
+
+def test_joint_by_itself_does_not_wait_for_others() -> None:
+    bounds = {"max_velocity": [1.0, 1.0], "max_acceleration": [1.0, 1.0]}
+    motion = go_to([0.0, 0.0], [5.0, 0.1], **bounds, together=False)
+    alone = go_to([0.0], [0.1], max_velocity=[1.0], max_acceleration=[1.0])
+    assert motion(alone.duration).q[1] == pytest.approx(0.1)
+    assert motion.duration == go_to([0.0], [5.0], max_velocity=[1.0], max_acceleration=[1.0]).duration
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"q_goal": [1.0]}, r"q_goal: expected shape \(2,\)"),
+        ({"q_start": [0.0, np.nan]}, r"q_start\[1\] is nan"),
+        ({"max_velocity": [1.0, 0.0]}, "max_velocity: expected more than 0"),
+        ({"max_acceleration": [-1.0, 1.0]}, "max_acceleration: expected more than 0"),
+        ({"max_velocity": 1.0}, r"max_velocity: expected shape \(2,\)"),
+        ({"max_velocity": [np.inf, 1.0]}, "max_velocity"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments: dict[str, object], message: str) -> None:
+    good = {"q_start": [0.0, 0.0], "q_goal": [1.0, 1.0], "max_velocity": [1, 1], "max_acceleration": [1, 1]}
+    with pytest.raises(InputError, match=message):
+        go_to(**{**good, **arguments})
+
+
+CORNERS = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]
+
+
+def test_busiest_joint_moves_at_its_speed_past_the_rows() -> None:
+    motion = follow_waypoints(CORNERS, speed=[0.1, 0.2], blend=0.5)
+    assert motion.duration == pytest.approx(10.0 + 2.5 + 10.0 + 0.5)
+    assert_allclose(motion(5.0).qd, [0.1, 0.0], atol=1e-12)
+    assert_allclose(motion(11.5).qd, [0.0, 0.2], atol=1e-12)
+    assert_allclose(motion.corner_distance, [3 / 32 * 0.1 * 0.5, 3 / 32 * 0.2 * 0.5])
+
+
+def test_dense_rows_are_followed_smoothly() -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 5000)
+    motion = follow_waypoints(np.column_stack([np.cos(angle), np.sin(angle)]), speed=[0.2, 0.2], blend=0.5)
+    q, qd, qdd = motion.sample(np.linspace(0.0, motion.duration, 5000))
+    # averaging an arc of 0.14 rad (0.28 rad/s at most) over the blend cuts its corner by 1/20 of its square
+    assert np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < 1e-3
+    assert np.abs(qd).max() <= 0.2 * (1.0 + 1e-9)
+    assert np.abs(qdd).max() <= 3.0 * 0.2 / 0.5 * (1.0 + 1e-9)
+
+
+def test_motion_starts_where_the_robot_is_and_rests_at_the_first_row() -> None:
+    motion = follow_waypoints(CORNERS, speed=[0.1, 0.2], blend=0.5, q_start=[-0.5, 1.0])
+    assert_allclose(motion(0.0).q, [-0.5, 1.0])
+    there = 5.0 + 0.5
+    assert_allclose(motion(there), [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]], atol=1e-12)
+    onward = follow_waypoints(CORNERS, speed=[0.1, 0.2], blend=0.5)
+    assert motion.duration == pytest.approx(there + onward.duration)
+    assert_allclose(motion(there + 7.0).q, onward(7.0).q, atol=1e-12)
+
+
+def test_robot_that_is_there_starts_at_once_and_one_row_is_a_go_to() -> None:
+    speed = [0.5, 0.5]
+    there = follow_waypoints(CORNERS, speed=speed, q_start=CORNERS[0])
+    assert there.duration == follow_waypoints(CORNERS, speed=speed).duration
+    motion = follow_waypoints([[1.0, 1.0]], speed=speed, q_start=[0.0, 0.5])
+    assert_allclose(motion(motion.duration).q, [1.0, 1.0])
+    assert follow_waypoints([[1.0, 1.0]], speed=speed).duration == 0.0
+
+
+def test_repeated_rows_do_not_stop_the_motion() -> None:
+    doubled = np.repeat(CORNERS, 2, axis=0)
+    one, other = (follow_waypoints(rows, speed=[0.1, 0.1]) for rows in (CORNERS, doubled))
+    assert_array_equal(one.sample(np.linspace(0, 20, 50))[0], other.sample(np.linspace(0, 20, 50))[0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"points": np.empty((0, 2))}, "at least one row"),
+        ({"points": np.empty((3, 0)), "speed": []}, "at least one row of one joint"),
+        ({"points": [0.0, 1.0]}, r"points: expected shape \(N, N\)"),
+        ({"points": [[0.0, np.nan]]}, "is nan"),
+        ({"speed": [0.1]}, r"speed: expected shape \(2,\)"),
+        ({"speed": [0.1, 0.0]}, "speed: expected more than 0"),
+        ({"blend": 0.0}, "blend: expected more than 0"),
+        ({"q_start": [0.0]}, r"q_start: expected shape \(2,\)"),
+    ],
+)
+def test_bad_rows_are_refused(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        follow_waypoints(**{"points": CORNERS, "speed": [0.1, 0.1], **arguments})

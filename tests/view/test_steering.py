@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.control.fading import FADE
+from catenary.control.loop import FADE
 from catenary.plant import JointState
-from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.smoothed_path import go_to
 from catenary.view.steering import SteeredTrajectory, SwitchedCorrector
 
 DT = 1e-3

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import ActuationLoads, joint_friction, known_loads
+from catenary.dynamics.actuation_loads import ActuationLoads, joint_friction, known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import MissingInertiaError
 from catenary.identification.files import identification_card, load_identification, save_identification
@@ -41,7 +41,7 @@ LAST = ("friction", "drives", "feedforward")
 def random_loads(n: int, rng: np.random.Generator, *, loaded: bool) -> ActuationLoads:
     """Two effects of every kind, on one coordinate and on a combination of all, with random numbers."""
     one, mixed = np.eye(n)[rng.integers(n)], rng.normal(size=n)
-    lever = LeverSpring(0.01, 0.1, 0.06, float(rng.normal()))
+    lever = LeverSpring(0.01, 0.1, 0.06, float(rng.normal(scale=60.0)))
     actuation = Actuation(
         friction=(
             Friction("one", one, asymmetric=True, stribeck=0.3, load=loaded, presliding=0.01),

@@ -13,7 +13,7 @@ from catenary.calibration.intervals import Intervals
 from catenary.calibration.kernels import Step
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, MissingInertiaError
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.dynamics.lines import inverse_dynamics_line
-from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.workflows.c_header import c_header

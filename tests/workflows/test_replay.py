@@ -12,7 +12,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.recording.foreign.imu import ImuRecording, read_imu
 from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import load_mounting
-from catenary.sensing.orientations import fit_orientations
+from catenary.sensing.tumble import fit_orientations
 from catenary.workflows.replay import calibrate_replay, rests, up_of_poses, up_of_tilts
 from command_line import catenary, refusal
 from foreign_bags import KINDS, Kind, Message, write_bag

@@ -4,8 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import InputError, SensorError
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Mailbox
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.vector import Mailbox, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.workflows.sense import SimulatedFeed, read_still, watch

@@ -18,12 +18,11 @@ from scipy.optimize import lsq_linear
 
 from catenary import MotionLog
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.kernels.compiled import inlined
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.transmission.friction import coulomb
+from catenary.transmission.cable_friction import coulomb
 
 ROBOT = "raven2"
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] on a level base

@@ -120,7 +120,7 @@ def _c(
     as_json: bool,
 ) -> None:
     from catenary.calibration.files import load_model
-    from catenary.dynamics.actuation import joint_friction
+    from catenary.dynamics.actuation_loads import joint_friction
     from catenary.workflows.c_header import c_header, write_header
 
     calibration = None if model is None else load_model(model)[0]

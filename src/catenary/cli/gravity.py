@@ -22,7 +22,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.control.measures import Holding, Tracking
+    from catenary.control.loop_report import Holding, Tracking
     from catenary.robots.model import RobotModel
 
 SHOWN_POSES = 9  # of a motion, in its report
@@ -63,7 +63,7 @@ def gravity(
     if latex:
         if as_json or q is not None or q_deg is not None:
             raise InputError("gravity: --latex goes without --q, --q-deg and --json")
-        from catenary.gravity.formula import gravity_latex
+        from catenary.gravity.compact_regressor import gravity_latex
 
         print_notes(given.doubts(gravity))
         print(gravity_latex(model, gravity))

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
-    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting
+    from catenary.sensing.vector import Mailbox
 
 
 ImuReading = Annotated[
@@ -34,8 +34,8 @@ ImuReading = Annotated[
 def gravity_of_reading(reading: str, mounting: Path | None = None) -> "Floats":
     """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting file."""
     from catenary.arrays import as_array
-    from catenary.sensing.mailbox import Kind
     from catenary.sensing.mounting import Mounting, load_mounting
+    from catenary.sensing.vector import Kind
 
     told = Mounting() if mounting is None else load_mounting(mounting)
     force = as_array("--imu-reading", numbers("--imu-reading", reading, 3), (3,))

@@ -161,7 +161,7 @@ def _opened(
     """Open the sensor, with its mounting and ranges; no feed for a simulated tumble, which is many sensors."""
     from dataclasses import replace
 
-    from catenary.sensing.mailbox import Mailbox
+    from catenary.sensing.vector import Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
     from catenary.workflows.sense import SimulatedFeed, serial_feed

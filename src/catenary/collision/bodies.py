@@ -1,15 +1,108 @@
-"""Shapes in the form that distances are taken in: a capsule about each, and the shape itself."""
+"""Shapes in the form that distances are taken in: a capsule about each, and Coal's form of it; floors, boxes, meshes.
 
+The only file that imports Coal, the library behind Pinocchio.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Shape
+from catenary.errors import FileFormatError, InputError, MissingPackageError
+from catenary.robots.geometry import (
+    Ball,
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    MeshFile,
+    Shape,
+    TriangleMesh,
+    check_form,
+)
 from catenary.spatial import Pose
 
+MOST_TRIANGLES = 2_000_000
 ROUNDING = 1e-9  # [m] added to the capsule about vertices
+
+
+def _coal() -> Any:
+    try:
+        import coal
+    except ImportError as error:
+        raise MissingPackageError(
+            "shapes that are no capsules need Coal, which is not installed: pip install catenary[collision]; "
+            "--no-collision-check goes on without"
+        ) from error
+    return coal
+
+
+def primitive(form: Box | Cylinder | Ellipsoid) -> Any:
+    """Return a simple form as Coal has it."""
+    coal = _coal()
+    kind = {Box: coal.Box, Cylinder: coal.Cylinder, Ellipsoid: coal.Ellipsoid}[type(form)]
+    return kind(*form)
+
+
+def mesh_of(name: str, form: TriangleMesh | MeshFile) -> tuple[Any, Any, Floats]:
+    """Return a mesh's convex hull, the mesh itself, and its vertices (V, 3) [m]."""
+    coal = _coal()
+    if isinstance(form, MeshFile):
+        where = f'"{name}": {form.path}'
+        scale = np.array(form.scale, dtype=float)
+        try:
+            surface = coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(form.path), scale)
+        except (RuntimeError, ValueError) as error:
+            raise FileFormatError(f"{where}: cannot be read as a mesh: {str(error).strip()}") from error
+    else:
+        where = f'"{name}"'
+        surface = _surface(coal, form)
+    vertices = np.array(surface.vertices(), dtype=float).reshape(-1, 3)
+    if len(vertices) < 3 or not np.isfinite(vertices).all() or surface.num_tris > MOST_TRIANGLES:
+        raise FileFormatError(
+            f"{where}: {len(vertices)} vertices, {surface.num_tris} triangles: expected finite ones, up to "
+            f"{MOST_TRIANGLES:,} triangles"
+        )
+    try:
+        surface.buildConvexHull(True, "Qt")
+    except (RuntimeError, ValueError) as error:
+        raise FileFormatError(f"{where}: the mesh is flat: it has no convex hull") from error
+    return surface.convex, surface, vertices
+
+
+def _surface(coal: Any, mesh: TriangleMesh) -> Any:
+    surface = coal.BVHModelOBBRSS()
+    surface.beginModel(len(mesh.triangles), len(mesh.vertices))
+    surface.addVertices(np.asarray(mesh.vertices, dtype=float))
+    surface.addTriangles(np.asarray(mesh.triangles, dtype=np.int64))
+    surface.endModel()
+    return surface
+
+
+def distances() -> Callable[[Any, Pose, Any, Pose], float]:
+    """Return a function of two of Coal's forms and their poses: their distance [m], negative where they overlap."""
+    coal = _coal()
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+
+    def distance(a: Any, at_a: Pose, b: Any, at_b: Pose) -> float:
+        result.clear()
+        return float(coal.distance(a, coal.Transform3s(*at_a), b, coal.Transform3s(*at_b), request, result))
+
+    return distance
+
+
+def capsule(radius: float, length: float) -> Any:
+    """Return a capsule along z as Coal has it."""
+    return _coal().Capsule(radius, length)
+
+
+def half_space() -> Any:
+    """Return all that lies below z = 0 as Coal has it."""
+    return _coal().Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
 
 
 @dataclass(frozen=True)
@@ -58,8 +151,6 @@ def _body(shape: Shape, *, obstacle: bool) -> Body:
     elif isinstance(form, Capsule):
         half, radius = np.array([0.0, 0.0, 0.5 * form.length]), form.radius
     else:
-        from catenary.collision.coal_shapes import mesh_of, primitive
-
         if isinstance(form, Cylinder):
             half, radius = np.array([0.0, 0.0, 0.5 * form.length]), form.radius
             solid = primitive(form)
@@ -99,3 +190,30 @@ def capsule_about(vertices: Floats) -> tuple[Floats, Floats, float]:
     if low > high:  # one ball holds all
         low = high = 0.5 * (low + high)
     return mean + middle + 0.5 * (low + high) * axis, 0.5 * (high - low) * axis, radius + ROUNDING
+
+
+def floor_at(height: float) -> Shape:
+    """Return a floor: all that lies below a height [m] in the base frame."""
+    if not np.isfinite(height):
+        raise InputError(f"floor: height {height}, expected a finite number of metres")
+    return Shape("floor", -1, Pose(np.eye(3), np.array([0.0, 0.0, height])), HalfSpace())
+
+
+def box_at(number: int, numbers: Sequence[float]) -> Shape:
+    """Return a box: its centre x, y, z in the base frame and its edges along x, y, z [m]."""
+    if len(numbers) != 6 or not np.isfinite(numbers).all():
+        raise InputError(
+            f"box {number}: expected six numbers, its centre x,y,z and its edges x,y,z in m, got {list(numbers)}"
+        )
+    form = Box(*(float(v) for v in numbers[3:]))
+    check_form(f"box {number}", form)
+    return Shape(f"box {number}", -1, Pose(np.eye(3), np.array(numbers[:3], dtype=float)), form)
+
+
+def mesh_at(path: Path, place: Sequence[float]) -> Shape:
+    """Return the mesh of a file whose origin stands at `place` (3,) [m] in the base frame, along its axes."""
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such mesh")
+    if len(place) != 3 or not np.isfinite(place).all():
+        raise InputError(f"{path}: expected its place x,y,z in m, got {list(place)}")
+    return Shape(path.name, -1, Pose(np.eye(3), np.array(place, dtype=float)), MeshFile(path))

@@ -1,4 +1,4 @@
-"""A robot among obstacles: which pairs of bodies are looked at, and how far apart they are at a configuration."""
+"""A robot among obstacles: which pairs of bodies are looked at, how far apart they are, how fast that may change."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,16 +9,91 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.collision.bodies import Body, bodies_of
-from catenary.collision.segments import segment_distance
-from catenary.dynamics.kinematics import link_poses
+from catenary.collision.bodies import Body, bodies_of, capsule, distances, half_space
+from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
+_POINT = 1e-18  # [m2] square of a length of nothing
 Index = NDArray[np.int64]
 Names = tuple[str, str]
+
+
+def segment_distance(p0: Floats, p1: Floats, q0: Floats, q1: Floats) -> Floats:
+    """Return the distances (...) between segments p0 p1 and q0 q1, ends (..., 3) [m].
+
+    The closest points of the lines, clamped to the segments, one after the other. [Ericson, Real-Time Collision
+    Detection, 2005, section 5.1.9]
+    """
+    d1, d2, r = p1 - p0, q1 - q0, p0 - q0
+    a, e, b = _dot(d1, d1), _dot(d2, d2), _dot(d1, d2)
+    c, f = _dot(d1, r), _dot(d2, r)
+    safe_a, safe_e = np.where(a > _POINT, a, 1.0), np.where(e > _POINT, e, 1.0)
+    denominator = a * e - b * b
+    lines = denominator > 1e-12 * np.maximum(a * e, _POINT)  # parallel ones: any point of the first will do
+    s = np.clip(np.where(lines, (b * f - c * e) / np.where(lines, denominator, 1.0), 0.0), 0.0, 1.0)
+    s = np.where(e > _POINT, s, np.clip(-c / safe_a, 0.0, 1.0))
+    t = np.where(e > _POINT, (b * s + f) / safe_e, 0.0)
+    clamped = np.clip(t, 0.0, 1.0)
+    s = np.where(t != clamped, np.clip((b * clamped - c) / safe_a, 0.0, 1.0), s)
+    s = np.where(a > _POINT, s, 0.0)
+    clamped = np.where(a > _POINT, clamped, np.where(e > _POINT, np.clip(f / safe_e, 0.0, 1.0), 0.0))
+    apart = r + s[..., None] * d1 - clamped[..., None] * d2
+    return np.asarray(np.sqrt(_dot(apart, apart)))
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def reach_of_body(model: RobotModel, body: Body) -> Floats:
+    """Return the largest speed (n_tree,) of a body's points for unit speed of each tree joint [m or 1].
+
+    A turning joint moves a point by at most its distance from the axis: no more than the way along the links to it,
+    whatever the joints between do; the first piece counts across the axis only. A sliding joint moves all it carries
+    by its own speed. Unlimited sliding joints reach without bound.
+    """
+    tree = model.tree
+    reach = np.zeros(len(tree.parent))
+    travel = _travel(model)
+    chain: list[int] = []
+    link = body.link
+    while link >= 0:
+        chain.append(link)
+        link = int(tree.parent[link])
+    for place, joint in enumerate(chain):
+        if tree.prismatic[joint]:
+            reach[joint] = 1.0
+            continue
+        beyond = chain[:place][::-1]  # joints between this one and the body, the nearest first
+        if not beyond:
+            ends = (_across(tree.axis[joint], end) for end in (body.start, body.end))
+            reach[joint] = max(ends) + body.radius
+            continue
+        way = _across(tree.axis[joint], tree.origin[beyond[0]]) + travel[beyond[0]]
+        way += sum(float(np.linalg.norm(tree.origin[k])) + travel[k] for k in beyond[1:])
+        reach[joint] = way + body.extent
+    return reach
+
+
+def _across(axis: Floats, vector: Floats) -> float:
+    """Return the length of a vector across an axis."""
+    return float(np.linalg.norm(vector - (vector @ axis) * axis))
+
+
+def _travel(model: RobotModel) -> Floats:
+    """Return how far each sliding tree joint is from its zero at most [m]; zero of turning ones."""
+    with np.errstate(invalid="ignore"):
+        middle = 0.5 * (model.lower + model.upper)
+        half = 0.5 * (model.upper - model.lower)
+        used = model.coupling != 0.0
+        middle, half = (np.where(used, v[None, :], 0.0) for v in (middle, half))
+        farthest = np.abs((model.coupling * middle).sum(axis=1) + model.offset)
+        farthest = farthest + (np.abs(model.coupling) * half).sum(axis=1)
+    farthest = np.where(np.isnan(farthest), np.inf, farthest)
+    return np.where(model.tree.prismatic, farthest, 0.0)
 
 
 @dataclass(frozen=True)
@@ -48,12 +123,8 @@ class CollisionScene:
 
     def place(self, q: Floats) -> PlacedBodies:
         """Return the links' poses at configurations (N, n)."""
-        rotations, positions = link_poses(self.model, q)
-        n = len(q)
-        return PlacedBodies(
-            np.concatenate([rotations, np.broadcast_to(np.eye(3), (n, 1, 3, 3))], axis=1),
-            np.concatenate([positions, np.zeros((n, 1, 3))], axis=1),
-        )
+        placed = Configuration(self.model, q)
+        return PlacedBodies(placed.rotations, placed.positions)
 
     def lower_bounds(self, placed: PlacedBodies) -> Floats:
         """Return distances (N, P) [m] that the pairs have at least, by the capsules about them."""
@@ -94,8 +165,6 @@ class CollisionScene:
     @cached_property
     def reach(self) -> Floats:
         """How fast a pair's distance changes at most: (P, n) [m/s] for one unit of each coordinate's speed."""
-        from catenary.collision.reach import reach_of_body
-
         tree = np.array([reach_of_body(self.model, body) for body in self.bodies])
         common = np.array(
             [self._ancestors(self.bodies[a]) & self._ancestors(self.bodies[b]) for a, b in self.pairs]
@@ -137,8 +206,6 @@ class CollisionScene:
     def _solid(self, body: Body) -> Any:
         if body.solid is not None:
             return body.solid
-        from catenary.collision.coal_shapes import capsule, half_space
-
         key = f"{body.name} {id(body)}"
         if key not in self._tools:
             length = float(np.linalg.norm(body.end - body.start))
@@ -147,8 +214,6 @@ class CollisionScene:
 
     def _measure(self, a: Any, body_a: Body, b: Any, body_b: Body, placed: PlacedBodies, row: int) -> float:
         if "distance" not in self._tools:
-            from catenary.collision.coal_shapes import distances
-
             self._tools["distance"] = distances()
         return float(self._tools["distance"](a, placed.pose(row, body_a), b, placed.pose(row, body_b)))
 

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.control.limits import TorqueLimits
-from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
-from catenary.transmission.coupling import winding_of
+from catenary.transmission.cable_coupling import winding_of
 
 FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a stiff arm follow with ease
 DAMPING_RATIO = 0.7
@@ -40,14 +40,8 @@ class JointGains(NamedTuple):
 def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: ArrayLike) -> JointGains:
     """Return gains at the joints of a robot that controls its motors.
 
-    Args:
-        kp: (n,) torque at the gearbox's output per turning of the motor [Nm/rad].
-        kd: (n,) [Nms/rad].
-        ratio: (n,) motor turning per joint motion [rad/rad|rad/m].
-        gearbox: (n,) motor turning per turning of the gearbox's output.
-
-    Raises:
-        InputError: Arguments of different lengths, or not finite.
+    Of each (n,) motor: kp torque at the output of the gearbox per turning of the motor [Nm/rad], kd [Nms/rad], ratio
+    its turning per joint motion [rad/rad|rad/m], gearbox its turning per turning of the output.
     """
     turns = as_array("ratio", ratio, (None,))
     lever = turns**2 / as_array("gearbox", gearbox, turns.shape)
@@ -59,14 +53,8 @@ def torque_at_joints(
 ) -> Floats:
     """Return the largest torques (n,) [Nm|N] at the joints that a motor board can give.
 
-    Args:
-        dac_limit: (n,) of the board's output; 0 for none.
-        dac_per_ampere: (n,) [1/A].
-        torque_constant: (n,) of the motors [Nm/A].
-        ratio: (n,) motor turning per joint motion [rad/rad|rad/m].
-
-    Raises:
-        InputError: Arguments of different lengths, or not finite.
+    Of each (n,) motor: dac_limit of the output of the board, 0 for none; dac_per_ampere [1/A]; torque_constant [Nm/A];
+    ratio, its turning per joint motion [rad/rad|rad/m].
     """
     turns = as_array("ratio", ratio, (None,))
     most = as_array("dac_limit", dac_limit, turns.shape)
@@ -78,13 +66,8 @@ def torque_at_joints(
 def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: ArrayLike) -> Floats:
     """Return what the motors of three coupled joints add to the mass matrix: C^T diag(J ratio^2) C, (3, 3).
 
-    Args:
-        rotor_inertia: (3,) at the shafts [kg m2].
-        ratio: (3,) motor turning per joint motion [rad/rad|rad/m].
-        coupling: (3,) c01, c02, c12 of transmission/coupling.py.
-
-    Raises:
-        InputError: An argument has another shape or is not finite.
+    rotor_inertia (3,) at the shafts [kg m2], ratio (3,) motor turning per joint motion [rad/rad|rad/m], coupling (3,)
+    c01, c02, c12 of transmission/cable_coupling.py.
     """
     c = as_array("coupling", coupling, (3,))
     C = np.array([winding_of(c, unit) for unit in np.eye(3)]).T
@@ -114,10 +97,6 @@ def gains_from_mass(
         damping_ratio: 1 is critical.
         rate_hz: Of the loop that samples the arm [Hz].
         motor_inertia: (n, n) what motors add to the mass matrix; none when None.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: Not positive, or a joint that has nothing to move: its gains would be zero.
     """
     given = (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio), ("rate_hz", rate_hz))
     for name, value in given:
@@ -164,14 +143,8 @@ def _reduced_inertia(inertia: Floats, masses: Floats, most: float) -> Floats:
 def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upper: Floats) -> TorqueLimits:
     """Return torque limits: RISE_TIME from none to all of `torque`, which fades over TAPER to joint limits.
 
-    Args:
-        torque: (n,) largest [Nm|N]; infinity for none, which has no largest rate either.
-        units: (n,) "rad" or "m".
-        lower: (n,) joint limits [rad|m]; infinite for none.
-        upper: (n,).
-
-    Raises:
-        InputError: Shapes that do not fit together.
+    torque (n,) is the largest [Nm|N], infinity for none, which has no largest rate either; joint limits (n,) [rad|m]
+    are infinite for none.
     """
     most = as_array("torque", torque, (len(units),), finite=False)
     return TorqueLimits(

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.control.controller import gravity_and_rates, nominal_gravity
-from catenary.control.pd import Damping, JointPD
-from catenary.dynamics.kernels import holding_kernel
+from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
+from catenary.dynamics.robot_kernels import holding_kernel
 from catenary.errors import InputError
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
@@ -88,10 +87,6 @@ class GravityHold:
         Args:
             model: With inertia.
             gravity: (3,) nominal vector in base axes [m/s2]; None takes the sensed one.
-
-        Raises:
-            MissingInertiaError: Links without inertia.
-            InputError: Gravity of another shape, or not finite.
         """
         self.model = model
         self.gravity = nominal_gravity(gravity)
@@ -99,11 +94,7 @@ class GravityHold:
         self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return the torques (n,) [Nm|N] that gravity asks for at the measured position.
-
-        Raises:
-            InputError: The robot has another number of joints than the model.
-        """
+        """Return the torques (n,) [Nm|N] that gravity asks for at the measured position."""
         if len(state.q) != self.model.n:
             raise InputError(
                 f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}"

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.control.controller import gravity_and_rates, nominal_gravity
-from catenary.control.pd import JointPD
-from catenary.dynamics.kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
+from catenary.control.pd import JointPD, gravity_and_rates, nominal_gravity
+from catenary.dynamics.robot_kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.errors import InputError
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel

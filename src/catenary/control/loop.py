@@ -7,20 +7,20 @@ from itertools import count
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.control.controller import Controller
-from catenary.control.fading import Fade
-from catenary.control.leaving import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
 from catenary.control.limits import TorqueLimits
+from catenary.control.loop_report import GravityTally, LoopReport, RunningRms
+from catenary.control.pd import Controller
 from catenary.control.realtime import Durations, RealTime
-from catenary.control.report import GravityTally, LoopReport, RunningRms
+from catenary.control.shutdown import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.plant import JointState, Plant, require_ready
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
 
+FADE = 1.5  # [s] from a leap until all of it has come on
 Flags = NDArray[np.bool_]
 # [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
 LEAP = {"rad": 0.02, "m": 0.002}
@@ -28,6 +28,26 @@ SAG = {
     "rad": 0.1,
     "m": 0.01,
 }  # from where it is measured, with a controller: an arm may have sagged under another
+
+
+class Fade:
+    """What is left out of a correction that leaps: all of the leap at first, then in equal steps ever less."""
+
+    def __init__(self, correction: Floats, period: float) -> None:
+        """Begin at a correction (n,) [rad|m] that is already acting, in ticks of `period` [s]."""
+        self._last, self._share = correction, period / FADE
+        self._left = self._step = np.zeros(len(correction))
+
+    def left_out(self, correction: Floats, leaps: ArrayLike) -> Floats:
+        """Return what is left out of a tick's correction (n,) [rad|m], which `leaps` from the last one where told."""
+        leap = np.where(leaps, np.nan_to_num(correction - self._last), 0.0)
+        self._last = correction
+        if leap.any():
+            self._left = self._left + leap
+            self._step = self._share * np.abs(self._left)
+        left = self._left
+        self._left = left - np.clip(left, -self._step, self._step)
+        return left
 
 
 class StateCorrector(Protocol):
@@ -87,7 +107,7 @@ def run_loop(
     whatever is compiled on first use holds up nothing but the start.
 
     The robot is where the trajectory begins: by its setpoint without a controller, else as it is measured, or by its
-    calibrated positions. A correction comes on within `fading.FADE` seconds where the trajectory begins at the
+    calibrated positions. A correction comes on within FADE seconds where the trajectory begins at the
     position that the robot reports, and where it changes between model and fixed offset: the controller sees no leap.
     Until then the state's half-widths are wider by what is left out.
 

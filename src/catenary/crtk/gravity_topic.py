@@ -7,7 +7,7 @@ from catenary.crtk.conversions import seconds
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
-from catenary.sensing.mailbox import Kind, Mailbox
+from catenary.sensing.vector import Kind, Mailbox
 
 IMU, ACCEL, VECTOR = "sensor_msgs/Imu", "geometry_msgs/AccelStamped", "geometry_msgs/Vector3Stamped"
 TYPES = (IMU, ACCEL, VECTOR)

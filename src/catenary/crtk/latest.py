@@ -11,8 +11,8 @@ from catenary.crtk.message import Message
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.sensing.checks import SensorRules
-from catenary.sensing.mailbox import Kind
 from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Kind
 from catenary.spatial import LEVEL
 
 PUBLISHED = 1.0, 30.0  # [m/s2] of gravity that a node has judged already, on bases that accelerate

@@ -21,7 +21,7 @@ from catenary.recording.topics import (
     Arm,
     TopicColumn,
 )
-from catenary.transmission.coupling import joint_forces
+from catenary.transmission.cable_coupling import joint_forces
 
 # state that a run level stands for: emergency stop, init, pedal up, pedal down
 _RUN_LEVELS = {

@@ -19,8 +19,8 @@ from catenary.devices.line_protocol import (
 )
 from catenary.devices.serial_board import BAUD, SerialBoard
 from catenary.errors import InputError, SensorError
-from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Kind, Mailbox
 
 ASK = b"?\n"  # the board answers with a hello
 

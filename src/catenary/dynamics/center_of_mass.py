@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_batch
-from catenary.dynamics.coordinates import place_tree, to_robot_columns
-from catenary.dynamics.recursion import first_moments, place_links
+from catenary.dynamics.recursion import first_moments, place_links, place_tree, to_robot_columns
 from catenary.dynamics.vectors import cross, row, times
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled

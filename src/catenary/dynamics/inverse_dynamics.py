@@ -1,4 +1,4 @@
-"""The torques of a motion, and the velocity terms of M qdd + C qd + g = tau as a matrix."""
+"""Inverse dynamics, Coriolis matrix and mass matrix: the terms of M(q) qdd + C(q, qd) qd + g(q) = tau."""
 
 from typing import NamedTuple
 
@@ -6,10 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.coordinates import place_tree, to_robot, to_tree
-from catenary.dynamics.kernels import one_by_kernel
-from catenary.dynamics.lines import inverse_dynamics_line
-from catenary.dynamics.recursion import newton_euler_recursion
+from catenary.dynamics.lines import inverse_dynamics_line, mass_matrix_line
+from catenary.dynamics.recursion import (
+    composite_body_recursion,
+    newton_euler_recursion,
+    place_tree,
+    to_robot,
+    to_robot_matrix,
+    to_tree,
+)
+from catenary.dynamics.robot_kernels import DynamicQuantity
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
@@ -61,17 +67,12 @@ def inverse_dynamics(
         InputError: An argument has another shape or is not finite.
     """
     if base is None:
-        inputs = q, qd, qdd, gravity, _AT_REST, _AT_REST
-        quick = one_by_kernel(model, "inverse-dynamics", inverse_dynamics_line, 1, inputs)
+        quick = _INVERSE_DYNAMICS.of_one(model, (q, qd, qdd, gravity, _AT_REST, _AT_REST))
         if quick is not None:
             return quick
     model.require_inertia()
-    (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
-    gravities = gravity_rows(gravity, len(rows))
-    base_motion = np.zeros((1, 3, 3)) if base is None else base_rows(base, len(rows))
-    out = np.empty((len(rows), model.n))
-    arm = model.tree, model.coupling, model.offset
-    _inverse_dynamics_rows(*arm, rows, velocities, accelerations, gravities, base_motion, out)
+    motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
+    out = _INVERSE_DYNAMICS.of_rows(model, (*motion, *felt_rows(gravity, base, len(motion[0]))))
     return out[0] if single else out
 
 
@@ -99,25 +100,47 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     largest = np.abs(velocities).max(axis=1, initial=0.0)
     s = np.where(largest > 0.0, largest, 1.0)[:, None, None]
     places = np.repeat(rows, model.n, axis=0)
-    still, no_gravity, base_at_rest = np.zeros_like(places), np.zeros((1, 3)), np.zeros((1, 3, 3))
+    still, nothing = np.zeros_like(places), np.zeros((1, 3))
     terms = []
     for sign in (1.0, -1.0):
         moved = (velocities[:, None, :] + sign * s * np.eye(model.n)).reshape(places.shape)
         h = np.empty_like(places)
         arm = model.tree, model.coupling, model.offset
-        _inverse_dynamics_rows(*arm, places, moved, still, no_gravity, base_at_rest, h)
+        _inverse_dynamics_rows(*arm, places, moved, still, nothing, nothing, nothing, h)
         terms.append(h.reshape(len(rows), model.n, model.n))
     matrices = np.swapaxes((terms[0] - terms[1]) / (4.0 * s), 1, 2)
     out: Floats = np.ascontiguousarray(matrices)
     return out[0] if single else out
 
 
-def gravity_rows(gravity: ArrayLike, count: int) -> Floats:
-    """Return gravity (3,) or (N, 3) as one row for all, or as one row for each of `count` configurations.
+def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
+    """Return the mass matrix: the kinetic energy is qd^T M qd / 2.
+
+    Composite rigid bodies (Walker, Orin 1982). Motors' inertia is not in it.
+
+    Args:
+        model: The robot.
+        q: (n,) or (N, n) coordinates [rad or m].
+        threads: How many to share the rows among; as in `gravity_torque`.
+
+    Returns:
+        Symmetric (n, n) or (N, n, n) [kg m2, kg m or kg], by the units of its row and column.
 
     Raises:
-        InputError: Another shape or number of rows, NaN or infinity.
+        MissingInertiaError: Links without inertia.
+        InputError: q has another shape or is not finite.
     """
+    quick = _MASS_MATRIX.of_one(model, (q,))
+    if quick is not None:
+        return quick
+    model.require_inertia()
+    rows, single = as_batch("q", q, model.n)
+    out = _MASS_MATRIX.of_rows(model, (rows,), threads)
+    return out[0] if single else out
+
+
+def gravity_rows(gravity: ArrayLike, count: int) -> Floats:
+    """Return gravity (3,) or (N, 3) as one row for all, or as one row for each of `count` configurations."""
     return _vector_rows("gravity", gravity, count)
 
 
@@ -128,27 +151,25 @@ def _vector_rows(name: str, vectors: ArrayLike, count: int) -> Floats:
     return rows
 
 
-def base_rows(base: BaseMotion, count: int) -> Floats:
-    """Return a base's motion as one (3, 3) for all configurations, or one for each: (1 or N, 3, 3).
+def felt_rows(gravity: ArrayLike, base: BaseMotion | None, count: int) -> tuple[Floats, Floats, Floats]:
+    """Return what joints feel of gravity and a base's motion, each (1, 3) for all configurations, or (N, 3).
 
-    Raises:
-        InputError: Another shape or number of rows, NaN or infinity.
+    Gravity less the acceleration of the base's origin [m/s2], and the base's angular velocity and acceleration.
     """
-    motions = [
-        _vector_rows(f"base {name.replace('_', ' ')}", base[r], count)
-        for r, name in enumerate(BaseMotion._fields)
-    ]
-    rows: Floats = np.stack(np.broadcast_arrays(*motions), axis=1)
-    return rows
+    down = gravity_rows(gravity, count)
+    if base is None:
+        return down, _AT_REST[None], _AT_REST[None]
+    omega, alpha, linear = (
+        _vector_rows(f"base {name.replace('_', ' ')}", vectors, count)
+        for name, vectors in zip(BaseMotion._fields, base, strict=True)
+    )
+    return down - linear, omega, alpha
 
 
 def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> tuple[list[Floats], bool]:
     """Return q and its rates, which come in the shape of q, as (N, n) each, and whether q was a single row.
 
     A rate that is None is zero.
-
-    Raises:
-        InputError: Another shape, NaN or infinity; the message opens with the name of the argument.
     """
     rows, single = as_batch("q", q, model.n)
     shape = (model.n,) if single else rows.shape
@@ -165,7 +186,8 @@ def _inverse_dynamics_rows(
     qd: Floats,
     qdd: Floats,
     gravity: Floats,
-    base_motion: Floats,
+    base_omega: Floats,
+    base_alpha: Floats,
     out: Floats,
 ) -> None:
     n = len(tree.parent)
@@ -175,15 +197,31 @@ def _inverse_dynamics_rows(
     omega, alpha, acceleration = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3))
     force, moment = np.empty((n + 1, 3)), np.empty((n + 1, 3))
     for k in range(len(q)):
-        base = base_motion[k if len(base_motion) > 1 else 0]
-        omega[n] = base[0]
-        alpha[n] = base[1]
+        omega[n] = base_omega[k if len(base_omega) > 1 else 0]
+        alpha[n] = base_alpha[k if len(base_alpha) > 1 else 0]
         place_tree(tree, coupling, offset, q[k], work, rotation, position)
         to_tree(coupling, qd[k], xd)
         to_tree(coupling, qdd[k], xdd)
         for r in range(3):
-            acceleration[n, r] = base[2, r] - gravity[k if len(gravity) > 1 else 0, r]
+            acceleration[n, r] = 0.0 - gravity[k if len(gravity) > 1 else 0, r]
         newton_euler_recursion(
             tree, rotation, position, xd, xdd, omega, alpha, acceleration, force, moment, torque
         )
         to_robot(coupling, torque, out[k])
+
+
+@compiled
+def _mass_matrix_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, out: Floats) -> None:
+    n = len(tree.parent)
+    work = np.empty((3, n))
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    mass, moment, inertia = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
+    tree_matrix, half = np.empty((n, n)), np.empty((n, coupling.shape[1]))
+    for k in range(len(q)):
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        composite_body_recursion(tree, rotation, position, mass, moment, inertia, tree_matrix)
+        to_robot_matrix(coupling, tree_matrix, half, out[k])
+
+
+_INVERSE_DYNAMICS = DynamicQuantity("inverse-dynamics", inverse_dynamics_line, _inverse_dynamics_rows, 1)
+_MASS_MATRIX = DynamicQuantity("mass-matrix", mass_matrix_line, _mass_matrix_rows, 2)

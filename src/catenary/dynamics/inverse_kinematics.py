@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_positive
-from catenary.dynamics.kinematics import forward_kinematics, jacobian
+from catenary.dynamics.kinematics import Configuration
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import Frame, RobotModel
@@ -41,7 +41,7 @@ def inverse_kinematics(
 ) -> Floats:
     """Return coordinates within the joint limits that bring a frame to a pose.
 
-    RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_closed_form.py). Other arms are
+    RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_inverse_kinematics.py). Other arms are
     searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
 
     Args:
@@ -121,14 +121,6 @@ def nearest_coordinates(
 
     For poses that were measured, or asked of arms with fewer than six coordinates, which none reaches exactly. Nearest
     in the sum of squares of the distance [m] and the angle [rad].
-
-    Args:
-        model: The robot.
-        pose: Of the frame in the base frame [m].
-        q_start: (n,) where to search from [rad or m].
-        frame: Name of the frame; the model's tip when None.
-        match: "pose", or "position" alone.
-        max_iterations: Steps tried.
     """
     start = np.clip(q_start, model.lower, model.upper)
     return _damped_least_squares(
@@ -159,22 +151,12 @@ def _damped_least_squares(
     Levenberg-Marquardt: step = (J^T J + damping 1)^-1 J^T e, e the position error [m] over the rotation that
     is left [rad]; the damping shrinks after a step that helped and grows until one does. A coordinate that a
     step would press against its limit is left out of it. [D. Marquardt, J. SIAM 11 (1963); for inverse
-    kinematics T. Sugihara, IEEE Trans. Robotics 27 (2011)]
-
-    Args:
-        model: The robot.
-        target: Pose of the frame in the base [m].
-        q_start: (n,) [rad or m], within the limits.
-        frame: Name of the frame; the model's tip when None.
-        with_orientation: Match the orientation too, not the position alone.
-        position_tolerance: [m].
-        orientation_tolerance: [rad].
-        max_iterations: Steps tried at most.
+    kinematics T. Sugihara, IEEE Trans. Robotics 27 (2011)] `q_start` (n,) is within the limits.
     """
     rows = 6 if with_orientation else 3
 
-    def error(q: Floats) -> Floats:
-        pose = forward_kinematics(model, q, frame)
+    def error(placed: Configuration) -> Floats:
+        pose = placed.pose(frame)
         left = target.position - pose.position
         if not with_orientation:
             return left
@@ -185,21 +167,22 @@ def _damped_least_squares(
             np.linalg.norm(e[:3]) <= position_tolerance and np.linalg.norm(e[3:]) <= orientation_tolerance
         )
 
-    q, e = q_start, error(q_start)
-    damping = 1e-3
+    q, placed = q_start, Configuration(model, q_start)
+    e, damping = error(placed), 1e-3
     for _ in range(max_iterations):
         if reached(e) or damping > _MOST_DAMPING:
             break
-        J = jacobian(model, q, frame)[:rows]
+        J = placed.jacobian(frame)[:rows]
         pull = J.T @ e
         free = ~((pull < 0.0) & (q <= model.lower) | (pull > 0.0) & (q >= model.upper))
         step = np.zeros(model.n)
         J_free = J[:, free]
         step[free] = np.linalg.solve(J_free.T @ J_free + damping * np.eye(J_free.shape[1]), pull[free])
         trial = np.clip(q + step, model.lower, model.upper)
-        e_trial = error(trial)
+        placed_there = Configuration(model, trial)
+        e_trial = error(placed_there)
         if e_trial @ e_trial < e @ e:
-            q, e = trial, e_trial
+            q, placed, e = trial, placed_there, e_trial
             damping = max(damping / 10.0, _LEAST_DAMPING)
         else:
             damping *= 5.0

@@ -1,15 +1,49 @@
-"""Where the links and frames are, and how they move with the coordinates."""
+"""Where the links and frames are, how they move with the coordinates, and what a frame can reach."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.coordinates import place_tree, to_robot_columns
-from catenary.dynamics.recursion import place_links
+from catenary.dynamics.recursion import place_links, place_tree, to_robot_columns
 from catenary.dynamics.vectors import add, cross, row, times
+from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import Pose
+
+AT_A_LIMIT = 0.3  # of the positions of each joint: else the edge of a workspace is hardly ever drawn
+
+
+class Configuration:
+    """A robot at q, (n,) or (N, n): its links are placed once, for poses and Jacobians of any of its frames.
+
+    [as Pink's `Configuration`]
+    """
+
+    def __init__(self, model: RobotModel, q: ArrayLike) -> None:
+        """Place the links at coordinates q [rad or m]."""
+        rows, self._single = as_batch("q", q, model.n)
+        self.model, nodes = model, len(model.link_names) + 1
+        # R_base_i (N, n_tree + 1, 3, 3) and origins (N, n_tree + 1, 3) [m] of the links in the base, which is the last
+        self.rotations, self.positions = np.empty((len(rows), nodes, 3, 3)), np.empty((len(rows), nodes, 3))
+        _place_rows(model.tree, model.coupling, model.offset, rows, self.rotations, self.positions)
+
+    def pose(self, frame: str | None = None) -> Pose:
+        """Return the pose of a frame in the base frame; the tip's when no frame is named."""
+        link, own = self.model.frame(frame)
+        rotation, position = self.rotations[:, link], self.positions[:, link]
+        if self._single:
+            rotation, position = rotation[0], position[0]
+        return Pose(rotation @ own.rotation, rotation @ own.position + position)
+
+    def jacobian(self, frame: str | None = None, point: ArrayLike | None = None) -> Floats:
+        """Return the Jacobian, (6, n) or (N, 6, n), of a point (3,) [m] fixed in a frame, its origin when None."""
+        link, own = self.model.frame(frame)
+        in_frame = np.zeros(3) if point is None else as_array("point", point, (3,))
+        out = np.zeros((len(self.rotations), 6, self.model.n))
+        at = own.rotation @ in_frame + own.position
+        _jacobian_rows(self.model.tree, self.model.coupling, self.rotations, self.positions, link, at, out)
+        return out[0] if self._single else out
 
 
 def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None) -> Pose:
@@ -26,62 +60,25 @@ def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None
     Raises:
         InputError: q has another shape or is not finite; no frame of that name.
     """
-    return Pose(*frame_poses(model, q, frame))
-
-
-def frame_poses(model: RobotModel, q: ArrayLike, frame: str | None = None) -> tuple[Floats, Floats]:
-    """Return the poses of a frame in the base frame.
-
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
-        frame: Name of the frame; the model's tip when None.
-
-    Returns:
-        R_base_frame (3, 3) or (N, 3, 3), and the frame's origin in the base (3,) or (N, 3) [m].
-
-    Raises:
-        InputError: q has another shape or is not finite; no frame of that name.
-    """
-    target = model.frame(frame)
-    rotations, positions = link_poses(model, q)
-    if target.link < 0:
-        rotation = np.broadcast_to(np.eye(3), (*rotations.shape[:-3], 3, 3))
-        position = np.zeros((*positions.shape[:-2], 3))
-    else:
-        rotation, position = rotations[..., target.link, :, :], positions[..., target.link, :]
-    return rotation @ target.pose.rotation, rotation @ target.pose.position + position
+    return Configuration(model, q).pose(frame)
 
 
 def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the poses of all moving links in the base frame.
-
-    Args:
-        model: The robot.
-        q: (n,) or (N, n) coordinates [rad or m].
+    """Return the poses of all moving links in the base frame, in the order of `model.link_names`.
 
     Returns:
         R_base_i (n_tree, 3, 3) or (N, n_tree, 3, 3), and the origins of the links' frames in the base
-        (n_tree, 3) or (N, n_tree, 3) [m], in the order of `model.link_names`.
-
-    Raises:
-        InputError: q has another shape or is not finite.
+        (n_tree, 3) or (N, n_tree, 3) [m].
     """
-    rows, single = as_batch("q", q, model.n)
-    n_tree = len(model.link_names)
-    rotations = np.empty((len(rows), n_tree, 3, 3))
-    positions = np.empty((len(rows), n_tree, 3))
-    _link_poses_rows(model.tree, model.coupling, model.offset, rows, rotations, positions)
+    placed, single = Configuration(model, q), np.ndim(q) == 1
+    rotations, positions = placed.rotations[:, :-1].copy(), placed.positions[:, :-1].copy()
     return (rotations[0], positions[0]) if single else (rotations, positions)
 
 
 def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) -> Pose:
-    """Return the pose of one frame in another, T_in_frame_frame, at one configuration.
-
-    Raises:
-        InputError: q has another shape or is not finite; no frame of that name.
-    """
-    return forward_kinematics(model, q, in_frame).inverse() @ forward_kinematics(model, q, frame)
+    """Return the pose of one frame in another, T_in_frame_frame, at one configuration."""
+    placed = Configuration(model, q)
+    return placed.pose(in_frame).inverse() @ placed.pose(frame)
 
 
 def jacobian(
@@ -104,89 +101,64 @@ def jacobian(
     Raises:
         InputError: q or point has another shape or is not finite; no frame of that name.
     """
-    rows, single = as_batch("q", q, model.n)
-    target = model.frame(frame)
-    in_frame = np.zeros(3) if point is None else as_array("point", point, (3,))
-    offset = target.pose.rotation @ in_frame + target.pose.position
-    out = np.zeros((len(rows), 6, model.n))
-    rotations, positions = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
-    _jacobian_rows(
-        model.tree, model.coupling, model.offset, rows, target.link, offset, out, rotations, positions
-    )
-    return out[0] if single else out
+    return Configuration(model, q).jacobian(frame, point)
 
 
-def tip_motion(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """Return the pose of the tip in the base frame and its Jacobian, by one pass over the tree.
+def reachable_points(
+    model: RobotModel, frame: str | None = None, *, count: int = 4_000, rng: np.random.Generator
+) -> Floats:
+    """Return points that a frame's origin reaches, at random joint positions, (count, 3) in the base frame [m].
 
-    Args:
-        model: The robot.
-        q: (n,) coordinates [rad or m].
-
-    Returns:
-        R_base_tip (3, 3), the tip's origin in the base (3,) [m], and `jacobian` (6, n).
-
-    Raises:
-        InputError: q has another shape or is not finite.
+    Each joint by itself is anywhere in its range, and at either end of it more often; one that turns without limits is
+    anywhere in a turn. Links may pass through each other and through the floor.
     """
-    row = as_array("q", q, (model.n,))
-    target = model.frame()
-    jacobians, rotations, positions = np.zeros((1, 6, model.n)), np.empty((1, 3, 3)), np.empty((1, 3))
-    _jacobian_rows(
-        model.tree,
-        model.coupling,
-        model.offset,
-        row[None],
-        target.link,
-        target.pose.position,
-        jacobians,
-        rotations,
-        positions,
-    )
-    return rotations[0] @ target.pose.rotation, positions[0], jacobians[0]
+    lower, upper = np.array(model.lower), np.array(model.upper)
+    open_ended = ~(np.isfinite(lower) & np.isfinite(upper))
+    turns = np.array(model.joint_units) == "rad"
+    if (open_ended & ~turns).any():
+        name = model.joint_names[int(np.flatnonzero(open_ended & ~turns)[0])]
+        raise InputError(
+            f'robot "{model.name}": joint "{name}" slides without limits: no end to its workspace'
+        )
+    full_turn = open_ended | (turns & (upper - lower > 2.0 * np.pi))
+    lower[full_turn], upper[full_turn] = -np.pi, np.pi
+    at = rng.random((count, model.n))
+    ends = rng.random((count, model.n)) < AT_A_LIMIT
+    at = np.where(ends & ~full_turn, np.round(at), at)
+    return forward_kinematics(model, lower + at * (upper - lower), frame).position
 
 
 @compiled
-def _link_poses_rows(
+def _place_rows(
     tree: Tree, coupling: Floats, offset: Floats, q: Floats, rotations: Floats, positions: Floats
 ) -> None:
     n = len(tree.parent)
     work = np.empty((3, n))
     rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    base_rotation, base_position = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
     for k in range(len(q)):
         place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        place_links(tree, rotation, position, base_rotation, base_position)
-        rotations[k] = base_rotation[:n]
-        positions[k] = base_position[:n]
+        place_links(tree, rotation, position, rotations[k], positions[k])
 
 
 @compiled
 def _jacobian_rows(
     tree: Tree,
     coupling: Floats,
-    offset: Floats,
-    q: Floats,
+    rotations: Floats,
+    positions: Floats,
     link: int,
     point: Floats,
     out: Floats,
-    rotations: Floats,
-    positions: Floats,
 ) -> None:
-    """Write Jacobians of a link's point, the link's rotations and the point's positions, row by row."""
-    n = len(tree.parent)
-    work = np.empty((3, n))
-    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    base_rotation, base_position = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
-    columns = np.zeros((6, n))  # stay zero for joints that do not carry the link
-    for k in range(len(q)):
-        place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        place_links(tree, rotation, position, base_rotation, base_position)
-        p = add(row(base_position, link), times(base_rotation, link, (point[0], point[1], point[2])))
+    """Write Jacobians of a link's point, row by row, where the links are placed."""
+    columns = np.zeros((6, len(tree.parent)))  # stay zero for joints that do not carry the link
+    for k in range(len(rotations)):
+        R, origin = rotations[k], positions[k]
+        p = add(row(origin, link), times(R, link, (point[0], point[1], point[2])))
         i = link
         while i >= 0:
-            z = times(base_rotation, i, row(tree.axis, i))
-            o = row(base_position, i)
+            z = times(R, i, row(tree.axis, i))
+            o = row(origin, i)
             linear, angular = z, (0.0, 0.0, 0.0)
             if not tree.prismatic[i]:
                 linear, angular = cross(z, (p[0] - o[0], p[1] - o[1], p[2] - o[2])), z
@@ -195,5 +167,3 @@ def _jacobian_rows(
                 columns[3 + r, i] = angular[r]
             i = tree.parent[i]
         to_robot_columns(coupling, columns, out[k])
-        rotations[k] = base_rotation[link]
-        positions[k] = p[0], p[1], p[2]

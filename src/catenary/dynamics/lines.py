@@ -123,11 +123,7 @@ def _newton_euler_line(
 
 
 def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line:
-    """Trace the pose of a frame in the base: rows of (R_base_frame, origin), (3, 4); input q (n,).
-
-    Raises:
-        InputError: No frame of that name.
-    """
+    """Trace the pose of a frame in the base: rows of (R_base_frame, origin), (3, 4); input q (n,)."""
     target = model.frame(frame)
     p = placed(model)
     m = len(p.tree.parent)

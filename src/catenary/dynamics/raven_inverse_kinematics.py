@@ -1,22 +1,195 @@
-"""Inverse kinematics of the RAVEN-II: every solution, the nearest one, and a whole path of poses."""
+"""Inverse kinematics of the RAVEN-II in closed form: every solution, the nearest one, and a whole path of poses.
 
+The first three axes meet in the remote centre (RCM): two angles point the shaft, the third joint slides along
+it. The last three turn the tool; joint 6 sits L = 13 mm beyond the wrist, in the plane of shaft and tool.
+Steps: uw-biorobotics/raven2 @ d2307c5, r2_kinematics.cpp. One formula serves both arms, with three joints or
+six: they differ in the constants of their Denavit-Hartenberg rows, Rx(twist) Tx(a) Rz(zero + q) Tz(d).
+"""
+
+import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.raven_closed_form import (
-    LIMIT_TOLERANCE,
-    REFUSED_RADIUS,
-    RavenArm,
-    nearest_within_limits,
-    raven_candidates,
-    turned_within_limits,
-)
+from catenary.dynamics.vectors import Vector, column, dot, row, scale, times, transpose_times
 from catenary.errors import InputError, UnreachablePoseError, UnsupportedModelError
+from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, as_rotation
+
+# The robot's own software refuses a wrist this near the RCM, where small motions of the tool need large ones
+# of the joints: r2_kinematics.cpp, Lw
+REFUSED_RADIUS = 0.013  # m
+LIMIT_TOLERANCE = 1e-9  # rad or m: rounding of the closed form, with a wide margin
+
+
+class RavenArm(NamedTuple):
+    """The constants of one arm."""
+
+    twist: Floats  # (n,) alpha of each row [rad]
+    zero: Floats  # (n,) theta of each row at coordinate zero [rad]
+    shaft: float  # D, from the wrist to the origin of frame 3 along the shaft [m]
+    tool: float  # L, from the wrist to the tool's joint [m]; 0 for an arm of three joints
+    lower: Floats  # (n,) joint limits [rad or m]
+    upper: Floats  # (n,)
+    weight: Floats  # (n,) of each coordinate in the distance between configurations [1/rad or 1/m]
+
+
+@compiled
+def raven_candidates(
+    arm: RavenArm, rotations: Floats, positions: Floats, k: int, out: Floats
+) -> tuple[int, float]:
+    """Write to out (8, n) all configurations that reach pose k of the tip in frame 0, whatever the limits.
+
+    Rotations (N, 3, 3) are not read for three joints. Angles are in (-pi, pi], insertion in m.
+
+    Returns:
+        How many there are, and the wrist's distance from the RCM [m], the smaller one of two possible wrists.
+        There are none if it is within REFUSED_RADIUS.
+    """
+    tip = row(positions, k)
+    along = (0.0, 0.0, 0.0)
+    if arm.tool > 0.0:
+        # shaft, tool and z6 lie in one plane: seen in frame 6, the RCM lies along the tool, but for its z
+        centre = transpose_times(rotations, k, tip)
+        length = math.hypot(centre[0], centre[1])
+        x, y = 1.0, 0.0  # with z6 through the RCM any direction will do
+        if length > 0.0:
+            x, y = -centre[0] / length, -centre[1] / length
+        along = times(rotations, k, (x, y, 0.0))
+    step = scale(arm.tool, along)
+    before = (tip[0] - step[0], tip[1] - step[1], tip[2] - step[2])
+    behind = (tip[0] + step[0], tip[1] + step[1], tip[2] + step[2])
+    nearest = min(math.sqrt(dot(before, before)), math.sqrt(dot(behind, behind)))
+    if nearest <= REFUSED_RADIUS:
+        return 0, nearest
+
+    count = 0
+    for side in range(2 if arm.tool > 0.0 else 1):
+        wrist = before if side == 0 else behind
+        distance = math.sqrt(dot(wrist, wrist))
+        for sign in (-1.0, 1.0):
+            reach = sign * distance  # along z3, which points out of the body
+            w = _about_x(-arm.twist[0], scale(1.0 / reach, wrist))
+            # w is (A, B, c2 c3 - s2 s3 cos theta 2) turned by theta 1 about z
+            c2, s2 = math.cos(arm.twist[1]), math.sin(arm.twist[1])
+            c3, s3 = math.cos(arm.twist[2]), math.sin(arm.twist[2])
+            cos_theta_2 = (c2 * c3 - w[2]) / (s2 * s3)
+            if abs(cos_theta_2) > 1.0:
+                continue
+            for elbow in (-1.0, 1.0):
+                theta_2 = elbow * math.acos(cos_theta_2)
+                A = math.sin(theta_2) * s3
+                B = -c2 * cos_theta_2 * s3 - s2 * c3
+                theta_1 = math.atan2(w[1], w[0]) - math.atan2(B, A)
+                q = out[count]
+                q[0] = _wrapped(theta_1 - arm.zero[0])
+                q[1] = _wrapped(theta_2 - arm.zero[1])
+                q[2] = arm.shaft + reach
+                if arm.tool > 0.0:
+                    _write_tool_angles(arm, theta_1, theta_2, tip, rotations, k, q)
+                count += 1
+    return count, nearest
+
+
+@inlined
+def _write_tool_angles(
+    arm: RavenArm, theta_1: float, theta_2: float, tip: Vector, rotations: Floats, k: int, q: Floats
+) -> None:
+    """Write q[3:] from the tool seen in frame 3: its origin t, its axes x and z."""
+    t = _into_frame_3(arm, theta_1, theta_2, tip)
+    x = _into_frame_3(arm, theta_1, theta_2, column(rotations, k, 0))
+    z = _into_frame_3(arm, theta_1, theta_2, column(rotations, k, 2))
+    c5, s5 = -z[2], (t[2] - q[2] + arm.shaft) / arm.tool
+    # z shows the roll well where the tool is along the shaft (|J5| < 70 deg), t where it is bent aside
+    if abs(s5) > abs(c5):
+        theta_4 = math.atan2(z[1] * s5, z[0] * s5)
+    else:
+        theta_4 = math.atan2(t[1] * c5, t[0] * c5)
+    theta_5 = math.atan2(s5, c5)
+    x = _about_z(-theta_4, _about_x(-arm.twist[3], x))
+    x = _about_z(-theta_5, _about_x(-arm.twist[4], x))
+    x = _about_x(-arm.twist[5], x)  # what is left is the turn by theta 6
+    q[3] = _wrapped(theta_4 - arm.zero[3])
+    q[4] = _wrapped(theta_5 - arm.zero[4])
+    q[5] = _wrapped(math.atan2(x[1], x[0]) - arm.zero[5])
+
+
+@compiled
+def nearest_within_limits(
+    arm: RavenArm, rotations: Floats, positions: Floats, q_start: Floats, out: Floats
+) -> int:
+    """Write to out (N, n) for every pose the configuration within the limits nearest to the one before.
+
+    Returns how many poses were solved: N, or the index of the first that has no such configuration.
+    """
+    n = len(q_start)
+    candidates = np.empty((8, n))
+    near = q_start
+    for k in range(len(positions)):
+        count, _ = raven_candidates(arm, rotations, positions, k, candidates)
+        best, least = -1, np.inf
+        for c in range(count):
+            distance, inside = 0.0, True
+            for j in range(n):
+                candidates[c, j] = turned_within_limits(arm, j, candidates[c, j], near[j])
+                value = candidates[c, j]
+                distance += (arm.weight[j] * (value - near[j])) ** 2
+                inside &= arm.lower[j] - LIMIT_TOLERANCE <= value <= arm.upper[j] + LIMIT_TOLERANCE
+            if inside and distance < least:
+                best, least = c, distance
+        if best < 0:
+            return k
+        for j in range(n):
+            out[k, j] = min(max(candidates[best, j], arm.lower[j]), arm.upper[j])
+        near = out[k]
+    return len(positions)
+
+
+@compiled
+def turned_within_limits(arm: RavenArm, j: int, value: float, near: float) -> float:
+    """Shift an angle by a whole turn where that is within limits and nearer: the roll spans 364 deg."""
+    if j == 2:  # insertion
+        return value
+    best, least = value, np.inf
+    for turn in (0.0, -2.0 * math.pi, 2.0 * math.pi):
+        shifted = value + turn
+        inside = arm.lower[j] - LIMIT_TOLERANCE <= shifted <= arm.upper[j] + LIMIT_TOLERANCE
+        if inside and abs(shifted - near) < least:
+            best, least = shifted, abs(shifted - near)
+    return best
+
+
+@inlined
+def _into_frame_3(arm: RavenArm, theta_1: float, theta_2: float, v: Vector) -> Vector:
+    """Take a vector from frame 0 to frame 3."""
+    v = _about_z(-theta_1, _about_x(-arm.twist[0], v))
+    v = _about_z(-theta_2, _about_x(-arm.twist[1], v))
+    return _about_z(-arm.zero[2], _about_x(-arm.twist[2], v))
+
+
+@inlined
+def _about_x(angle: float, v: Vector) -> Vector:
+    """Turn a vector about x."""
+    c, s = math.cos(angle), math.sin(angle)
+    return v[0], c * v[1] - s * v[2], s * v[1] + c * v[2]
+
+
+@inlined
+def _about_z(angle: float, v: Vector) -> Vector:
+    """Turn a vector about z."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
+
+
+@inlined
+def _wrapped(angle: float) -> float:
+    """Return an angle in (-pi, pi]."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi)
+
 
 _METRE_IN_RADIANS = 100.0  # the robot's software weighs insertion so when it compares solutions
 
@@ -24,17 +197,7 @@ _METRE_IN_RADIANS = 100.0  # the robot's software weighs insertion so when it co
 def raven_solutions(model: RobotModel, pose: Pose) -> Floats:
     """Return all configurations that reach a pose, whatever the joint limits.
 
-    Args:
-        model: A RAVEN-II arm: three joints (the position of the pose counts) or six.
-        pose: Pose of the model's tip in the base frame [m].
-
-    Returns:
-        (k, n) coordinates [rad or m], k up to 4 for three joints and 8 for six; angles in (-pi, pi].
-
-    Raises:
-        UnsupportedModelError: Not a RAVEN-II arm.
-        UnreachablePoseError: The wrist would lie within 13 mm of the remote centre.
-        InputError: The pose is not one.
+    Of an arm with three joints (the position counts) up to 4, with six up to 8: (k, n) [rad or m], angles in (-pi, pi].
     """
     arm = _arm(model)
     rotations, positions = _in_frame_0(
@@ -68,12 +231,6 @@ def raven_path(
 
     Returns:
         (N, n) [rad or m].
-
-    Raises:
-        UnsupportedModelError: Not a RAVEN-II arm.
-        UnreachablePoseError: The remote centre, the shaft's cone or the joint limits refuse a pose; the
-            message says which.
-        InputError: An argument has another shape or is not finite.
     """
     arm = _arm(model)
     R = as_array("rotations", rotations, (None, 3, 3))

@@ -8,13 +8,22 @@ Conventions shared by all of them:
 - Links come parents first; link i moves in its parent by the tree coordinate x[i].
 - `rotation` (n, 3, 3) and `position` (n, 3) are R_parent_i and the origin of frame i in the parent, as
   `place_joints` gives them. Quantities of link i are expressed in frame i unless a docstring says base.
-- Work arrays have n + 1 rows. The last row is the base's: the parent index -1 of a root link reaches it.
+- Work arrays are written or overwritten and have n + 1 rows. The last row is the base's: the parent index -1 of a root
+  link reaches it. `mass` [kg] and `moment` [kg m] are what each joint carries and its first moment about the joint's
+  frame origin, `omega` and `alpha` angular velocities and accelerations [rad/s, rad/s2].
+
+From the robot's coordinates to its tree, and torques and matrices back: tree coordinate = coupling @ q + offset. Power
+is the same on both sides if tau = coupling.T @ tree torque, and kinetic energy if M = coupling.T @ tree matrix @
+coupling. A constant coupling adds no velocity terms, so the Coriolis matrix goes the same way.
 
 Sources: J. Luh, M. Walker, R. Paul, "On-line computational scheme for mechanical manipulators", ASME J. Dyn.
 Sys. Meas. Control 102 (1980); M. Walker, D. Orin, "Efficient dynamic computer simulation of robotic
 mechanisms", same journal 104 (1982); R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008.
 """
 
+import math
+
+from catenary.arrays import Floats
 from catenary.dynamics.vectors import (
     Numbers,
     Vector,
@@ -41,14 +50,7 @@ def place_joints(
 
     A revolute joint turns by Rodrigues' formula, R = c 1 + s [a]x + (1 - c) a a^T, a prismatic one moves
     its frame along its axis.
-
-    Args:
-        tree: The robot's tree.
-        x: (n,) displacement of prismatic joints [m]; not read for revolute ones.
-        sine: (n,) sine of the angle of revolute joints; not read for prismatic ones.
-        cosine: (n,) cosine of it.
-        rotation: (n, 3, 3) written: R_parent_i.
-        position: (n, 3) written: origin of frame i in the parent [m].
+    Of prismatic joints the displacement x (n,) [m] is read, of revolute ones sine and cosine (n,) of the angle.
     """
     for i in range(len(tree.parent)):
         a = row(tree.axis, i)
@@ -82,12 +84,7 @@ def place_links(
 ) -> None:
     """Place every link in the base frame: forward kinematics.
 
-    Args:
-        tree: The robot's tree.
-        rotation: (n, 3, 3) R_parent_i.
-        position: (n, 3) origins in the parents [m].
-        base_rotation: (n + 1, 3, 3) written: R_base_i; the last one is the identity.
-        base_position: (n + 1, 3) written: origins in the base frame [m].
+    Writes R_base_i (n + 1, 3, 3), of which the last is the identity, and origins (n + 1, 3) in the base frame [m].
     """
     n = len(tree.parent)
     for r in range(3):
@@ -103,16 +100,9 @@ def place_links(
 
 @inlined
 def first_moments(tree: Tree, rotation: Numbers, position: Numbers, mass: Numbers, moment: Numbers) -> None:
-    """Sum, for every joint, the mass it carries and its first moment about the joint's frame origin.
+    """Sum, for every joint, the mass it carries and its first moment; in the last rows the whole robot's in the base.
 
     moment_i = m_i c_i + sum over children k of (R_k moment_k + mass_k p_k)
-
-    Args:
-        tree: The robot's tree.
-        rotation: (n, 3, 3) R_parent_i.
-        position: (n, 3) origins in the parents [m].
-        mass: (n + 1,) written: carried mass [kg]; last the whole robot's.
-        moment: (n + 1, 3) written: first moment, in frame i [kg m]; last the whole robot's in the base.
     """
     n = len(tree.parent)
     mass[n] = 0.0
@@ -144,16 +134,7 @@ def gravity_recursion(
     joint holds -a . (moment x g) and a prismatic one -a . g mass, which is the sum of A. Lewis,
     B. Hannaford, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", 2014, eq. 1-3,
     with each carried link counted once instead of once per joint.
-
-    Args:
-        tree: The robot's tree.
-        rotation: (n, 3, 3) R_parent_i.
-        position: (n, 3) origins in the parents [m].
-        gravity: Free-fall acceleration in the base frame [m/s2].
-        mass: (n + 1,) written: carried mass [kg].
-        moment: (n + 1, 3) written: first moment of what is carried [kg m].
-        link_gravity: (n + 1, 3) written: gravity in each frame [m/s2].
-        torque: (n,) written [Nm or N].
+    `gravity` is the free-fall acceleration in the base frame [m/s2], `torque` (n,) is written [Nm or N].
     """
     n = len(tree.parent)
     put(link_gravity, n, gravity)
@@ -167,6 +148,40 @@ def gravity_recursion(
             torque[i] = -(dot(a, g) * mass[i])
         else:
             torque[i] = -dot(a, cross(row(moment, i), g))
+
+
+@inlined
+def link_motion(
+    tree: Tree,
+    rotation: Numbers,
+    position: Numbers,
+    i: int,
+    xd: Numbers,
+    xdd: Numbers,
+    omega: Numbers,
+    alpha: Numbers,
+    acceleration: Numbers,
+) -> tuple[Vector, Vector, Vector]:
+    """Write and return a link's angular velocity and acceleration, and its origin's acceleration less gravity."""
+    parent = tree.parent[i]
+    a = row(tree.axis, i)
+    w = transpose_times(rotation, i, row(omega, parent))
+    dw = transpose_times(rotation, i, row(alpha, parent))
+    r = row(position, i)
+    # the parent's acceleration at this frame's origin
+    a_origin = transpose_times(
+        rotation, i, add(row(acceleration, parent), _at(row(omega, parent), row(alpha, parent), r))
+    )
+    if tree.prismatic[i]:
+        coriolis = scale(2.0 * xd[i], cross(w, a))
+        a_origin = add(a_origin, add(scale(xdd[i], a), coriolis))
+    else:
+        dw = add(dw, add(scale(xdd[i], a), scale(xd[i], cross(w, a))))
+        w = add(w, scale(xd[i], a))
+    put(omega, i, w)
+    put(alpha, i, dw)
+    put(acceleration, i, a_origin)
+    return w, dw, a_origin
 
 
 @inlined
@@ -187,42 +202,14 @@ def newton_euler_recursion(
 
     The caller writes the base's motion into the last rows of `omega`, `alpha` and `acceleration`, gravity as
     an upward acceleration: acceleration[n] = a_base - gravity.
-
-    Args:
-        tree: The robot's tree.
-        rotation: (n, 3, 3) R_parent_i.
-        position: (n, 3) origins in the parents [m].
-        xd: (n,) tree velocities [rad/s or m/s].
-        xdd: (n,) tree accelerations [rad/s2 or m/s2].
-        omega: (n + 1, 3) angular velocities [rad/s].
-        alpha: (n + 1, 3) angular accelerations [rad/s2].
-        acceleration: (n + 1, 3) of the frame origins, less gravity [m/s2].
-        force: (n + 1, 3) written: what the parent exerts on link i and all beyond [N].
-        moment: (n + 1, 3) written: its moment about the origin of frame i [Nm].
-        torque: (n,) written: the part of it along the joint [Nm or N].
+    `xd`, `xdd` (n,) are rates of the tree's coordinates. Written are the force that the parent exerts on link i and all
+    beyond [N], its moment about the origin of frame i [Nm], and of it the torque (n,) along the joint [Nm or N].
     """
     n = len(tree.parent)
     put(force, n, (0.0, 0.0, 0.0))
     put(moment, n, (0.0, 0.0, 0.0))
     for i in range(n):
-        parent = tree.parent[i]
-        a = row(tree.axis, i)
-        w = transpose_times(rotation, i, row(omega, parent))
-        dw = transpose_times(rotation, i, row(alpha, parent))
-        r = row(position, i)
-        # the parent's acceleration at this frame's origin
-        a_origin = transpose_times(
-            rotation, i, add(row(acceleration, parent), _at(row(omega, parent), row(alpha, parent), r))
-        )
-        if tree.prismatic[i]:
-            coriolis = scale(2.0 * xd[i], cross(w, a))
-            a_origin = add(a_origin, add(scale(xdd[i], a), coriolis))
-        else:
-            dw = add(dw, add(scale(xdd[i], a), scale(xd[i], cross(w, a))))
-            w = add(w, scale(xd[i], a))
-        put(omega, i, w)
-        put(alpha, i, dw)
-        put(acceleration, i, a_origin)
+        w, dw, a_origin = link_motion(tree, rotation, position, i, xd, xdd, omega, alpha, acceleration)
         # Newton at the centre of mass, Euler about it, both seen from the frame's origin
         c = row(tree.com, i)
         f = scale(tree.mass[i], add(a_origin, _at(w, dw, c)))
@@ -261,15 +248,7 @@ def composite_body_recursion(
 
     Locked beyond joint i, the robot is one body. Accelerating it by joint i alone takes a force and a moment,
     whose parts along joint i and the joints before it are a column of the matrix.
-
-    Args:
-        tree: The robot's tree.
-        rotation: (n, 3, 3) R_parent_i.
-        position: (n, 3) origins in the parents [m].
-        mass: (n + 1,) written: carried mass [kg].
-        moment: (n + 1, 3) written: first moment of what is carried [kg m].
-        inertia: (n + 1, 3, 3) written: inertia of what is carried, about the frame's origin [kg m2].
-        matrix: (n, n) written: mass matrix of the tree coordinates.
+    Writes the inertia of what each joint carries, about the frame's origin [kg m2], and `matrix` (n, n).
     """
     n = len(tree.parent)
     first_moments(tree, rotation, position, mass, moment)
@@ -335,3 +314,60 @@ def _add_shifted(inertia: Numbers, i: int, mass: float, moment: Vector, r: Vecto
                 entry = entry + diagonal
             inertia[i, l, k] = entry
             inertia[i, k, l] = entry
+
+
+@inlined
+def place_tree(
+    tree: Tree, coupling: Floats, offset: Floats, q: Floats, work: Floats, rotation: Floats, position: Floats
+) -> None:
+    """Place every link in its parent at coordinates q (n,); work is (3, n_tree)."""
+    x, sine, cosine = work[0], work[1], work[2]
+    to_tree(coupling, q, x)
+    for i in range(len(offset)):
+        x[i] += offset[i]
+        sine[i] = math.sin(x[i])
+        cosine[i] = math.cos(x[i])
+    place_joints(tree, x, sine, cosine, rotation, position)
+
+
+@inlined
+def to_tree(coupling: Floats, rates: Floats, tree_rates: Floats) -> None:
+    """Write coupling @ rates: velocities or accelerations of the tree's joints."""
+    for i in range(coupling.shape[0]):
+        total = 0.0
+        for k in range(coupling.shape[1]):
+            total += coupling[i, k] * rates[k]
+        tree_rates[i] = total
+
+
+@inlined
+def to_robot(coupling: Floats, tree_torque: Floats, torque: Floats) -> None:
+    """Write coupling.T @ tree_torque: torques along the robot's coordinates."""
+    for k in range(coupling.shape[1]):
+        total = 0.0
+        for i in range(coupling.shape[0]):
+            total += coupling[i, k] * tree_torque[i]
+        torque[k] = total
+
+
+@inlined
+def to_robot_columns(coupling: Floats, tree_columns: Floats, columns: Floats) -> None:
+    """Write tree_columns @ coupling: a Jacobian's columns along the robot's coordinates."""
+    for r in range(tree_columns.shape[0]):
+        for k in range(coupling.shape[1]):
+            total = 0.0
+            for i in range(coupling.shape[0]):
+                total += tree_columns[r, i] * coupling[i, k]
+            columns[r, k] = total
+
+
+@inlined
+def to_robot_matrix(coupling: Floats, tree_matrix: Floats, work: Floats, matrix: Floats) -> None:
+    """Write coupling.T @ tree_matrix @ coupling; work (n_tree, n) is overwritten."""
+    to_robot_columns(coupling, tree_matrix, work)
+    for k in range(coupling.shape[1]):
+        for l in range(coupling.shape[1]):
+            total = 0.0
+            for i in range(coupling.shape[0]):
+                total += coupling[i, k] * work[i, l]
+            matrix[k, l] = total

@@ -12,7 +12,7 @@ from catenary.dynamics.lines import (
     mass_matrix_line,
 )
 from catenary.errors import InputError
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
@@ -72,15 +72,15 @@ def export_function(
         raise InputError(f'frame "{frame}": only forward_kinematics has one, not {quantity}')
     line, shape, result = _traced(model, quantity, frame)
     if to == "jax":
-        from catenary.kernels.jax_writer import jax_function
+        from catenary.kernels.jax_casadi_sympy import jax_function
 
         return jax_function(line, shape)
     if to == "casadi":
-        from catenary.kernels.casadi_writer import casadi_function
+        from catenary.kernels.jax_casadi_sympy import casadi_function
 
         return casadi_function(quantity, line, shape, result)
     if to == "sympy":
-        from catenary.kernels.sympy_writer import sympy_function
+        from catenary.kernels.jax_casadi_sympy import sympy_function
 
         return sympy_function(line, shape)
     from catenary.kernels.c99 import c_function, c_name, c_sines

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catenary.gravity.regressor import carried_links
+from catenary.gravity.gravity_regressor import carried_links
 from catenary.robots.model import RobotModel
 
 NO_LENGTH = 1e-12  # [m]

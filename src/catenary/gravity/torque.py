@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.kernels import MANY, gravity_kernel, known_kernel, one_by_kernel
 from catenary.dynamics.lines import gravity_line
-from catenary.dynamics.recursion import first_moments, gravity_recursion
-from catenary.dynamics.regressor import torque_regressor
+from catenary.dynamics.recursion import first_moments, gravity_recursion, place_tree, to_robot
+from catenary.dynamics.robot_kernels import DynamicQuantity, gravity_kernel
+from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import LEVEL
@@ -44,36 +43,21 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         MissingInertiaError: Links without inertia.
         InputError: An argument has another shape or is not finite.
     """
-    quick = one_by_kernel(model, "gravity", gravity_line, 1, (q, gravity))
+    quick = _GRAVITY.of_one(model, (q, gravity))
     if quick is not None:
         return quick
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
-    gravities = gravity_rows(gravity, len(rows))
-    if len(rows) >= MANY or threads > 1:
-        out = known_kernel(model, "gravity", gravity_line, (model.n,)).rows(rows, gravities, threads=threads)
-    else:
-        out = np.empty((len(rows), model.n))
-        _gravity_torque_rows(model.tree, model.coupling, model.offset, rows, gravities, out)
+    out = _GRAVITY.of_rows(model, (rows, gravity_rows(gravity, len(rows))), threads)
     return out[0] if single else out
 
 
 def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the torques to add where firmware compensates for a level base only: g(q, gravity) - g(q, level).
 
-    g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base.
-
-    Args:
-        model: The robot, as the firmware knows it: payloads it was told of included.
-        q: (n,) or (N, n) coordinates [rad or m].
-        gravity: (3,) or (N, 3) true free-fall acceleration in base axes [m/s2].
-
-    Returns:
-        (n,) or (N, n) [Nm or N].
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        InputError: An argument has another shape or is not finite.
+    g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base. For q (n,) or (N, n) and
+    true gravity (3,) or (N, 3) in base axes [m/s2]; the model is the robot as the firmware knows it, payloads it was
+    told of included.
     """
     rows, single = as_batch("gravity", gravity, 3)
     beyond = rows - LEVEL
@@ -137,18 +121,8 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     """Return by how much torques of gravity can be off for what the recordings of an identified robot did not show.
 
     Recordings on one base show masses as far as they have an effect there: on a level floor not the first moments about
-    an upright axis. Zero where nothing is unseen, and under the gravity that it was identified in.
-
-    Args:
-        model: The robot; `unseen` says what its recordings left open, and within which bounds.
-        q: (n,) configuration [rad or m].
-        gravity: (3,) free-fall acceleration in base axes [m/s2].
-
-    Returns:
-        (n,) [Nm or N], at most so much to either side.
-
-    Raises:
-        InputError: An argument has another shape or is not finite.
+    an upright axis. Zero where nothing is unseen, and under the gravity that it was identified in. q is (n,), gravity
+    (3,) in base axes [m/s2]; the torques (n,) [Nm or N] can be off so much to either side.
     """
     rows = as_array("q", q, (model.n,))[None]
     rest, down = np.zeros_like(rows), as_array("gravity", gravity, (3,))
@@ -159,3 +133,6 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     for each in model.unseen:
         out += np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], each.change)) * max(-each.low, each.high)
     return out
+
+
+_GRAVITY = DynamicQuantity("gravity", gravity_line, _gravity_torque_rows, 1)

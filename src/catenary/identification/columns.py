@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import NEVER_NEGATIVE, SLIDING, term_load
+from catenary.dynamics.actuation_loads import NEVER_NEGATIVE, SLIDING, term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
-from catenary.dynamics.regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
+from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
 from catenary.identification.options import Terms, actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.actuation import ActuationTerm, actuation_terms

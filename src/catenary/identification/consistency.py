@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from catenary.arrays import Floats
-from catenary.dynamics.regressor import PER_LINK
+from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.errors import InputError
 from catenary.identification.base_parameters import BaseParameters
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import term_load
+from catenary.dynamics.actuation_loads import term_load
 from catenary.kernels.compiled import compiled
 from catenary.robots.actuation import ActuationTerm
 

@@ -24,8 +24,7 @@ from catenary.identification.options import IdentifyOptions, Terms
 from catenary.identification.reasons import MovedRange
 from catenary.identification.residuals import LogResidual, Verdict
 from catenary.robots.actuation import Weighting
-from catenary.robots.identified import IDENTIFIED, REMEDY
-from catenary.robots.model_record import robot_from_record, robot_record
+from catenary.robots.model_record import IDENTIFIED, REMEDY, robot_from_record, robot_record
 
 FORMAT = "catenary.identification.1"
 Card = dict[str, Any]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import term_load
+from catenary.dynamics.actuation_loads import term_load
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.folds import FOLDS, fold_of_rows
 from catenary.identification.samples import Samples

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation import actuation_columns, known_torque
+from catenary.dynamics.actuation_loads import actuation_columns, known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
-from catenary.dynamics.regressor import PER_LINK, tree_with_parameters
+from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import CHUNK, Base, BaseParameters, base_parameters
 from catenary.identification.columns import Parameters

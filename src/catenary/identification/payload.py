@@ -1,7 +1,7 @@
 """What an arm carries beyond what it was identified with: how much, where, on which link.
 
 Several links may explain the torques as well: then they share the probability, by the likelihood of what each leaves
-(gravity/carriers.py weighs poses at rest of a known arm), and none is named alone.
+(gravity/load_location.py weighs poses at rest of a known arm), and none is named alone.
 """
 
 from collections.abc import Sequence
@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.regressor import PER_LINK, torque_regressor
+from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
-from catenary.gravity.carriers import likely, location_text, probabilities, telling_joint
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
+from catenary.gravity.load_location import likely, location_text, probabilities, telling_joint
 from catenary.identification.identification import Identification
 from catenary.identification.least_squares import one_over
 from catenary.identification.options import filter_of

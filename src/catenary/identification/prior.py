@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.regressor import PER_LINK, link_parameters
+from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.columns import Parameters
 from catenary.identification.consistency import LEAST_PRIOR, consistent_fit

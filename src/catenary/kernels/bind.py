@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import InputError
-from catenary.kernels.cache import load_module
-from catenary.kernels.compiled import Compiled, start_numba
+from catenary.kernels.compiled import Compiled, load_module, start_numba
 
 METH_NOARGS = 0x0004  # methodobject.h
 CODE, NONE, ARGUMENTS = range(3)  # places in the block
@@ -43,10 +42,6 @@ def bind(
         inputs: C-contiguous arrays of float64, int64, uint8 or bool, or of structured types with fields of these
             (a field that is an array cannot be of bool: numba does not know it; take uint8); only read.
         outputs: Such arrays, which the function may read and write; none overlaps another or an input.
-
-    Raises:
-        InputError: Another number of arrays, or an array of another type, byte order or layout; an output that is
-            read-only or overlaps another array.
     """
     if not isinstance(function, Compiled) and not hasattr(function, "py_func"):
         raise InputError(f"bind: expected a @compiled function, got {function!r}")

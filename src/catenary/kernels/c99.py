@@ -3,8 +3,7 @@
 import re
 
 from catenary.kernels import sines
-from catenary.kernels.line_text import ANGLES, name_of, needed, operation, result, widths_of
-from catenary.kernels.tracing import Line
+from catenary.kernels.tracing import ANGLES, Line, name_of, needed, operation, result, widths_of
 
 
 def c_sines(prefix: str) -> str:

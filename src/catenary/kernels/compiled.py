@@ -1,26 +1,115 @@
-"""The one place that asks numba for functions: `compiled` ones, and `inlined` ones that those may call.
+"""Compiled functions: the one place that asks numba for them, and the private folders that keep their machine code.
 
 numba takes half a second to import, and as long again to make ready. That is done when a compiled function is first
-called, so programs that call none start without it.
+called, so programs that call none start without it. numba keeps machine code on disk until the file of its function
+changes, whatever became of the functions in other files that it calls. Here it is made anew when any file with such
+functions has changed.
 
-numba keeps machine code on disk until the file of its function changes, whatever became of the functions in other
-files that it calls. Here it is made anew when any file with such functions has changed; and where numba has no folder
-that it could be kept in safely, functions are compiled in memory.
+Code that is loaded from a folder is as safe as the folder. So every folder above must be the user's or root's, and
+writable by nobody else (but for sticky ones like /tmp); and the folder must be the user's own and no link, and nobody
+else may enter it: one that others could read is emptied, since they could have written to files in it. Where no such
+folder can be had, code is compiled in memory, for each process again, and one note says so.
+
+Of a generated module (`load_module`) the text in memory is run, just written: the file with the same text beside it
+only tells numba which machine code, cached in `__pycache__`, belongs to it. That machine code is read back, so before
+any is, the file must be a plain file of the user's under one name, and hold the text to the byte; otherwise it and the
+machine code beside it are removed and made anew; and files with machine code must be plain ones under one name too.
 """
 
 import contextlib
+import logging
+import os
+import shutil
+import stat
+import sys
+import tempfile
 from collections.abc import Callable
 from functools import cache, update_wrapper
+from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
-from catenary.kernels.folders import cache_folder, check_room, private_folder, tell_in_memory
-
+_log = logging.getLogger(__name__)
+_told: list[object] = []  # why code is compiled in memory
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+OTHERS = stat.S_IRWXG | stat.S_IRWXO
+ROOM = 4 << 20  # [B]; ten times the largest function
 Function = TypeVar("Function", bound=Callable[..., object])
 _inlined: list[Callable[..., object]] = []
 _sources: set[str] = set()  # files of compiled and inlined functions
+
+
+def cache_folder() -> Path:
+    """Return catenary/kernels under $XDG_CACHE_HOME, or under ~/.cache; RuntimeError where there is no home."""
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "catenary" / "kernels"
+
+
+def tell_in_memory(why: object) -> None:
+    """Say once that nothing is kept on disk, and why; what this process starts need not say it again."""
+    from multiprocessing import parent_process
+
+    if not _told and parent_process() is None:
+        _told.append(why)
+        _log.warning(
+            "compiled code cannot be kept for the next start (%s): each start compiles again, for seconds to a minute; "
+            "it is kept in a folder of this account's own that XDG_CACHE_HOME names",
+            f"{why.filename}: {why.strerror}" if isinstance(why, OSError) and why.filename else why,
+        )
+
+
+@cache
+def check_room(folder: Path) -> None:
+    """Raise OSError where a folder is full, or cannot be written to."""
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            os.posix_fallocate(file.fileno(), 0, ROOM)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from None
+
+
+def private_folder(folder: Path) -> Path:
+    """Make or repair a folder that nobody else can enter."""
+    folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    folder = folder.parent.resolve() / folder.name
+    mode = folder.parent.stat().st_mode
+    if (
+        is_own(folder.parent, stat.S_ISDIR) and mode & OTHERS_WRITE == stat.S_IWGRP
+    ):  # as numba makes it by umask 002
+        folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # what lies in it is looked at below
+    for above in folder.parents:
+        status = above.stat()
+        shared = status.st_mode & OTHERS_WRITE and not status.st_mode & stat.S_ISVTX
+        if shared or status.st_uid not in (0, os.geteuid()):
+            raise PermissionError(f"{above} can be written by others")
+    if os.path.lexists(folder) and not _is_closed(folder):
+        remove(folder)  # fails where it is somebody else's
+    folder.mkdir(mode=0o700, exist_ok=True)
+    if not _is_closed(folder):
+        raise PermissionError(f"{folder} belongs to another user")
+    return folder
+
+
+def _is_closed(folder: Path) -> bool:
+    return is_own(folder, stat.S_ISDIR) and not os.lstat(folder).st_mode & OTHERS
+
+
+def is_own(path: Path, is_kind: Callable[[int], bool]) -> bool:
+    """Return whether a path is itself, not a link to, a file or folder of the user's."""
+    status = os.lstat(path)
+    # under another name it could be elsewhere
+    one_name = status.st_nlink == 1 or stat.S_ISDIR(status.st_mode)
+    return is_kind(status.st_mode) and status.st_uid == os.geteuid() and one_name
+
+
+def remove(path: Path) -> None:
+    """Remove a file, a link or a folder with what it holds."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def inlined(function: Function) -> Function:
@@ -127,3 +216,74 @@ def start_numba() -> ModuleType:
     ):  # called by compiled functions only: without wrappers for Python they compile an eighth quicker
         numba.extending.register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True)(_inlined.pop())
     return numba
+
+
+def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None = None) -> ModuleType:
+    """Run a module's text, once in a process; its machine code is cached where that is safe.
+
+    The text may use `@compiled` and `@compiled_for(SIGNATURE)`, which compiles for one signature of
+    numba's, refuses others with TypeError, and keeps Python's lock: to give it takes as long as a torque. Where the
+    module's `__file__` is None it is in memory.
+
+    Args:
+        stem: What the file's name begins with; letters, digits and hyphens.
+        text: The module's.
+        given: Further names that it uses; what they are must follow from the text.
+        folder: Where files are kept; `cache_folder()` when None.
+    """
+    digest = sha256(text.encode()).hexdigest()[:32]
+    name = f"_catenary_kernel_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    path = _kept(f"{stem}-{digest}.py", text.encode(), folder)
+    cached = path is not None
+    module = ModuleType(name)
+    module.__file__ = str(path) if cached else None
+    module.__dict__.update(
+        given,
+        compiled=lambda function: Compiled(function, cache=cached, nogil=True),
+        compiled_for=lambda signature: lambda function: Compiled(function, signature, cache=cached),
+    )
+    code = compile(text, str(path) if cached else f"<{stem}>", "exec")
+    sys.modules[name] = module  # machine code finds its module by name
+    try:
+        exec(code, module.__dict__)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _kept(name: str, content: bytes, folder: Path | None) -> Path | None:
+    """Make sure that a private file of the name holds the content, and return its path; None where none can."""
+    try:
+        path = private_folder(cache_folder() if folder is None else folder) / name
+        numbas = path.parent / "__pycache__"
+        if os.path.lexists(numbas) and not is_own(numbas, stat.S_ISDIR):
+            remove(numbas)
+        machine_code = list(numbas.glob(f"{path.stem}.*"))
+        if not (os.path.lexists(path) and is_own(path, stat.S_ISREG) and path.read_bytes() == content):
+            for old in [path, *machine_code]:
+                remove(old)
+            _write(path, content)
+        for cached in machine_code:
+            if os.path.lexists(cached) and not is_own(cached, stat.S_ISREG):
+                remove(cached)
+        check_room(path.parent)
+    except (OSError, RuntimeError) as error:  # RuntimeError: no home
+        tell_in_memory(error)
+        return None
+    return path
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file that appears whole; mkstemp makes it readable and writable by its owner only."""
+    descriptor, partial = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+        os.replace(partial, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(partial)
+        raise

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.kernels.bind import bind
-from catenary.kernels.line_text import widths_of
-from catenary.kernels.tracing import Line
+from catenary.kernels.tracing import Line, widths_of
 
 NDARRAY, FLOAT64 = np.ndarray, np.dtype(np.float64)
 ONE_AFTER_THE_OTHER = (FLOAT64.itemsize,)  # strides of a contiguous row
@@ -27,17 +26,14 @@ class Kernel:
     counts its NaN: one reaches every number that depends on it. Any number of threads may call.
 
     Its machine code is made when it is first called or bound, in about half a second, and found in the user's cache
-    afterwards (cache.py). It is pickled without, so it goes to processes that are spawned; what `bind` returns holds
+    afterwards (compiled.py). It is pickled without, so it goes to processes that are spawned; what `bind` returns holds
     addresses of this process and is not pickled.
     """
 
     def __init__(self, name: str, line: Line, shape: tuple[int, ...]) -> None:
         """Take a line of operations.
 
-        Args:
-            name: What it computes; letters, digits and hyphens.
-            line: The operations.
-            shape: Of one configuration's result.
+        The name has letters, digits and hyphens; shape is of the result of one configuration.
         """
         self.name, self.line, self.shape = name, line, shape
         self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
@@ -67,11 +63,7 @@ class Kernel:
         return self
 
     def __call__(self, *inputs: ArrayLike) -> Floats:
-        """Return the quantity at one configuration, a new array.
-
-        Args:
-            inputs: One array each, in the order of `kernel.inputs`.
-        """
+        """Return the quantity at one configuration, a new array."""
         found = self.of_finite(inputs)
         if found is None:
             widths = zip(self.inputs.items(), self._counted(inputs), strict=True)
@@ -96,11 +88,7 @@ class Kernel:
             return None
 
     def bind(self, *arrays: Floats) -> Callable[[], None]:
-        """Return a function without arguments that reads the inputs and writes `out`; see `catenary.kernels.bind`.
-
-        Args:
-            arrays: One float64 array each in the order of `kernel.inputs`, and `out`.
-        """
+        """Return a function without arguments that reads the inputs and writes `out`; see `catenary.kernels.bind`."""
         *inputs, out = self._counted(arrays, "out")
         shapes = {**{name: (width,) for name, width in self.inputs.items()}, "out": self.shape}
         for (name, shape), array in zip(shapes.items(), arrays, strict=True):
@@ -147,7 +135,7 @@ class Kernel:
     @cached_property
     def _functions(self) -> Any:
         # numba takes a second to import and to make ready: not before there is something to compile
-        from catenary.kernels.numba_functions import numba_functions
+        from catenary.kernels.machine_code import numba_functions
 
         return numba_functions(self.name, self.line, self.shape)
 

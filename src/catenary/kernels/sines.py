@@ -46,7 +46,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
 def small_sine_cosine(x: float) -> tuple[float, float]:
     """Return the sine and cosine of an angle between -LARGEST and LARGEST [rad].
 
-    Nothing but + - *: it also runs on several angles side by side (llvm_line.py).
+    Nothing but + - *: it also runs on several angles side by side (machine_code.py).
     """
     quarter = (x * TWO_OVER_PI + ROUND) - ROUND
     r = ((x - quarter * HALF_PI[0]) - quarter * HALF_PI[1]) - quarter * HALF_PI[2]

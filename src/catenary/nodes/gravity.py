@@ -5,13 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from catenary.control.report import GravityTally
+from catenary.control.loop_report import GravityTally
 from catenary.crtk.conversions import Stamps
 from catenary.crtk.gravity_topic import now_of
 from catenary.crtk.message import header, message_class
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
-from catenary.sensing.faults import Fault
+from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
 

@@ -29,8 +29,8 @@ from catenary.recording.topics import psm_topic, psm_topics
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
-from catenary.simulation.psm.parameters import load_psm
-from catenary.simulation.psm.plant import PsmPlant
+from catenary.simulation.psm_parameters import load_psm
+from catenary.simulation.psm_plant import PsmPlant
 
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
 RAVEN, PSM = "raven2", "dvrk_psm"

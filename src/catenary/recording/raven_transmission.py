@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
-from catenary.transmission.coupling import joints_of
+from catenary.transmission.cable_coupling import joints_of
 
 # motor turning per joint motion [rad/rad], [rad/rad], [rad/m] [raven2 source: transmission ratios]
 RATIO: Mapping[str, float] = {"shoulder": 136.1963, "elbow": 121.5221, "insertion": 2158.590}

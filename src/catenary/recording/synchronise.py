@@ -25,7 +25,7 @@ from catenary.recording.topics import (
     Topic,
     measured_topic,
 )
-from catenary.transmission.coupling import joint_forces
+from catenary.transmission.cable_coupling import joint_forces
 
 CALIBRATED = ("shoulder", "elbow", "insertion")
 UNITS = ("rad", "rad", "m")

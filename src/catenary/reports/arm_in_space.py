@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.kinematics import frame_poses, link_poses
+from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.robots.model import RobotModel
 
 LINK, TIP = "#4b6b94", "#d9622b"
@@ -38,7 +38,7 @@ def link_segments(model: RobotModel, q: Floats) -> Floats:
     lines = list(zip(starts, origins, strict=True))
     for name in end_frames(model):
         link = model.frame(name).link
-        lines.append((np.zeros(3) if link < 0 else origins[link], frame_poses(model, q, name)[1]))
+        lines.append((np.zeros(3) if link < 0 else origins[link], forward_kinematics(model, q, name)[1]))
     return np.array(lines)
 
 

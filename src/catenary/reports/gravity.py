@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary.control.measures import Holding, Tracking
+from catenary.control.loop_report import Holding, Tracking
 from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, settings_facts, write_page
 from catenary.units import DISPLAY, TORQUE_UNIT
 

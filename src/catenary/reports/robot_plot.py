@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.kinematics import frame_poses, link_poses
-from catenary.dynamics.workspace import reachable_points
+from catenary.dynamics.kinematics import forward_kinematics, link_poses, reachable_points
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.reports.arm_in_space import draw_links, end_frames, equal_axes
@@ -143,7 +142,7 @@ def _draw_robot(
         for rotation, origin in zip(rotations, origins, strict=True):
             _draw_triad(axes, rotation, 1e3 * origin, size)
         for name in end_frames(model):
-            rotation, position = frame_poses(model, q, name)
+            rotation, position = forward_kinematics(model, q, name)
             _draw_triad(axes, rotation, 1e3 * position, size)
     if "masses" not in hide:
         _draw_masses(axes, model, rotations, origins)

@@ -9,7 +9,7 @@ from catenary.arrays import Floats
 from catenary.calibration.evaluate import Evaluation, rms
 from catenary.calibration.kernels import blocks
 from catenary.calibration.model import CalibrationModel
-from catenary.dynamics.kinematics import frame_poses
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.reports.page import Block, Heading, Table, Text
 from catenary.robots.catalog import load_robot, robot_names
@@ -112,7 +112,7 @@ def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
 
 
 def _tips(robot: RobotModel, q: Floats) -> Floats:
-    return np.concatenate([frame_poses(robot, q[part])[1] for part in blocks(len(q))])
+    return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))])
 
 
 def _distances(true: Floats, tip: Floats) -> Distances:
@@ -139,5 +139,5 @@ def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
     """Return whether some of the robot's coordinates move its tip."""
     q = np.full((2, robot.n), 0.1)
     q[1, list(places)] = 0.0
-    first, second = frame_poses(robot, q)[1]
+    first, second = forward_kinematics(robot, q)[1]
     return bool(np.linalg.norm(first - second) > STILL)

@@ -2,16 +2,19 @@
 
 Every effect acts along a combination c of the robot's coordinates: on s = c . q it makes the scalar load f, and the
 actuators must supply tau = c f more. So friction between two coupled joints, or of a motor behind a gear, is a term
-like any other.
+like any other. These dataclasses are also what stands in files: `[actuation]` of a robot table, and the robot in a file
+of identified parameters.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field, PlainSerializer, PlainValidator, ValidationInfo
 
-from catenary.arrays import Floats, frozen
+from catenary.arrays import Floats, Listed, frozen
+from catenary.config import IN_FILES, file_keys
 from catenary.errors import InputError
 from catenary.robots.plausible import FARTHEST, MOST_FACTOR, check_names, check_within
 
@@ -21,8 +24,43 @@ ActuationKind = Literal[
 ]
 
 
+def _combination(given: Any, info: ValidationInfo) -> Floats:
+    """Read a combination: a row, or factors by the names of coordinates, which are the context."""
+    if not isinstance(given, dict):
+        return Listed().read(given)
+    names = info.context or ()
+    for name, factor in given.items():
+        if name not in names:
+            raise ValueError(f'acts on unknown coordinate "{name}"; coordinates: {", ".join(names)}')
+        if type(factor) not in (int, float) or not np.isfinite(factor):
+            raise ValueError(f'factor of "{name}": expected a finite number')
+    if not given:
+        raise ValueError("expected at least one coordinate")
+    return np.array([given.get(name, 0.0) for name in names], dtype=float)
+
+
+Combination = Annotated[Floats, PlainValidator(_combination), PlainSerializer(np.ndarray.tolist)]  # (n,)
+Row = Annotated[Floats, Listed()]
+Positive = Annotated[float, Field(gt=0.0)]
+
+
 @dataclass(frozen=True, eq=False)
-class Friction:
+class Effect:
+    """A load on a combination of coordinates."""
+
+    __pydantic_config__ = file_keys(combination="on")
+
+    name: str
+    combination: Combination
+
+    def __post_init__(self) -> None:
+        for key, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, key, frozen(value))
+
+
+@dataclass(frozen=True, eq=False)
+class Friction(Effect):
     """Friction on the rate v = c . qd, each part identified if set.
 
     coulomb sign(v) + viscous v + offset, and, where a recording shows them:
@@ -34,23 +72,22 @@ class Friction:
     [Dahl, "A solid friction model", 1968], as on cables and elastic drives; in steady sliding it is sign(v).
     """
 
-    name: str
-    combination: Floats  # (n,)
+    __pydantic_config__ = file_keys(
+        combination="on", stribeck="stribeck_velocity", presliding="presliding_distance"
+    )
+
     coulomb: bool = True
     viscous: bool = True
     offset: bool = True
     asymmetric: bool = False
-    stribeck: float | None = None  # v_s [rad/s or m/s]; none when None
+    stribeck: Positive | None = None  # v_s [rad/s or m/s]; none when None
     load: bool = False
-    presliding: float | None = None  # x_s [rad or m]; none when None
+    presliding: Positive | None = None  # x_s [rad or m]; none when None
 
 
 @dataclass(frozen=True, eq=False)
-class MotorInertia:
+class MotorInertia(Effect):
     """Inertia of a rotor that turns with c . qdd [kg m2 or kg]."""
-
-    name: str
-    combination: Floats  # (n,)
 
 
 @dataclass(frozen=True)
@@ -60,32 +97,92 @@ class LeverSpring:
     Its length is l = sqrt(r^2 + h^2 - 2 r h cos t), its torque on t is stiffness r h sin(t) / l (l - rest).
     """
 
-    arm: float  # [m] r, length of the lever
-    anchor: float  # [m] h, from the lever's axis to the anchor
-    rest: float  # [m] length without force
-    angle: float  # [rad] t where c . q is zero
+    __pydantic_config__ = file_keys(arm="arm_m", anchor="anchor_m", rest="rest_length_m")
+
+    arm: Positive  # [m] r, length of the lever
+    anchor: Positive  # [m] h, from the lever's axis to the anchor
+    rest: Positive  # [m] length without force
+    angle_deg: float
+
+    @property
+    def angle(self) -> float:
+        """Where c . q is zero, t [rad]."""
+        return float(np.deg2rad(self.angle_deg))
 
 
 @dataclass(frozen=True, eq=False)
-class Spring:
+class Spring(Effect):
     """A spring on c . q: linear, the torque stiffness * (c . q), or on a lever."""
 
-    name: str
-    combination: Floats  # (n,)
     lever: LeverSpring | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class KnownTorque:
+class KnownTorque(Effect):
     """A load that is known beforehand, such as a cable's: the polynomial of c . q along `along`.
 
     tau = along * polynomial(c . q), subtracted from measured torques before anything is fitted.
     """
 
-    name: str
-    combination: Floats  # (n,)
-    along: Floats  # (n,)
-    polynomial: Floats  # (k,) high power first [Nm or N]
+    __pydantic_config__ = file_keys(combination="of", along="on")
+
+    along: Combination
+    polynomial: Row  # (k,) high power first [Nm or N]
+
+
+@dataclass(frozen=True)
+class SignalFilter:
+    """How recordings of this robot are filtered: zero-phase Butterworth, samples cut, resampling."""
+
+    __pydantic_config__ = IN_FILES
+
+    order: Annotated[int, Field(ge=1, le=10)]  # of one pass; the filter goes forth and back
+    cutoff_hz: Positive
+    cut_samples: Annotated[int, Field(ge=0)]  # left out at either end, where the filter has not settled
+    period_samples: Annotated[int, Field(ge=1)] | None = None  # of the excitation; its first is reported too
+    rate_hz: Positive | None = None  # of recordings with time stamps; their median one if None
+
+
+@dataclass(frozen=True, eq=False)
+class Actuation:
+    """What loads the joints besides the links, with this robot's defaults for identification."""
+
+    __pydantic_config__ = file_keys(springs="spring", known_torques="known_torque")
+
+    friction: tuple[Friction, ...] = ()
+    motor_inertia: tuple[MotorInertia, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    known_torques: tuple[KnownTorque, ...] = ()
+    filter: SignalFilter = SignalFilter(order=4, cutoff_hz=10.0, cut_samples=100)
+    weighting: Weighting = "range"
+    coulomb_velocity: Annotated[float, Field(ge=0.0)] = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); sign at 0
+    effort_scale: Row | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
+    values: Row | None = (
+        None  # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
+    )
+
+    def __post_init__(self) -> None:
+        for key in ("effort_scale", "values"):
+            if getattr(self, key) is not None:
+                object.__setattr__(self, key, frozen(getattr(self, key)))
+
+    @property
+    def terms(self) -> tuple[Effect, ...]:
+        """Every effect."""
+        return (*self.friction, *self.motor_inertia, *self.springs, *self.known_torques)
+
+    def moves(self, coordinate: int) -> bool:
+        """Return whether any effect acts on a coordinate."""
+        return any(term.combination[coordinate] != 0.0 for term in self.terms)
+
+
+class JointDrives(NamedTuple):
+    """Friction and rotors of every joint by itself, zero where nothing is known."""
+
+    friction: Floats  # (n,) Coulomb [Nm or N]
+    damping: Floats  # (n,) viscous [Nms/rad or Ns/m]
+    armature: Floats  # (n,) rotors [kg m2 or kg]
+    left_out: tuple[str, ...]  # effects that are none of these, by kind and name
 
 
 class ActuationTerm(NamedTuple):
@@ -96,53 +193,6 @@ class ActuationTerm(NamedTuple):
     combination: Floats  # (n,)
     lever: LeverSpring | None = None
     scale: float = 0.0  # v_s of Stribeck friction, x_s of presliding friction
-
-
-@dataclass(frozen=True)
-class SignalFilter:
-    """How recordings of this robot are filtered: zero-phase Butterworth, samples cut, resampling."""
-
-    order: int = 4  # of one pass; the filter goes forth and back
-    cutoff_hz: float = 10.0
-    cut_samples: int = 100  # left out at either end, where the filter has not settled
-    period_samples: int | None = None  # of the excitation, whose first period is reported too
-    rate_hz: float | None = None  # of recordings with time stamps; their median one if None
-
-
-@dataclass(frozen=True, eq=False)
-class Actuation:
-    """What loads the joints besides the links, with this robot's defaults for identification."""
-
-    friction: tuple[Friction, ...] = ()
-    motor_inertia: tuple[MotorInertia, ...] = ()
-    springs: tuple[Spring, ...] = ()
-    known_torques: tuple[KnownTorque, ...] = ()
-    filter: SignalFilter = field(default_factory=SignalFilter)
-    weighting: Weighting = "range"
-    coulomb_velocity: float = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); a sign function at 0
-    effort_scale: Floats | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
-    values: Floats | None = (
-        None  # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
-    )
-
-    def __post_init__(self) -> None:
-        for term in self.terms:
-            for key, value in vars(term).items():
-                if isinstance(value, np.ndarray):
-                    object.__setattr__(term, key, frozen(value))
-        if self.effort_scale is not None:
-            object.__setattr__(self, "effort_scale", frozen(self.effort_scale))
-        if self.values is not None:
-            object.__setattr__(self, "values", frozen(self.values))
-
-    @property
-    def terms(self) -> tuple[Friction | MotorInertia | Spring | KnownTorque, ...]:
-        """Every effect."""
-        return (*self.friction, *self.motor_inertia, *self.springs, *self.known_torques)
-
-    def moves(self, coordinate: int) -> bool:
-        """Return whether any effect acts on a coordinate."""
-        return any(term.combination[coordinate] != 0.0 for term in self.terms)
 
 
 def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:
@@ -175,13 +225,36 @@ def default_actuation(joint_names: Sequence[str]) -> Actuation:
     return Actuation(friction=tuple(Friction(name, row) for name, row in zip(joint_names, rows, strict=True)))
 
 
-def check_actuation(where: str, actuation: Actuation, n: int) -> None:
-    """Refuse effects that do not fit the robot.
+def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
+    """Return Coulomb and viscous friction and rotors of the joints; None where no numbers are known.
 
-    Raises:
-        InputError: A combination of another length or of zeros, two terms of one kind and name, or a lever spring
-            whose length can become zero; the message names the term.
+    Presliding friction counts as the Coulomb friction that it becomes in steady sliding. Effects on several joints at
+    once, constants, springs, known torques, and friction that differs by direction, speed or load are left out.
     """
+    if actuation.values is None:
+        return None
+    friction, damping, armature = np.zeros(n), np.zeros(n), np.zeros(n)
+    left_out = [f"known torque {known.name}" for known in actuation.known_torques]
+    for term, value in zip(actuation_terms(actuation), actuation.values, strict=True):
+        moved = np.flatnonzero(term.combination)
+        i, factor = int(moved[0]), abs(float(term.combination[moved[0]]))
+        if len(moved) > 1:
+            left_out.append(f"{term.kind} {term.name}")
+        elif term.kind in ("coulomb", "presliding"):
+            friction[i] += factor * value
+        elif term.kind == "viscous":
+            damping[i] += factor**2 * value
+        elif term.kind == "motor_inertia":
+            armature[i] += factor**2 * value
+        elif value != 0.0:
+            left_out.append(f"{term.kind} {term.name}")
+    # a solver's zero may lie a rounding below
+    friction, damping, armature = (np.maximum(v, 0.0) for v in (friction, damping, armature))
+    return JointDrives(friction, damping, armature, tuple(left_out))
+
+
+def check_actuation(where: str, actuation: Actuation, n: int) -> None:
+    """Refuse effects that do not fit the robot."""
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):
         terms = getattr(actuation, kind)
         check_names(f"{where}: {kind.replace('_', ' ')}", [term.name for term in terms])

@@ -1,15 +1,18 @@
 """From a list of links, as files describe them, to a RobotModel: fixed links folded in, parents first."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.errors import InputError, UnsupportedModelError
+from catenary.errors import FileFormatError, InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.link_inertia import (
     LIGHTEST,
@@ -111,12 +114,6 @@ def assemble(
         strict: Refuse inertias that are missing or that no body has. Otherwise they are doubts, and logged; what needs
             them (mass matrix, inverse dynamics) is refused where a moving link as a whole has no possible one and
             more than a gram. Gravity never needs them.
-
-    Raises:
-        InputError: Two links of one name, unknown parent, frame or coordinate, a coordinate that moves
-            nothing, bad limits, mass, inertia or axis, a massless link with a mass, or what no robot can be
-            (`plausible`): a mass above 1e6 kg, a length above 1 km, a name with control characters.
-        UnsupportedModelError: A loop of parents, no moving joint, or more than 1,000 links.
     """
     check_names("robot", [name])
     where = f'robot "{name}"'
@@ -196,11 +193,7 @@ def _far_apart(folded: "_Folded") -> list[str]:
 def _doubts(
     where: str, ordered: Sequence[Link], folded: "_Folded", untold: Sequence[str], *, strict: bool
 ) -> list[str]:
-    """Return in words what inertias no body has, and what becomes of them.
-
-    Raises:
-        InputError: There is one, and `strict`.
-    """
+    """Return in words what inertias no body has, and what becomes of them."""
     doubts = []
     for link in ordered:
         if link.inertia is None or link.inertia.mass == 0.0:
@@ -392,3 +385,28 @@ def _deepest(ordered: Sequence[Link], root: str) -> str:
     for link in ordered:
         depth[link.name] = depth[link.parent] + 1
     return max(ordered, key=lambda link: depth[link.name]).name
+
+
+# what readers of descriptions share
+
+
+def file_source(path: Path, content: bytes) -> str:
+    """Return a line on which file a model comes from, so that a copy can be told from another version."""
+    return f"{path.name}, sha256 {sha256(content).hexdigest()}"
+
+
+@contextmanager
+def naming_the_file(where: str) -> Iterator[None]:
+    """Prefix errors about a model's numbers with the file that holds them."""
+    try:
+        yield
+    except InputError as error:
+        raise FileFormatError(f"{where}: {error}") from error
+    except UnsupportedModelError as error:
+        raise UnsupportedModelError(f"{where}: {error}") from error
+
+
+def left_out(what: str, where: Iterable[str]) -> list[str]:
+    """Return one line on something that the model leaves out, or none when there is nothing."""
+    names = list(where)
+    return [f"left out: {what} ({', '.join(names)})"] if names else []

@@ -56,19 +56,15 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
 
 
 def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
-    """Load a robot from a `.toml`, `.urdf`, `.xml`, `.mjcf` or `.npz` file; an `.xml` may hold either XML kind.
-
-    Raises:
-        FileFormatError: The ending, or the XML's root element, is not one of these.
-    """
+    """Load a robot from a `.toml`, `.urdf`, `.xml`, `.mjcf` or `.npz` file; an `.xml` may hold either XML kind."""
     kind = path.suffix.lower()
     # each reader is imported when its kind of file comes: a table needs neither an XML nor a MuJoCo reader
     if kind == ".toml":
-        from catenary.robots.table import load_table
+        from catenary.robots.dh_table import load_table
 
         return load_table(path, massless=massless, strict=strict)
     if kind == ".npz":
-        from catenary.robots.identified import load_identified
+        from catenary.robots.model_record import load_identified
 
         return load_identified(path, massless=massless)
     if kind == ".xacro":
@@ -92,12 +88,8 @@ def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> R
 
 
 def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> RobotModel:
-    """Load a robot from the text of a URDF, such as the value of ROS's `robot_description`.
-
-    Raises:
-        FileFormatError: Damaged, too long, or no URDF.
-    """
-    from catenary.robots.description import file_source
+    """Load a robot from the text of a URDF, such as the value of ROS's `robot_description`."""
+    from catenary.robots.assembly import file_source
     from catenary.robots.urdf import parse_urdf
 
     where, content = "robot description", text.encode(errors="replace")

@@ -99,22 +99,14 @@ class Geometry:
 
 
 def shape_on(where: str, model: RobotModel, frame: str, name: str, pose: Pose, form: Form) -> Shape:
-    """Return a form fixed to a frame of a robot.
-
-    Raises:
-        InputError: No frame of that name, a size that is not positive and finite, or one no robot has.
-    """
+    """Return a form fixed to a frame of a robot."""
     check_form(f'{where}: shape of "{name}"', form)
     carrier = model.frame(frame)
     return Shape(name, carrier.link, carrier.pose @ pose, form)
 
 
 def check_form(what: str, form: Form) -> None:
-    """Refuse sizes that are not positive, or beyond what any robot has (a kilometre).
-
-    Raises:
-        InputError: There is one; `what` opens the message.
-    """
+    """Refuse sizes that are not positive, or beyond what any robot has (a kilometre)."""
     if isinstance(form, MeshFile):
         sizes: tuple[float, ...] = tuple(abs(float(s)) for s in form.scale)
     elif isinstance(form, TriangleMesh):

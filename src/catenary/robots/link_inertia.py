@@ -48,11 +48,7 @@ NOTHING = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def check_inertia(what: str, body: LinkInertia) -> None:
-    """Refuse numbers that are none of a body's: not finite, negative or huge mass, an inertia that is not symmetric.
-
-    Raises:
-        InputError: One of these; the message opens with `what`.
-    """
+    """Refuse numbers that are none of a body's: not finite, negative or huge mass, an inertia that is not symmetric."""
     if not np.isfinite(body.mass) or body.mass < 0.0:
         raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
     check_within(f"{what}: mass", body.mass, MOST_MASS, "kg")

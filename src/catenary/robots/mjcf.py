@@ -1,26 +1,22 @@
 """Robots from MJCF files, read by MuJoCo itself and taken from its compiled arrays."""
 
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.documents import MOST_XML, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
-from catenary.robots.assembly import Coordinate, Link, assemble
-from catenary.robots.description import (
-    Mimic,
-    file_source,
-    left_out,
-    naming_the_file,
-    read_description,
-    resolve_mimics,
-)
+from catenary.robots.assembly import Coordinate, Link, assemble, file_source, left_out, naming_the_file
 from catenary.robots.link_inertia import LinkInertia
-from catenary.robots.mjcf_bounds import included_files, refuse_too_much
+from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
+from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 _WORLD = "world"  # MuJoCo's name of what everything hangs on
@@ -43,15 +39,8 @@ def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
         path: The file.
         massless: Moving bodies without inertia that are meant to have none; "all" for all such.
         strict: Refuse inertias that no body has.
-
-    Raises:
-        FileFormatError: MuJoCo cannot read or compile the file; its own message follows. Or the file asks for more
-            than a robot has (`mjcf_bounds`).
-        InputError: `massless` names a body that does not exist, or that has a mass.
-        MissingPackageError: MuJoCo is not installed.
-        UnsupportedModelError: Ball or free joint, a loop, a flexible body, or no moving joint.
     """
-    content = read_description(path)
+    content = read_bounded(path, MOST_XML)
     included = included_files(path, content)
     refuse_too_much(path, content, included)
     compiled = compile_mjcf(path)
@@ -117,7 +106,7 @@ def _read(mujoco: Any, path: Path) -> Any:
     if path.suffix == ".xml":
         spec = mujoco.MjSpec.from_file(str(path))
     else:
-        content = read_description(path)
+        content = read_bounded(path, MOST_XML)
         spec = mujoco.MjSpec.from_string(content.decode(), include=included_files(path, content))
         spec.modelfiledir = str(path.absolute().parent)  # where meshes are looked for
     for material in spec.materials:
@@ -318,3 +307,82 @@ def _notes(c: CompiledMjcf, joints: Mapping[int, str]) -> list[str]:
 def _model_name(c: CompiledMjcf, path: Path) -> str:
     name = bytes(c.model.names).split(b"\0", 1)[0].decode()  # the first of the compiled names is the model's
     return path.stem if name in ("", "MuJoCo Model") else name
+
+
+# what a file asks for is counted before MuJoCo is given it: a line of it can ask for gigabytes
+MOST_FILES = 100  # that a file includes
+MOST_ASKED = {"bodies": MOST_LINKS, "points of images and height fields": 2**24, "reserved numbers": 10_000}
+IMAGES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+
+
+def _mjcf_tree(content: bytes, where: str) -> Element:
+    """Return the root element; comments are left out first, as MuJoCo allows "--" in them and XML does not."""
+    return xml_tree(_COMMENT.sub(lambda found: b"\n" * found[0].count(b"\n"), content), where)
+
+
+def included_files(path: Path, content: bytes) -> dict[str, bytes]:
+    """Return the files that <include> brings in, by the name it gives them, relative to the main file."""
+    found: dict[str, bytes] = {}
+    waiting = [(str(path), content)]
+    folder = path.parent.resolve()
+    while waiting:
+        where, text = waiting.pop()
+        for name in (element.get("file", "") for element in _mjcf_tree(text, where).iter("include")):
+            place = path.parent / name.replace("\0", "")
+            if name in found or not place.is_file():
+                continue  # MuJoCo says what it misses
+            if not place.resolve().is_relative_to(folder):
+                raise FileFormatError(f"{where}: <include file={shortened(name)}>: is outside {path.parent}")
+            found[name] = read_bounded(place, MOST_XML)
+            if len(found) > MOST_FILES or sum(map(len, found.values())) > MOST_XML:
+                raise FileFormatError(
+                    f"{path}: includes more than {MOST_FILES} files, or more than {MOST_XML} bytes"
+                )
+            waiting.append((str(place), found[name]))
+    return found
+
+
+def refuse_too_much(path: Path, content: bytes, included: Mapping[str, bytes]) -> None:
+    """Refuse a file that asks for more bodies, points of images or reserved numbers than a robot has."""
+    trees = {name: _mjcf_tree(text, str(path.parent / name)) for name, text in included.items()}
+    bodies, points, reserved = MOST_ASKED
+    asked = dict.fromkeys(MOST_ASKED, 0.0)
+    for element, times in _elements(_mjcf_tree(content, str(path)), trees):
+        if element.tag == "body":
+            asked[bodies] += times
+        elif element.tag in ("composite", "flexcomp"):
+            asked[bodies] += times * _product(element.get("count", "").split())
+        elif element.tag in IMAGES:
+            asked[points] += _product([element.get(key, "1") for key in IMAGES[element.tag]])
+        elif element.tag == "size":
+            numbers = [n for key, n in element.items() if key.startswith(("nuser_", "nkey"))]
+            asked[reserved] += sum(_product([number]) for number in numbers)
+        for what, most in MOST_ASKED.items():
+            if asked[what] > most:
+                raise FileFormatError(f"{path}: asks for {asked[what]:g} {what}, expected at most {most}")
+
+
+def _elements(root: Element, included: Mapping[str, Element]) -> Iterator[tuple[Element, float]]:
+    """Yield every element and how often <replicate> makes it; a file that includes itself is gone through once."""
+    waiting, seen = [(root, 1.0)], set[str]()
+    while waiting:
+        element, times = waiting.pop()
+        yield element, times
+        name = element.get("file", "") if element.tag == "include" else ""
+        if name in included and name not in seen:
+            seen.add(name)
+            waiting.append((included[name], times))
+        within = times * (_product([element.get("count", "1")]) if element.tag == "replicate" else 1.0)
+        waiting += [(child, within) for child in element]
+
+
+def _product(words: list[str]) -> float:
+    """Return the product of numbers; words that are none are MuJoCo's to refuse."""
+    product = 1.0
+    for word in words:
+        try:
+            product *= max(1.0, float(word))
+        except ValueError:
+            continue
+    return product

@@ -4,12 +4,12 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array, frozen
+from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.actuation import Actuation
 from catenary.robots.plausible import FAR, payload_doubt
@@ -28,14 +28,14 @@ class Tree(NamedTuple):
     Inertias are about the centre of mass, along the axes of frame i.
     """
 
-    parent: NDArray[np.int64]  # (n,) -1 is the base
-    prismatic: NDArray[np.bool_]  # (n,)
-    rotation: Floats  # (n, 3, 3) R_parent_i at coordinate zero
-    origin: Floats  # (n, 3) [m], in the parent's frame
-    axis: Floats  # (n, 3) unit vector in frame i
-    mass: Floats  # (n,) [kg]
-    com: Floats  # (n, 3) [m], in frame i
-    inertia: Floats  # (n, 3, 3) [kg m2]
+    parent: Annotated[NDArray[np.int64], Listed((None,), int)]  # (n,) -1 is the base
+    prismatic: Annotated[NDArray[np.bool_], Listed((None,), bool)]  # (n,)
+    rotation: Annotated[Floats, Listed((None, 3, 3))]  # R_parent_i at coordinate zero
+    origin: Annotated[Floats, Listed((None, 3))]  # [m], in the parent's frame
+    axis: Annotated[Floats, Listed((None, 3))]  # unit vector in frame i
+    mass: Annotated[Floats, Listed()]  # (n,) [kg]
+    com: Annotated[Floats, Listed((None, 3))]  # [m], in frame i
+    inertia: Annotated[Floats, Listed((None, 3, 3))]  # [kg m2]
 
 
 class Frame(NamedTuple):
@@ -49,7 +49,9 @@ class Unseen(NamedTuple):
     """A change of masses that no torque showed under the gravity in which a robot was identified."""
 
     name: str  # of the first moment or mass that it is counted in
-    change: Floats  # (n_tree, 4) of each link's mass [kg] and first moment [kg m], per unit of it
+    change: Annotated[
+        Floats, Listed((None, 4))
+    ]  # (n_tree, 4) of each link's mass [kg] and first moment [kg m], per unit of it
     low: float  # by how much bodies could have less of it [kg m or kg], zero or below
     high: float  # by how much more
 
@@ -67,20 +69,21 @@ class RobotModel:
     joint_units: tuple[str, ...]  # (n,) "rad" or "m"
     link_names: tuple[str, ...]  # (n_tree,)
     tree: Tree
-    coupling: Floats  # (n_tree, n)
-    offset: Floats  # (n_tree,) [rad or m]
-    lower: Floats  # (n,) [rad or m], -inf where there is no limit
-    upper: Floats  # (n,)
-    velocity_limit: Floats  # (n,) [rad/s or m/s], inf where not given
-    effort_limit: Floats  # (n,) [Nm or N], inf where not given
+    coupling: Annotated[Floats, Listed((None, None))]  # (n_tree, n)
+    offset: Annotated[Floats, Listed()]  # (n_tree,) [rad or m]
+    lower: Annotated[Floats, Listed(null=-np.inf)]  # (n,) [rad or m], -inf where there is no limit
+    upper: Annotated[Floats, Listed(null=np.inf)]  # (n,)
+    velocity_limit: Annotated[Floats, Listed(null=np.inf)]  # (n,) [rad/s or m/s], inf where not given
+    effort_limit: Annotated[Floats, Listed(null=np.inf)]  # (n,) [Nm or N], inf where not given
     frames: Mapping[str, Frame]  # every named frame, links and fixed links included
     tip: str  # the frame that forward and inverse kinematics mean when none is named
     missing_inertia: tuple[str, ...] = ()  # moving links without mass, centre of mass and inertia
-    missing_tensor: tuple[
-        str, ...
-    ] = ()  # those with a mass, but with no inertia about its centre that a body has
+    # those with a mass, but with no inertia about its centre that a body has
+    missing_tensor: tuple[str, ...] = ()
     massless: tuple[str, ...] = ()  # moving links declared to have none
-    axes_of_com: NDArray[np.bool_] = field(default_factory=lambda: np.ones((0, 3), dtype=bool))
+    axes_of_com: Annotated[NDArray[np.bool_], Listed((None, 3), bool)] = field(
+        default_factory=lambda: np.ones((0, 3), dtype=bool)
+    )
     # (n_tree, 3) axes of frame i on which link i's centre of mass may lie; all of them when none is declared
     closed_form: str | None = None  # which closed-form inverse kinematics holds, if any
     actuation: Actuation | None = None  # friction, springs, motors, if stated
@@ -114,7 +117,7 @@ class RobotModel:
 
     @cached_property
     def kernels(self) -> dict[str, Any]:
-        """What has been compiled for this robot, kept by `catenary.dynamics.kernels` for as long as the model lives."""
+        """What `catenary.dynamics.robot_kernels` compiled for this robot, for as long as the model lives."""
         return {}
 
     def require_masses(self) -> None:

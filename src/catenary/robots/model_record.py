@@ -1,27 +1,17 @@
-"""A RobotModel as plain data and back, so that a file made from a robot needs no other file to be used."""
+"""A RobotModel as plain data and back, and out of the file of its identified parameters."""
 
-from collections.abc import Mapping
-from dataclasses import asdict
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
-from catenary.config import Recorded, parse_settings
+from catenary.archives import content_in_words, read_arrays
+from catenary.cards import card_of
+from catenary.config import parse_settings, plain_data
+from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError, InputError
-from catenary.robots.actuation import (
-    Actuation,
-    Friction,
-    KnownTorque,
-    LeverSpring,
-    MotorInertia,
-    SignalFilter,
-    Spring,
-    Weighting,
-    check_actuation,
-)
-from catenary.robots.actuation_table import FilterTable
-from catenary.robots.model import Frame, RobotModel, Tree, Unseen
+from catenary.robots.actuation import check_actuation
+from catenary.robots.model import Massless, RobotModel, Tree
 from catenary.robots.plausible import (
     FARTHEST,
     MOST_FACTOR,
@@ -32,172 +22,76 @@ from catenary.robots.plausible import (
     check_names,
     check_within,
 )
-from catenary.spatial import Pose, as_rotation
+from catenary.spatial import as_rotation
 
-NAMES = ("joint_names", "joint_units", "link_names", "missing_inertia", "missing_tensor", "massless", "sources",
-         "notes", "doubts")  # fmt: skip
-LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity_limit": np.inf, "effort_limit": np.inf}  # where null
+REMEDY = "`catenary identify` makes it again"
+IDENTIFIED = "identified"  # array of the archive that holds the robot, as JSON
+UNSAVED = (
+    "axes_of_com",
+    "without_payload",
+)  # of what was declared or carried, an identified robot knows nothing
 BOUNDS = {  # by array of the tree: most that a robot can have
     "rotation": (2.0, ""), "origin": (FARTHEST, "m"), "axis": (2.0, ""), "mass": (MOST_MASS, "kg"),
     "com": (FARTHEST, "m"), "inertia": (MOST_INERTIA, "kg m2"),
 }  # fmt: skip
-Vector = tuple[float, float, float]
-Matrix = tuple[Vector, Vector, Vector]
-Many = Field(max_length=MOST_LINKS)
-Row = Annotated[tuple[float, ...], Many]
-Texts = Annotated[tuple[str, ...], Many]
-Limits = Annotated[tuple[float | None, ...], Many]
-
-
-class TreeRecord(Recorded):
-    """A robot's tree, a row a link."""
-
-    parent: Annotated[tuple[int, ...], Many]
-    prismatic: Annotated[tuple[bool, ...], Many]
-    rotation: Annotated[tuple[Matrix, ...], Many]
-    origin: Annotated[tuple[Vector, ...], Many]
-    axis: Annotated[tuple[Vector, ...], Many]
-    mass: Row
-    com: Annotated[tuple[Vector, ...], Many]
-    inertia: Annotated[tuple[Matrix, ...], Many]
-
-
-class TermRecord(Recorded):
-    """An effect on a combination of coordinates."""
-
-    name: str
-    combination: Row
-
-
-class FrictionRecord(TermRecord):
-    """Friction, as `Friction`."""
-
-    coulomb: bool
-    viscous: bool
-    offset: bool
-    asymmetric: bool = False
-    stribeck: float | None = None
-    load: bool = False
-    presliding: float | None = None
-
-
-class LeverRecord(Recorded):
-    """A lever, as `LeverSpring`."""
-
-    arm: float
-    anchor: float
-    rest: float
-    angle: float
-
-
-class SpringRecord(TermRecord):
-    """A spring, as `Spring`."""
-
-    lever: LeverRecord | None = None
-
-
-class KnownTorqueRecord(TermRecord):
-    """A known torque, as `KnownTorque`."""
-
-    along: Row
-    polynomial: Row
-
-
-class ActuationRecord(Recorded):
-    """What loads the joints beside the links, as `Actuation`."""
-
-    friction: Annotated[tuple[FrictionRecord, ...], Many] = ()
-    motor_inertia: Annotated[tuple[TermRecord, ...], Many] = ()
-    springs: Annotated[tuple[SpringRecord, ...], Many] = ()
-    known_torques: Annotated[tuple[KnownTorqueRecord, ...], Many] = ()
-    filter: FilterTable
-    weighting: Weighting
-    coulomb_velocity: Annotated[float, Field(ge=0.0)]
-    effort_scale: Row | None = None
-    values: Annotated[tuple[float, ...], Field(max_length=10 * MOST_LINKS)] | None = None
-
-
-class UnseenRecord(Recorded):
-    """A change of masses that was not seen, as `Unseen`."""
-
-    name: str
-    change: Annotated[tuple[tuple[float, float, float, float], ...], Many]
-    low: float
-    high: float
-
-
-class RobotRecord(Recorded):
-    """A robot as plain data."""
-
-    name: str
-    tip: str
-    closed_form: str | None
-    joint_names: Texts
-    joint_units: Annotated[tuple[Literal["rad", "m"], ...], Many]
-    link_names: Texts
-    missing_inertia: Texts
-    missing_tensor: Texts = ()
-    doubts: tuple[str, ...] = ()
-    massless: Texts
-    sources: tuple[str, ...]
-    notes: tuple[str, ...]
-    coupling: Annotated[tuple[Row, ...], Many]
-    offset: Row
-    lower: Limits
-    upper: Limits
-    velocity_limit: Limits
-    effort_limit: Limits
-    tree: TreeRecord
-    frames: dict[str, tuple[int, Matrix, Vector]]
-    actuation: ActuationRecord | None
-    unseen: tuple[UnseenRecord, ...] = ()
 
 
 def robot_record(model: RobotModel) -> dict[str, Any]:
     """Return a robot as plain data for JSON; infinite limits are null."""
-    return {
-        "name": model.name,
-        "tip": model.tip,
-        "closed_form": model.closed_form,
-        **{key: list(getattr(model, key)) for key in NAMES},
-        **{key: getattr(model, key).tolist() for key in ("coupling", "offset")},
-        **{key: [float(v) if np.isfinite(v) else None for v in getattr(model, key)] for key in LIMITS},
-        "tree": {key: array.tolist() for key, array in model.tree._asdict().items()},
-        "frames": {
-            name: [f.link, f.pose.rotation.tolist(), f.pose.position.tolist()]
-            for name, f in model.frames.items()
-        },
-        "unseen": [each._asdict() | {"change": each.change.tolist()} for each in model.unseen],
-        "actuation": None if model.actuation is None else asdict(model.actuation, dict_factory=_plain),
-    }
+    record = {key: value for key, value in plain_data(model).items() if key not in UNSAVED}
+    return record | {"tree": dict(zip(Tree._fields, record["tree"], strict=True))}
 
 
 def robot_from_record(record: Any) -> RobotModel:
-    """Return the robot of a record.
-
-    Raises:
-        FileFormatError: Something is missing or of another kind, arrays do not fit together, or the numbers are none
-            that a robot can have.
-    """
-    content = parse_settings(record, RobotRecord, "the robot in it is damaged")
+    """Return the robot of a record."""
+    where = "the robot in it is damaged"
+    model = parse_settings(record, RobotModel, where)
     try:
-        return _robot(content)
+        _check(model)
     except InputError as error:
-        raise FileFormatError(f"the robot in it is damaged: {error}") from error
+        raise FileFormatError(f"{where}: {error}") from error
+    return model
 
 
-def _robot(content: RobotRecord) -> RobotModel:
-    links, n = len(content.link_names), len(content.joint_names)
-    check_names("robot", [content.name])
-    for kind in ("joint", "link"):
-        names = getattr(content, f"{kind}_names")
+def load_identified(path: Path, *, massless: Massless = ()) -> RobotModel:
+    """Load the robot that `catenary identify` found."""
+    arrays = read_arrays(path)
+    if IDENTIFIED not in arrays:
+        if {"structure", "combination"} <= set(arrays):
+            raise FileFormatError(
+                f"{path}: holds combinations of links' parameters, of which no robot follows (identify --free, or an "
+                "earlier version): identify once more without --free"
+            )
+        raise FileFormatError(
+            f"{path}: holds no robot ({content_in_words(arrays)}); catenary identify writes one beside its parameters"
+        )
+    try:
+        card_of(arrays, path, REMEDY)
+        robot = robot_from_record(json_table(str(arrays[IDENTIFIED]), IDENTIFIED))
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {cut(str(error).removeprefix(f'{path}: '))}") from error
+    return robot.with_massless(massless) if massless else robot
+
+
+def _check(model: RobotModel) -> None:
+    """Refuse arrays that do not fit together, and numbers that no robot has."""
+    tree, links, n = model.tree, len(model.link_names), model.n
+    check_names("robot", [model.name])
+    for kind, names in (("joint", model.joint_names), ("link", model.link_names)):
         check_names(kind, names)
         check_different(kind, names)
-    if not links or not n:
-        raise InputError(f"{links} links and {n} joints, expected at least one of each")
-    if not all(-1 <= parent < i for i, parent in enumerate(content.tree.parent)):
+    if not 0 < links <= MOST_LINKS or not n:
+        raise InputError(
+            f"{links} links and {n} joints, expected at least one of each, and {MOST_LINKS} at most"
+        )
+    counts = {**dict.fromkeys((*Tree._fields, "coupling", "offset"), links)}
+    counts |= dict.fromkeys(("joint_units", "lower", "upper", "velocity_limit", "effort_limit"), n)
+    for key, count in counts.items():
+        values = getattr(tree if key in Tree._fields else model, key)
+        if len(values) != count:
+            raise InputError(f"{key} has {len(values)} rows, expected {count}")
+    if not all(-1 <= parent < i for i, parent in enumerate(tree.parent)):
         raise InputError("the tree's parents do not come first")
-    tree = Tree(**{key: _array(key, getattr(content.tree, key), links) for key in Tree._fields})
     for key, (most, unit) in BOUNDS.items():
         check_within(key, getattr(tree, key), most, unit)
     if (tree.mass < 0.0).any():
@@ -206,93 +100,26 @@ def _robot(content: RobotRecord) -> RobotModel:
         as_rotation(f"rotation of link {i}", tree.rotation[i])
     if not np.allclose(np.linalg.norm(tree.axis, axis=1), 1.0, atol=1e-6):
         raise InputError("axes of joints: expected unit vectors")
-    coupling = _array("coupling", content.coupling, links)
-    if coupling.shape != (links, n):
-        raise InputError(f"coupling has shape {coupling.shape}, expected {(links, n)}")
-    check_within("coupling", coupling, MOST_FACTOR, "")
-    offset = _array("offset", content.offset, links)
-    check_within("offset", offset, FARTHEST, "rad or m")
-    limits = {
-        key: _array(key, [none if v is None else v for v in getattr(content, key)], n)
-        for key, none in LIMITS.items()
-    }
-    if len(content.joint_units) != n:
-        raise InputError(f"joint units: expected {n}, got {len(content.joint_units)}")
-    if (limits["lower"] > limits["upper"]).any():
+    if model.coupling.shape != (links, n):
+        raise InputError(f"coupling has shape {model.coupling.shape}, expected {(links, n)}")
+    check_within("coupling", model.coupling, MOST_FACTOR, "")
+    check_within("offset", model.offset, FARTHEST, "rad or m")
+    if not set(model.joint_units) <= {"rad", "m"}:
+        raise InputError(f"joint_units: expected rad or m, got {', '.join(model.joint_units)}")
+    if (model.lower > model.upper).any():
         raise InputError("a joint's lower limit is above its upper one")
-    if min(limits["velocity_limit"].min(), limits["effort_limit"].min()) < 0.0:
+    if min(model.velocity_limit.min(), model.effort_limit.min()) < 0.0:
         raise InputError("a limit of velocity or effort is negative, expected zero or more")
-    return RobotModel(
-        name=content.name,
-        tip=content.tip,
-        closed_form=content.closed_form,
-        **{key: getattr(content, key) for key in NAMES},
-        tree=tree,
-        coupling=coupling,
-        offset=offset,
-        **limits,
-        frames=_frames(content, links),
-        actuation=None if content.actuation is None else _actuation(content.actuation, n),
-        unseen=tuple(
-            Unseen(each.name, _array("unseen change", each.change, links), each.low, each.high)
-            for each in content.unseen
-        ),
-    )
-
-
-def _frames(content: RobotRecord, links: int) -> Mapping[str, Frame]:
-    frames = {}
-    for name, (link, rotation, position) in content.frames.items():
+    for name, (link, pose) in model.frames.items():
         check_names("frame", [name])
         if not -1 <= link < links:
             raise InputError(f'frame "{name}" stands on link {link} of {links}')
-        check_within(f'frame "{name}": position', position, FARTHEST, "m")
-        frames[name] = Frame(
-            link, Pose(as_rotation(f'frame "{name}"', np.array(rotation)), np.array(position))
-        )
-    if content.tip not in frames:
-        raise InputError(f"tip {content.tip!r} is no frame")
-    return frames
-
-
-def _plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a data class's fields with arrays as lists."""
-    return {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in items}
-
-
-def _array(key: str, values: Any, count: int) -> Any:
-    if len(values) != count:
-        raise InputError(f"{key} has {len(values)} rows, expected {count}")
-    lengths = {len(row) for row in values} if key == "coupling" else {0}
-    if len(lengths) > 1:
-        raise InputError(f"{key}: rows of different lengths")
-    return np.array(values, dtype={"parent": np.int64, "prismatic": np.bool_}.get(key, np.float64))
-
-
-def _actuation(content: ActuationRecord, n: int) -> Actuation:
-    def terms(kind: str, made: type) -> Any:
-        return tuple(made(**_term(entry)) for entry in getattr(content, kind))
-
-    actuation = Actuation(
-        friction=terms("friction", Friction),
-        motor_inertia=terms("motor_inertia", MotorInertia),
-        springs=terms("springs", Spring),
-        known_torques=terms("known_torques", KnownTorque),
-        filter=SignalFilter(**content.filter.model_dump()),
-        weighting=content.weighting,
-        coulomb_velocity=content.coulomb_velocity,
-        effort_scale=None if content.effort_scale is None else np.array(content.effort_scale),
-        values=None if content.values is None else np.array(content.values),
-    )
-    check_actuation("actuation", actuation, n)
-    return actuation
-
-
-def _term(entry: TermRecord) -> dict[str, Any]:
-    """Return a term's fields: numbers as arrays, a lever as what it is."""
-    values: dict[str, Any] = {
-        key: np.array(value) if isinstance(value, tuple) else value for key, value in dict(entry).items()
-    }
-    if isinstance(values.get("lever"), LeverRecord):
-        values["lever"] = LeverSpring(**values["lever"].model_dump())
-    return values
+        check_within(f'frame "{name}": position', pose.position, FARTHEST, "m")
+        as_rotation(f'frame "{name}"', pose.rotation)
+    if model.tip not in model.frames:
+        raise InputError(f"tip {model.tip!r} is no frame")
+    for each in model.unseen:
+        if len(each.change) != links:
+            raise InputError(f"unseen change has {len(each.change)} rows, expected {links}")
+    if model.actuation is not None:
+        check_actuation("actuation", model.actuation, n)

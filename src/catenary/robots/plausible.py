@@ -27,9 +27,6 @@ def check_names(what: str, names: Iterable[str]) -> None:
     Args:
         what: What they are names of, such as `robot "a": link`.
         names: The names.
-
-    Raises:
-        InputError: One cannot be a name; the message holds it.
     """
     for name in names:
         if not 0 < len(name) <= LONGEST_NAME or _CONTROL.search(name):
@@ -39,32 +36,20 @@ def check_names(what: str, names: Iterable[str]) -> None:
 
 
 def check_different(what: str, names: Sequence[str]) -> None:
-    """Refuse a name that is there twice.
-
-    Raises:
-        InputError: Two are the same; the message holds all, as far as they fit.
-    """
+    """Refuse a name that is there twice."""
     if len(set(names)) != len(names):
         raise InputError(f"{what} names must differ, got {cut(', '.join(names))}")
 
 
 def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
-    """Refuse numbers that are beyond a bound, or NaN.
-
-    Raises:
-        InputError: One is; the message says how large it is and what was expected.
-    """
+    """Refuse numbers that are beyond a bound, or NaN."""
     found = np.abs(np.asarray(values, dtype=np.float64))
     if not (found <= most).all():
         raise InputError(f"{what}: {found.max():g} {unit}, expected at most {most:g} {unit}")
 
 
 def check_length(what: str, vector: ArrayLike) -> None:
-    """Refuse a vector (3,) [m] that is longer in any direction than a robot is.
-
-    Raises:
-        InputError: It is, or it has another shape or is not finite.
-    """
+    """Refuse a vector (3,) [m] that is longer in any direction than a robot is."""
     check_within(what, as_array(what, vector, (3,)), FARTHEST, "m")
 
 

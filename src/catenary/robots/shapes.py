@@ -1,19 +1,50 @@
-"""The door to robots' shapes: read from where the robot comes from, or capsules along its links."""
+"""Shapes of robots' links: out of URDF, MJCF or a table, or capsules along the links where nothing tells them."""
 
+import os
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.resources import as_file
 from pathlib import Path
 from typing import Literal
+from urllib.parse import unquote, urlsplit
+from xml.etree.ElementTree import Element
 
-from catenary.documents import MOST_XML, read_bounded, xml_root_tag
-from catenary.errors import InputError
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.config import load_toml
+from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
+from catenary.errors import FileFormatError, InputError
+from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
-from catenary.robots.geometry import Geometry
-from catenary.robots.link_capsules import capsules_along_links
+from catenary.robots.dh_table import RobotTable
+from catenary.robots.geometry import (
+    Ball,
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Form,
+    Geometry,
+    HalfSpace,
+    MeshFile,
+    Shape,
+    TriangleMesh,
+    capsule_between,
+    links_without_shape,
+    shape_on,
+)
+from catenary.robots.mjcf import CompiledMjcf, compile_mjcf, included_files, refuse_too_much
 from catenary.robots.model import RobotModel
+from catenary.robots.urdf import named_elements, number_of, numbers_of, origin_of, urdf_root
+from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]
 DESCRIPTIONS = (".urdf", ".xml", ".mjcf")  # endings of files that may state shapes, beside tables
+URDF_FORMS = ("box", "cylinder", "sphere", "capsule", "mesh")
+DENSITY = 1000.0  # [kg/m3] of water
+NO_LENGTH = 1e-6  # [m] a segment of less is a point
+Segment = tuple[Floats, Floats]
 
 
 def load_geometry(
@@ -56,14 +87,7 @@ def described_geometry(
         model: The robot.
         packages: Likewise.
         kind: Of a URDF's shapes, those that collide or those that are seen; the others where there are none.
-
-    Raises:
-        FileFormatError: A shape that is damaged, or a mesh that is not there.
-        MissingPackageError: MuJoCo, which reads MJCF, is not installed.
     """
-    from catenary.robots.table_shapes import table_shapes
-    from catenary.robots.urdf_shapes import urdf_shapes
-
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return urdf_shapes(source, "robot description", model, None, packages, kind)
     if str(source) in robot_names():
@@ -77,6 +101,241 @@ def described_geometry(
     content = read_bounded(path, MOST_XML)
     if xml_root_tag(content, str(path)) == "robot":
         return urdf_shapes(content, str(path), model, path, packages, kind)
-    from catenary.robots.mjcf_shapes import mjcf_shapes
-
     return mjcf_shapes(path, model)
+
+
+def capsules_along_links(model: RobotModel, radius: float | None = None) -> Geometry | None:
+    """Return capsules along the links; None where neither masses nor a radius say how thick they are.
+
+    From a link's joint to those it carries, thick enough to hold the link's mass as a body of the density of water:
+    arms are hollow tubes with motors and gears in them. A UR10e's upper arm (13.05 kg over 0.61 m) comes out some 75 mm
+    in radius. An assumption, not a measurement: a robot whose shapes matter needs a description that has them. Where
+    the centre of mass lies outside a capsule to the next joint, two capsules pass through it.
+
+    Args:
+        model: The robot.
+        radius: Of all capsules [m]; by the links' masses when None.
+    """
+    known = [i for i, mass in enumerate(model.tree.mass) if mass > 0.0]
+    if radius is None and not known:
+        return None
+    shapes: list[Shape] = []
+    radii: list[float] = []
+    for link, name in enumerate(model.link_names):
+        mass = float(model.tree.mass[link])
+        if radius is None and mass == 0.0:
+            continue
+        segments = _segments(model, link)
+        thick = _thickness(mass, segments) if radius is None else radius
+        segments = _through_com(segments, model.tree.com[link], thick) if mass > 0.0 else segments
+        if radius is None:
+            thick = _thickness(mass, segments)
+        radii.append(thick)
+        shapes += [_capsule(name, link, segment, thick) for segment in segments]
+    for child in np.flatnonzero(model.tree.parent < 0):
+        end = model.tree.origin[child]
+        if np.linalg.norm(end) > NO_LENGTH:
+            shapes.append(_capsule(model.base, -1, (np.zeros(3), end), radii[0]))
+    thickness = f"{1000 * min(radii):.0f} to {1000 * max(radii):.0f} mm"
+    by = "as given" if radius is not None else "as thick as their masses are in water"
+    return Geometry(
+        model.name, tuple(shapes), f"capsules along its links, {thickness} in radius, {by}", assumed=True
+    )
+
+
+def _segments(model: RobotModel, link: int) -> list[Segment]:
+    """Return what a link spans in its own frame: from its joint to each one it carries, or to its last frame."""
+    ends = [model.tree.origin[c] for c in np.flatnonzero(model.tree.parent == link)]
+    if not ends:
+        ends = [frame.pose.position for frame in model.frames.values() if frame.link == link]
+        ends = sorted(ends, key=lambda end: float(np.linalg.norm(end)))[-1:]
+    far = [end for end in ends if np.linalg.norm(end) > NO_LENGTH]
+    return [(np.zeros(3), end) for end in far] or [(np.zeros(3), np.zeros(3))]
+
+
+def _through_com(segments: list[Segment], com: Floats, radius: float) -> list[Segment]:
+    if min(_distance(com, segment) for segment in segments) <= radius:
+        return segments
+    nearest = min(segments, key=lambda segment: _distance(com, segment))
+    others = [segment for segment in segments if segment is not nearest]
+    halves = [(nearest[0], com), (com, nearest[1])]
+    return [*others, *(half for half in halves if np.linalg.norm(half[1] - half[0]) > NO_LENGTH)]
+
+
+def _distance(point: Floats, segment: Segment) -> float:
+    start, along = segment[0], segment[1] - segment[0]
+    square = float(along @ along)
+    share = 0.0 if square == 0.0 else float(np.clip((point - start) @ along / square, 0.0, 1.0))
+    return float(np.linalg.norm(point - start - share * along))
+
+
+def _thickness(mass: float, segments: list[Segment]) -> float:
+    """Return the radius r at which capsules hold a mass: m / density = pi r^2 length + 4/3 pi r^3."""
+    length = sum(float(np.linalg.norm(end - start)) for start, end in segments)
+    roots = np.roots([4.0 / 3.0 * np.pi, np.pi * length, 0.0, -mass / DENSITY])
+    return float(roots[np.isclose(roots.imag, 0.0) & (roots.real > 0.0)].real[0])
+
+
+def _capsule(name: str, link: int, segment: Segment, radius: float) -> Shape:
+    pose, capsule = capsule_between(segment[0], segment[1], radius)
+    return Shape(name, link, identity_pose() @ pose, capsule)
+
+
+def table_shapes(path: Path, model: RobotModel) -> Geometry | None:
+    """Return the capsules of a robot table; None where it has none."""
+    table = load_toml(path, RobotTable)
+    if not table.capsule:
+        return None
+    shapes = []
+    for row in table.capsule:
+        start, end = np.array(row.from_m, dtype=float), np.array(row.to_m, dtype=float)
+        pose, capsule = capsule_between(start, end, row.radius_m)
+        try:
+            link = model.frame(row.frame).link
+            name = model.base if link < 0 else model.link_names[link]
+            shapes.append(shape_on(table.name, model, row.frame, name, pose, capsule))
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+    origin = f"capsules of the table of {table.name}, {table.capsules_from}"
+    return Geometry(model.name, tuple(shapes), origin, assumed=True)
+
+
+def urdf_shapes(
+    content: str | bytes,
+    where: str,
+    model: RobotModel,
+    path: Path | None,
+    packages: Sequence[Path] = (),
+    kind: Kind = "collision",
+) -> Geometry | None:
+    """Return the shapes of a URDF; None where it has none.
+
+    Args:
+        content: The URDF.
+        where: What it is, for messages.
+        model: The robot that was read from it.
+        path: Where it lies, None for a text; meshes are looked for beside it.
+        packages: Folders in which ROS's packages lie, for meshes named `package://PACKAGE/FILE`.
+        kind: Which shapes; the others where the file has none of these.
+    """
+    robot = urdf_root(content, where)
+    wanted = kind
+    if robot.find(f"link/{kind}/geometry") is None:
+        kind = "visual" if kind == "collision" else "collision"
+    shapes: list[Shape] = []
+    for name, link in named_elements(where, robot, "link"):
+        for number, element in enumerate(link.findall(kind), start=1):
+            what = f'{where}: link "{name}": <{kind}> {number}'
+            if name not in model.frames or element.find("geometry") is None:
+                continue
+            form = _urdf_form(what, element, path, packages)
+            with naming_the_file(where):
+                shapes.append(shape_on(what, model, name, name, origin_of(what, element), form))
+    if not shapes:
+        return None
+    looks_taken = wanted == "collision" and kind == "visual"
+    notes = [f"{where}: has no collision shapes; what links look like is taken"] if looks_taken else []
+    if bare := links_without_shape(model, shapes):
+        notes.append(f"{where}: links without a shape, whose collisions are unchecked: {', '.join(bare)}")
+    return Geometry(model.name, tuple(shapes), f"the {kind} shapes of {where}", notes=tuple(notes))
+
+
+def _urdf_form(what: str, element: Element, path: Path | None, packages: Sequence[Path]) -> Form:
+    geometry = element.find("geometry")
+    assert geometry is not None
+    found = [each for each in geometry if each.tag in URDF_FORMS]
+    if len(found) != 1:
+        got = ", ".join(f"<{cut(each.tag)}>" for each in geometry) or "nothing"
+        raise FileFormatError(f"{what}: <geometry> holds {got}: expected one of {', '.join(URDF_FORMS)}")
+    form = found[0]
+    what = f"{what}: <{form.tag}>"
+    if form.tag == "box":
+        x, y, z = numbers_of(what, form, "size", 3)
+        return Box(float(x), float(y), float(z))
+    if form.tag == "sphere":
+        return Ball(number_of(what, form, "radius"))
+    if form.tag == "mesh":
+        x, y, z = numbers_of(what, form, "scale", 3) if "scale" in form.attrib else (1.0, 1.0, 1.0)
+        mesh = _mesh(what, form.get("filename"), path, packages)
+        return MeshFile(mesh, (float(x), float(y), float(z)))
+    radius, length = number_of(what, form, "radius"), number_of(what, form, "length")
+    return Cylinder(radius, length) if form.tag == "cylinder" else Capsule(radius, length)
+
+
+def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Path]) -> Path:
+    """Return the file of a mesh that a URDF names, beside the URDF or in a ROS package."""
+    if not name:
+        raise FileFormatError(f"{what}: no filename")
+    beside = None if path is None else path.absolute().parent
+    # ROS's own variable: where its packages lie
+    listed = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(":") if p]
+    folders = [*packages, *listed]
+    scheme, _, rest = name.partition("://")
+    if not rest:
+        places = [Path(name)] if beside is None else [beside / name]
+    elif scheme == "file":
+        places = [Path(unquote(urlsplit(name).path))]
+    elif scheme in ("package", "model"):
+        # a package is a folder of its name: in the folders given, or above the file
+        above = [] if beside is None else [beside, *beside.parents]
+        places = [folder / rest for folder in [*folders, *above]]
+        package, _, inside = rest.partition("/")
+        places += [folder / inside for folder in folders if folder.name == package]
+    else:
+        raise FileFormatError(f"{what}: {cut(name)}: expected package://, file:// or a path")
+    for place in places:
+        with suppress(OSError, ValueError):  # a name that no file can have
+            if place.is_file():
+                return place
+    hint = "; give the folder that the package lies in with --package-dir" if scheme == "package" else ""
+    raise FileFormatError(f"{what}: no mesh {cut(name)}{hint}")
+
+
+def mjcf_shapes(path: Path, model: RobotModel) -> Geometry | None:
+    """Return the shapes of an MJCF file; None where it has none."""
+    content = read_bounded(path, MOST_XML)
+    refuse_too_much(path, content, included_files(path, content))
+    c = compile_mjcf(path)
+    m = c.model
+    colliding = [g for g in range(m.ngeom) if m.geom_contype[g] or m.geom_conaffinity[g]]
+    taken = colliding or list(range(m.ngeom))
+    shapes: list[Shape] = []
+    unknown = []
+    for geom in taken:
+        form = _mjcf_form(c, geom)
+        body = int(m.geom_bodyid[geom])
+        own = model.base if body == 0 else c.name("body", body)
+        if form is None:
+            unknown.append(own)
+            continue
+        pose = Pose(rotation_from_quaternion(m.geom_quat[geom]), np.array(m.geom_pos[geom]))
+        with naming_the_file(str(path)):
+            shapes.append(shape_on(f'{path}: geom {geom} of "{own}"', model, own, own, pose, form))
+    if not shapes:
+        return None
+    notes = left_out("shapes that are neither simple nor meshes", unknown)
+    if bare := links_without_shape(model, shapes):
+        notes.append(f"{path}: bodies without a shape, whose collisions are unchecked: {', '.join(bare)}")
+    kind = "colliding geoms" if colliding else "geoms"
+    return Geometry(model.name, tuple(shapes), f"the {kind} of {path}", notes=tuple(notes))
+
+
+def _mjcf_form(c: CompiledMjcf, geom: int) -> Form | None:
+    """Return a geom's form; None for height fields and the like. MuJoCo's sizes are half lengths."""
+    m, kinds = c.model, c.mujoco.mjtGeom
+    kind = c.mujoco.mjtGeom(m.geom_type[geom])
+    x, y, z = (float(v) for v in m.geom_size[geom])
+    forms: dict[object, Form] = {
+        kinds.mjGEOM_PLANE: HalfSpace(),
+        kinds.mjGEOM_SPHERE: Ball(x),
+        kinds.mjGEOM_CAPSULE: Capsule(x, 2.0 * y),
+        kinds.mjGEOM_CYLINDER: Cylinder(x, 2.0 * y),
+        kinds.mjGEOM_BOX: Box(2.0 * x, 2.0 * y, 2.0 * z),
+        kinds.mjGEOM_ELLIPSOID: Ellipsoid(x, y, z),
+    }
+    if kind != kinds.mjGEOM_MESH:
+        return forms.get(kind)
+    mesh = int(m.geom_dataid[geom])
+    v, f = int(m.mesh_vertadr[mesh]), int(m.mesh_faceadr[mesh])
+    vertices = np.array(m.mesh_vert[v : v + int(m.mesh_vertnum[mesh])], dtype=float)
+    return TriangleMesh(vertices, np.array(m.mesh_face[f : f + int(m.mesh_facenum[mesh])], dtype=np.int64))

@@ -8,18 +8,19 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.documents import cut, xml_tree
+from catenary.documents import MOST_XML, cut, read_bounded, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError
-from catenary.robots.assembly import Coordinate, JointKind, Link, assemble
-from catenary.robots.description import (
-    Mimic,
+from catenary.robots.assembly import (
+    Coordinate,
+    JointKind,
+    Link,
+    assemble,
     file_source,
     left_out,
     naming_the_file,
-    read_description,
-    resolve_mimics,
 )
 from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
 from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
@@ -56,13 +57,8 @@ def load_urdf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
         massless: Moving links without inertia that are meant to have none; "all" for all such.
         strict: Refuse inertias that no body has, and masses of zero. Otherwise they are doubts (`assemble`), and a
             mass that the file says is zero is zero.
-
-    Raises:
-        FileFormatError: Missing or damaged file; the message names the element, what was got and expected.
-        InputError: `massless` names a link that does not exist, or that has a mass.
-        UnsupportedModelError: A floating or planar joint, a loop, or no moving joint.
     """
-    content = read_description(path)
+    content = read_bounded(path, MOST_XML)
     return parse_urdf(
         content, str(path), massless=massless, strict=strict, sources=[file_source(path, content)]
     )

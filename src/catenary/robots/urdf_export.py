@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.errors import UnsupportedModelError
 from catenary.files import write_atomically
+from catenary.robots.actuation import JointDrives, joint_drives
 from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Shape
-from catenary.robots.joint_drives import JointDrives, joint_drives
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
@@ -22,12 +22,7 @@ UNLIMITED = 1e3  # URDF's <limit> has no infinity [m, rad/s, m/s, Nm, N]
 
 
 def write_urdf(model: RobotModel, path: Path) -> None:
-    """Write a robot as URDF, see `urdf_text`.
-
-    Raises:
-        UnsupportedModelError: A coupling that URDF cannot say.
-        FileFormatError: The file cannot be written.
-    """
+    """Write a robot as URDF, see `urdf_text`."""
     write_atomically(path, urdf_text(model).encode())
 
 
@@ -42,10 +37,6 @@ def urdf_text(model: RobotModel, shapes: Sequence[Shape] = ()) -> str:
         model: The robot.
         shapes: What its links look like (<visual>): boxes, balls, cylinders, and capsules as a cylinder between balls.
             Others are left out.
-
-    Raises:
-        UnsupportedModelError: A joint that follows several coordinates at once, or a coordinate that no joint follows
-            one to one.
     """
     root = Element("robot", name=model.name)
     _add_shapes(SubElement(root, "link", name=model.base), shapes, -1)

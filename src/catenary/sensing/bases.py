@@ -31,9 +31,6 @@ class BaseSpectrum:
         turning: Fastest turning [rad/s].
         jolt: Accelerations that appear from one sample to the next [m/s2].
         push: Hardest push across gravity while the base does not turn [m/s2]; inf where that tells nothing.
-
-    Raises:
-        InputError: A number that is negative or NaN, or frequencies that are not 0 < slowest_hz <= fastest_hz.
     """
 
     acceleration: float = 6.0
@@ -72,11 +69,7 @@ BASES: dict[str, BaseSpectrum] = {
 
 
 def base_spectrum(base: str | BaseSpectrum) -> BaseSpectrum:
-    """Return how a base of a name moves; a spectrum itself is returned as it is.
-
-    Raises:
-        InputError: No such base.
-    """
+    """Return how a base of a name moves; a spectrum itself is returned as it is."""
     if isinstance(base, BaseSpectrum):
         return base
     if base not in BASES:
@@ -99,9 +92,6 @@ def rules_for(
         base: table, cart, vehicle or ship, or how it moves.
         noise: Standard deviation of an axis of a reading at rest [m/s2].
         changes: Fields of SensorRules that are to be others.
-
-    Raises:
-        InputError: No such base or field, or a number out of its range.
     """
     if not 0.0 <= noise < math.inf:
         raise InputError(f"sensor noise: expected 0 or more m/s2, got {noise}")

@@ -15,11 +15,7 @@ FALLBACKS: tuple[str, ...] = get_args(Fallback)
 
 
 def as_fallback(value: str) -> Fallback:
-    """Return the fallback of a name.
-
-    Raises:
-        InputError: No such fallback.
-    """
+    """Return the fallback of a name."""
     if value not in FALLBACKS:
         raise InputError(f'fallback "{value}": expected one of {", ".join(FALLBACKS)}')
     return value  # type: ignore[return-value]  # just checked

@@ -8,15 +8,12 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, rules_for, unseen_swing
-from catenary.sensing.checks import GravityCheck, RateCheck, RawCheck, SensorRules
+from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
-from catenary.sensing.faults import Fault
-from catenary.sensing.foretold import ForetoldGravity, ForetoldSwing
-from catenary.sensing.mailbox import Kind, Mailbox, SensorSample
+from catenary.sensing.gyro_prediction import ForetoldGravity, ForetoldSwing, RestRate
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.rest_rate import RestRate
-from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
 from catenary.spatial import LEVEL, cross
 
 # how fast gravity, angular velocity and acceleration of the base may change as measured [m/s3, rad/s2, rad/s3]:
@@ -80,9 +77,6 @@ class SensedGravity:
             start_limit: Time without any believed sample after which `stop` stops [s].
             rules: What is believed.
             feed: Called with the time before samples are taken: what has no thread of its own delivers then.
-
-        Raises:
-            InputError: No such base or fallback, or times that are not 0 < stale_after <= age_limit.
         """
         if not 0.0 < stale_after <= age_limit < math.inf:
             raise InputError(

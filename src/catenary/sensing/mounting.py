@@ -10,7 +10,7 @@ from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, InputError
 from catenary.files import write_atomically
 from catenary.robots.plausible import FARTHEST, check_within
-from catenary.sensing.mailbox import Kind
+from catenary.sensing.vector import Kind
 from catenary.spatial import as_rotation
 
 Vector = tuple[float, float, float]
@@ -110,11 +110,7 @@ class MountingFile(Settings):
 
 
 def load_mounting(path: Path | str) -> Mounting:
-    """Read a mounting file.
-
-    Raises:
-        ConfigError: Missing, not TOML, or a key that is unknown, missing or wrong.
-    """
+    """Read a mounting file."""
     content = load_toml(Path(path), MountingFile)
     try:
         return Mounting(
@@ -132,11 +128,7 @@ def load_mounting(path: Path | str) -> Mounting:
 
 
 def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | None = None) -> None:
-    """Write a mounting file, which appears whole or not at all.
-
-    Raises:
-        FileFormatError: It cannot be written.
-    """
+    """Write a mounting file, which appears whole or not at all."""
     lines = ["# How a sensor of gravity is mounted: true = (reading - bias) / scale, turned by R_base_imu"]
     lines += ["", "[sensor]", f"name = {_text(mounting.sensor)}"]
     for key, limit in (("range_m_s2", mounting.acceleration_range), ("range_rad_s", mounting.rate_range)):

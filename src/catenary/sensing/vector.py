@@ -1,6 +1,8 @@
-"""The gravity vector in the base frame: readings of it, a source that measures nothing, and tilt."""
+"""The gravity vector in the base frame: a sensor's samples on their way to the tick, readings, and tilt."""
 
 import logging
+from collections import deque
+from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -10,11 +12,59 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError
 from catenary.plant import AT_REST
-from catenary.sensing.faults import Fault
+from catenary.sensing.checks import Fault
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
+MAILBOX = 1024  # samples; 5 s of an accelerometer at 200 Hz
 EARTH = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
 _log = logging.getLogger(__name__)
+
+
+class Kind(Enum):
+    """The quantity that a sample is of."""
+
+    SPECIFIC_FORCE = "specific force"  # [m/s2] what an accelerometer reads: upwards at rest
+    FREE_FALL = "free-fall acceleration"  # [m/s2] the opposite: gravity, downwards at rest
+    ANGULAR_RATE = "angular rate"  # [rad/s]
+
+
+class SensorSample(NamedTuple):
+    """One reading, in the sensor's axes."""
+
+    stamp: float  # [s] when it was taken, on the clock of JointState.time
+    vector: tuple[float, float, float]
+    kind: Kind
+
+
+class Mailbox:
+    """Where any thread puts samples and the control tick takes them; neither ever waits for the other.
+
+    Nothing is checked here: that is for the reader. A full mailbox drops the oldest samples, and counts them.
+    """
+
+    def __init__(self, size: int = MAILBOX) -> None:
+        """Make room for `size` samples."""
+        # append, popleft and len of a deque are atomic
+        self._samples: deque[SensorSample] = deque(maxlen=size)
+        self._size = size
+        self.dropped = 0
+
+    def put(self, stamp: float, vector: Sequence[float] | Floats, kind: Kind) -> None:
+        """Leave a sample; it is copied."""
+        x, y, z = vector
+        if len(self._samples) >= self._size:
+            self.dropped += 1
+        self._samples.append(SensorSample(float(stamp), (float(x), float(y), float(z)), kind))
+
+    def take(self) -> SensorSample | None:
+        """Take out and return the oldest sample; None when there is none."""
+        try:
+            return self._samples.popleft()
+        except IndexError:
+            return None
+
+    def __len__(self) -> int:
+        return len(self._samples)
 
 
 class ReadingStatus(Enum):
@@ -41,11 +91,7 @@ class FixedGravity:
     """A given gravity vector, of a base that stands still; a GravitySource."""
 
     def __init__(self, gravity: ArrayLike = LEVEL) -> None:
-        """Take the vector, (3,) [m/s2] in base axes, downwards; one that is not Earth's is logged (`gravity_doubts`).
-
-        Raises:
-            InputError: Another shape, NaN or infinity.
-        """
+        """Take the vector, (3,) [m/s2] in base axes, down; one that is not Earth's is logged (`gravity_doubts`)."""
         self.gravity = frozen(as_array("gravity", gravity, (3,)))
         for doubt in gravity_doubts(self.gravity):
             _log.warning("%s", doubt)
@@ -90,9 +136,6 @@ def tilt_of(gravity: ArrayLike) -> tuple[float, float]:
     """Return roll about x, within 90 degrees, then pitch about the base's y [rad], that give this gravity.
 
     Gravity does not tell how a base is turned about the vertical.
-
-    Raises:
-        InputError: The vector is zero.
     """
     x, y, z = as_array("gravity", gravity, (3,))
     length = float(np.sqrt(x * x + y * y + z * z))

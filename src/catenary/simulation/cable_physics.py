@@ -1,21 +1,193 @@
-"""One step of a cable-driven arm: rotors, cables, links. Compiled; every array is the caller's."""
+"""One step of a cable-driven arm: rotors, gears, cables, links. Compiled; every array is the caller's."""
 
-from typing import Annotated
+import math
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.dynamics.recursion import composite_body_recursion, newton_euler_recursion, place_joints
 from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable
-from catenary.simulation.cabled.arm_state import ArmState
-from catenary.simulation.cabled.cable_drive import pull_cable, turn_rotor
-from catenary.simulation.cabled.tree_dynamics import TreeWork, invert_symmetric, tree_dynamics
-from catenary.simulation.records import PerJoint
-from catenary.transmission.coupling import joint_forces, winding_of
-from catenary.transmission.friction import coulomb, coulomb_coupled
+from catenary.simulation.records import PerAxis, PerJoint, Record
+from catenary.transmission.cable_coupling import joint_forces, winding_of
+from catenary.transmission.cable_elasticity import (
+    beyond_backlash,
+    bouc_wen_step,
+    loss_rate,
+    maxwell_step,
+    set_rate,
+    tension_of,
+)
+from catenary.transmission.cable_friction import coulomb, coulomb_coupled
 
+if TYPE_CHECKING:
+    from catenary.simulation.cable_parameters import CableDrive
+
+_PerLink = Annotated[Floats, "f8", ("link",)]
+_Vectors = Annotated[Floats, "f8", ("node", 3)]
 FRICTION_SWEEPS = 4
+
+
+class ArmState(Record):
+    """What changes while an arm moves. Positioning joints come first among the seven rotors."""
+
+    rotor: PerAxis  # motor shafts [rad]
+    rotor_velocity: PerAxis  # [rad/s]
+    q: PerJoint  # where the joints really are [rad, rad, m]
+    qd: PerJoint  # [rad/s, rad/s, m/s]
+    hysteresis: PerJoint  # Bouc-Wen states, -1 to 1
+    slow_stretch: PerJoint  # Maxwell branches [rad, rad, m]
+    slack: PerJoint  # permanent set of the cables [rad, rad, m]
+    loss: PerJoint  # share of the stiffness that is lost
+    tension: PerJoint  # of the last step [Nm, Nm, N]
+    friction: PerJoint  # impulses of the last step, where the next one's search starts
+
+
+@inlined
+def pull_cable(
+    cable: "CableDrive", state: "ArmState", j: int, winding: float, winding_rate: float, step: float
+) -> None:
+    """Stretch cable j and write its tension; update its hysteresis, creep, set and wear.
+
+    winding is what the joints wind up of it, in units of the motor's side of the gear [rad or m], step in s.
+    """
+    true_ratio = cable.ratio[j] * (1.0 + cable.ratio_error[j])
+    runout = cable.capstan_runout[j] * math.sin(
+        state.rotor[j] / cable.gearbox[j] + cable.capstan_phase[j]
+    ) + cable.pulley_runout[j] * math.sin(state.q[j] + cable.pulley_phase[j])
+    pulled = state.rotor[j] / true_ratio - winding + runout - state.slack[j]
+    stretch = beyond_backlash(pulled, cable.backlash[j])
+    # run-out moves slowly: it enters the stretch, not its rate
+    rate = state.rotor_velocity[j] / true_ratio - winding_rate
+    # of the travel since the last step only what lay outside the backlash stretched the cable
+    stretched = stretch - beyond_backlash(pulled - rate * step, cable.backlash[j])
+    if stretch == 0.0:
+        rate = 0.0
+    state.hysteresis[j] = bouc_wen_step(state.hysteresis[j], stretched, cable.hysteresis_width[j])
+    state.slow_stretch[j] = maxwell_step(state.slow_stretch[j], stretch, step, cable.slow_time[j])
+    tension = tension_of(
+        stretch,
+        rate,
+        state.hysteresis[j],
+        state.slow_stretch[j],
+        cable.stiffness[j] * (1.0 - state.loss[j]),
+        cable.elastic_share[j],
+        cable.hysteresis_width[j],
+        cable.slow_share[j],
+        cable.damping[j],
+    )
+    state.tension[j] = tension
+    speed = abs(state.qd[j])
+    if speed > 0.0:
+        state.slack[j] += step * set_rate(
+            tension,
+            cable.reference_tension[j],
+            cable.set_side[j],
+            speed,
+            state.slack[j],
+            cable.set_rate[j],
+            cable.largest_set[j],
+        )
+        state.loss[j] += step * loss_rate(
+            tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j]
+        )
+
+
+@inlined
+def turn_rotor(
+    cable: "CableDrive", state: "ArmState", j: int, torque: float, braked: bool, step: float
+) -> None:
+    """Turn motor j against its cable: torque [Nm] at its shaft, or held by its brake."""
+    if braked:
+        state.rotor_velocity[j] = 0.0
+        return
+    load = state.tension[j] / (cable.ratio[j] * (1.0 + cable.ratio_error[j]))
+    velocity = state.rotor_velocity[j]
+    free = velocity + step / cable.rotor_inertia[j] * (torque - load - cable.rotor_damping[j] * velocity)
+    friction = cable.rotor_friction[j] + cable.rotor_load_friction[j] * abs(load)
+    velocity = coulomb(free, step * friction / cable.rotor_inertia[j])
+    state.rotor_velocity[j] = velocity
+    state.rotor[j] += step * velocity
+
+
+class TreeWork(Record):
+    """Scratch for `tree_dynamics`, whose results are `bias` and `matrix`."""
+
+    sine: _PerLink
+    cosine: _PerLink
+    rotation: Annotated[Floats, "f8", ("link", 3, 3)]
+    position: Annotated[Floats, "f8", ("link", 3)]
+    # the recursions' rows are the links', then the base's
+    omega: _Vectors
+    alpha: _Vectors
+    acceleration: _Vectors
+    force: _Vectors
+    moment: _Vectors
+    mass: Annotated[Floats, "f8", ("node",)]
+    first_moment: _Vectors
+    inertia: Annotated[Floats, "f8", ("node", 3, 3)]
+    matrix: Annotated[Floats, "f8", ("link", "link")]  # mass matrix [kg m2, kg m, kg]
+    bias: _PerLink  # torques of velocity, gravity and a moving base [Nm, N]
+    zero: _PerLink  # accelerations at which the bias is taken: stays zero
+
+
+@inlined
+def tree_dynamics(
+    tree: Tree, x: Floats, xd: Floats, gravity: Floats, base_motion: Floats, work: TreeWork
+) -> None:
+    """Write a tree's bias torques and its mass matrix, in its own coordinates.
+
+    x and its rates xd have n entries or more; gravity (3,) [m/s2] and base_motion (3, 3), angular velocity, angular
+    acceleration and linear acceleration of the base, are in base axes; `bias` and `matrix` of work are the result.
+    """
+    n = len(tree.parent)
+    for j in range(n):
+        work.sine[j] = math.sin(x[j])
+        work.cosine[j] = math.cos(x[j])
+    place_joints(tree, x, work.sine, work.cosine, work.rotation, work.position)
+    for r in range(3):
+        work.omega[n, r] = base_motion[0, r]
+        work.alpha[n, r] = base_motion[1, r]
+        work.acceleration[n, r] = base_motion[2, r] - gravity[r]
+    newton_euler_recursion(
+        tree,
+        work.rotation,
+        work.position,
+        xd,
+        work.zero,
+        work.omega,
+        work.alpha,
+        work.acceleration,
+        work.force,
+        work.moment,
+        work.bias,
+    )
+    composite_body_recursion(
+        tree,
+        work.rotation,
+        work.position,
+        work.mass,
+        work.first_moment,
+        work.inertia,
+        work.matrix,
+    )
+
+
+@inlined
+def invert_symmetric(m: Floats, inverse: Floats) -> None:
+    """Write the inverse of a symmetric 3 x 3 matrix, by cofactors, into the first three rows and columns."""
+    a = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
+    b = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
+    c = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
+    scale = 1.0 / (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
+    inverse[0, 0] = scale * a
+    inverse[0, 1] = inverse[1, 0] = scale * b
+    inverse[0, 2] = inverse[2, 0] = scale * c
+    inverse[1, 1] = scale * (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2])
+    inverse[1, 2] = inverse[2, 1] = scale * (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2])
+    inverse[2, 2] = scale * (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1])
 
 
 class Work(TreeWork):
@@ -37,13 +209,8 @@ def physics_step(
 ) -> None:
     """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
 
-    Args:
-        cable: The arm's numbers.
-        state: Overwritten.
-        shaft_torque: (7,) of the motors [Nm].
-        braked: Every motor's shaft is held.
-        step: [s].
-        work: Scratch, in which `link_dynamics` has left the links' dynamics.
+    shaft_torque (7,) is of the motors [Nm]; braked: every shaft is held. In work `link_dynamics` has left the dynamics
+    of the links.
     """
     q, qd = state.q, state.qd
     rate = winding_of(cable.coupling, qd)
@@ -106,15 +273,8 @@ def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: boo
 def link_dynamics(tree: Tree, state: ArmState, gravity: Floats, base_motion: Floats, work: Work) -> None:
     """Write the links' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix.
 
-    They change with the pose, which a millisecond hardly moves; cables, rotors and friction are what substeps
-    are for.
-
-    Args:
-        tree: The three positioning joints, payload included.
-        state: Where the arm is.
-        gravity: (3,) in base axes [m/s2].
-        base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
-        work: Scratch; `bias` and `inverse` are the result.
+    They change with the pose, which a millisecond hardly moves; cables, rotors and friction are what substeps are for.
+    The tree is of the three positioning joints, payload included; gravity and base_motion are as for `tree_dynamics`.
     """
     tree_dynamics(tree, state.q, state.qd, gravity, base_motion, work)
     invert_symmetric(work.matrix, work.inverse)

@@ -7,28 +7,76 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
+from catenary.plant import Column
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
-from catenary.simulation.cable_physics import Work, unstretched_rotors
-from catenary.simulation.cabled.arm_state import ArmState
-from catenary.simulation.cabled.firmware_plant import FirmwarePlant
-from catenary.simulation.columns import COLUMNS, sample
-from catenary.simulation.external_encoders import ExternalEncoders
-from catenary.simulation.firmware import ControlState, TickLog, joint_torques, read_encoders
-from catenary.simulation.homing import home
-from catenary.simulation.own_gravity import grav_dir_of, gravity_of, own_gravity
+from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
+from catenary.simulation.firmware import (
+    ControlState,
+    TickLog,
+    grav_dir_of,
+    gravity_of,
+    joint_torques,
+    own_gravity,
+    read_encoders,
+    run_ticks,
+)
+from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.simulation.homing import ExternalEncoders, home
 from catenary.simulation.records import AXES, OFF, POSITIONING, TOOLS
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.simulation.ticks import run_ticks
-from catenary.transmission.drift import LARGEST_LOSS
+from catenary.transmission.cable_elasticity import LARGEST_LOSS
 
+# name in telemetry: field of the firmware's state, unit
+_FROM_CONTROL = {
+    "encVals": ("counts", "counts"),
+    "mpos": ("motor", "rad"),
+    "mvel": ("motor_velocity", "rad/s"),
+    "jpos": ("joint", "rad|m"),
+    "jvel": ("joint_velocity", "rad/s|m/s"),
+    "jpos_d": ("setpoint", "rad|m"),
+    "mpos_d": ("motor_setpoint", "rad"),
+    "tau": ("torque", "Nm at the gearbox's output"),
+    "dac_val": ("dac", "DAC"),
+    "encoffsets": ("offset", "counts"),
+}
+CONTROL_FIELDS = {name: field for name, (field, _) in _FROM_CONTROL.items()}
+COLUMNS = (
+    *(Column(name, unit, AXES) for name, (_, unit) in _FROM_CONTROL.items()),
+    Column("joint_enc", "counts", POSITIONING),
+    Column("ext_jpos", "rad|m", POSITIONING),
+    Column("q_true", "rad|m", POSITIONING),
+    Column("accelerometer", "m/s2", 3),
+    Column("gyroscope", "rad/s", 3),
+)
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 # between which an arm stands at power-on [rad, rad, m]
 STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
+
+
+def sample(
+    control: ControlState, q: Floats, encoders: ExternalEncoders, base: BaseSamples
+) -> dict[str, Floats]:
+    """Return every column at one instant, as copies.
+
+    q (3,) is where the joints really are [rad, rad, m]; base is one row of its motion, whose ideal accelerometer and
+    gyroscope are at its origin, in base axes.
+    """
+    specific_force, rate = imu_reading(base)
+    counts = encoders.counts(q)
+    own = control.copy().view(np.ndarray)
+    return {
+        **{column: own[field] for column, field in CONTROL_FIELDS.items()},
+        "joint_enc": counts,
+        "ext_jpos": encoders.positions(counts),
+        "q_true": q.copy(),
+        "accelerometer": specific_force[0],
+        "gyroscope": rate[0].copy(),
+    }
 
 
 class CablePlant(FirmwarePlant[TickLog]):

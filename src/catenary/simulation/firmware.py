@@ -1,20 +1,41 @@
-"""The robot's own 1 kHz control: encoders, cable coupling, PD, DAC. Compiled; the physics runs inside its tick.
+"""The simulated RAVEN-II's own 1 kHz control: encoders, cable coupling, PD, DAC, gravity compensation; its ticks.
 
-[RAVEN-II source, branch master; sections 3 and 5 of its description in docs/plant.md]
+Compiled; the physics runs inside its tick. [RAVEN-II source, branch master; sections 3 and 5 of its description in
+docs/plant.md]
+
+Gravity compensation of its own [branches master and crtk: grav_comp.cpp, rt_raven.cpp, init.cpp]: once homed, whether
+the pedal is down or not, the torques that hold the three positioning joints are added to what the PD asks for, at the
+reported positions and under the vector `grav_dir`. Each joint's torque goes to its own motor by its ratio alone: the
+cables' coupling is left out. Homing has none of it, nor have torques that somebody commands. The robot has no switch
+for it; here there is.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.kernels.compiled import inlined
+from catenary.dynamics.recursion import gravity_recursion, place_joints
+from catenary.errors import InputError
+from catenary.kernels.compiled import compiled, inlined
 from catenary.recording.raven_transmission import COUNTS_PER_RADIAN
-from catenary.simulation.cable_parameters import Firmware
-from catenary.simulation.cabled.arm_state import ArmState
-from catenary.simulation.records import AXES, POSITION, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
+from catenary.robots.model import Tree
+from catenary.simulation.cable_parameters import Cable, Firmware
+from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step
+from catenary.simulation.records import (
+    AXES,
+    POSITION,
+    POSITIONING,
+    TORQUE,
+    CodePerAxis,
+    PerAxis,
+    PerJoint,
+    Record,
+)
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of
+from catenary.transmission.cable_coupling import joint_forces, joints_of, tensions_for, winding_of
 
 SEEKING, FOUND = 1, 2
 STOP_DAC = 20_000.0  # beyond: software e-stop
@@ -226,3 +247,140 @@ def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
         firmware.coupling, (cable[..., 0], cable[..., 1], cable[..., 2])
     )
     return joint
+
+
+NOMINAL = (0, 0, 980)  # [cm/s2] grav_dir on a level base, z down; nothing public ever writes another
+MOST = 32_767  # [cm/s2] of a component
+# grav_dir's axes in the base's, whose z points up: turned by 180 deg about y
+_AXES = np.array([-1.0, 1.0, -1.0])
+
+_Matrices = Annotated[Floats, "f8", (POSITIONING, 3, 3)]
+_Vectors = Annotated[Floats, "f8", (POSITIONING, 3)]
+_Codes = Annotated[Floats, "i8", (POSITIONING,)]
+
+
+class OwnGravity(Record):
+    """What the firmware knows of the arm's weight, and scratch. The arm's links have the fields of a `Tree`."""
+
+    weighs: bool  # whether its torques are added
+    gravity: PerJoint  # that it goes by, in base axes [m/s2]
+    parent: _Codes
+    prismatic: _Codes
+    rotation: _Matrices
+    origin: _Vectors
+    axis: _Vectors
+    mass: PerJoint  # [kg]; no load
+    com: _Vectors  # [m]
+    sine: PerJoint
+    cosine: PerJoint
+    turned: _Matrices
+    place: _Vectors
+    carried: Annotated[Floats, "f8", (POSITIONING + 1,)]
+    moment: Annotated[Floats, "f8", (POSITIONING + 1, 3)]
+    link_gravity: Annotated[Floats, "f8", (POSITIONING + 1, 3)]
+    torque: PerJoint  # at the joints [Nm, Nm, N]
+
+
+def own_gravity(links: Tree) -> OwnGravity:
+    """Return the compensation of an arm of these links, switched off."""
+    of_links = ("parent", "prismatic", "rotation", "origin", "axis", "mass", "com")
+    return OwnGravity(**{name: getattr(links, name) for name in of_links})
+
+
+def gravity_of(grav_dir: Sequence[int]) -> Floats:
+    """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], whose z points down."""
+    given = np.asarray(grav_dir, dtype=float)
+    if given.shape != (3,) or not (np.abs(given) <= MOST).all() or (given != np.round(given)).any():
+        raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {MOST}, got {grav_dir}")
+    gravity: Floats = _AXES * given / 100.0
+    return gravity
+
+
+def grav_dir_of(gravity: Floats) -> tuple[int, int, int]:
+    """Return the robot's integers [cm/s2] of gravity (3,) in base axes [m/s2]."""
+    x, y, z = np.round(100.0 * _AXES * gravity).astype(int).tolist()
+    return x, y, z
+
+
+@inlined
+def weigh(firmware: Firmware, own: OwnGravity, control: ControlState) -> None:
+    """Write the motor torques that hold the links at the reported positions [Nm at the gearbox's output]."""
+    links: Any = own  # it has a tree's fields
+    for j in range(POSITIONING):
+        own.sine[j] = math.sin(control.joint[j])
+        own.cosine[j] = math.cos(control.joint[j])
+    place_joints(links, control.joint, own.sine, own.cosine, own.turned, own.place)
+    gravity_recursion(
+        links,
+        own.turned,
+        own.place,
+        (own.gravity[0], own.gravity[1], own.gravity[2]),
+        own.carried,
+        own.moment,
+        own.link_gravity,
+        own.torque,
+    )
+    for j in range(POSITIONING):
+        control.gravity_torque[j] = own.torque[j] / firmware.ratio[j] * firmware.gearbox[j]
+
+
+@compiled
+def run_ticks(
+    tree: Tree,
+    cable: Cable,
+    firmware: Firmware,
+    arm: ArmState,
+    control: ControlState,
+    own: OwnGravity,
+    work: Work,
+    setpoints: Floats,
+    gravity: Floats,
+    base_motion: Floats,
+    substeps: int,
+    log: TickLog,
+) -> int:
+    """Run the firmware and the arm for T ticks of 1 ms.
+
+    A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the physics by 1
+    ms, and reads the encoders again. The log holds each tick's reading and what was sent on it. Joint torques act
+    within the motors' limits and the joints' soft ones. The tree is that of the positioning joints, payload included.
+    Setpoints (T, 7) are desired joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in
+    base axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log. Returns the number of
+    ticks run; fewer than T when the software e-stop tripped.
+    """
+    cable, firmware, arm, control, work = cable[()], firmware[()], arm[()], control[()], work[()]
+    own = own[()]
+    shaft_torque = np.zeros(7)
+    step = PERIOD / substeps
+    for k in range(len(setpoints)):
+        take_setpoint(firmware, control, setpoints[k])
+        if own.weighs:
+            weigh(firmware, own, control)
+        control_motors(firmware, control, shaft_torque)
+        if len(log) > 0:
+            _write_row(log[k], control, arm)
+        g = gravity[k] if len(gravity) > 1 else gravity[0]
+        base = base_motion[k] if len(base_motion) > 1 else base_motion[0]
+        link_dynamics(tree, arm, g, base, work)
+        for _ in range(substeps):
+            physics_step(cable, arm, shaft_torque, control.braked, step, work)
+        read_encoders(firmware, arm, control)
+        if control.stopped:
+            return k + 1
+    return len(setpoints)
+
+
+@inlined
+def _write_row(row: TickLog, control: ControlState, arm: ArmState) -> None:
+    for j in range(AXES):
+        row.counts[j] = control.counts[j]
+        row.motor[j] = control.motor[j]
+        row.motor_velocity[j] = control.motor_velocity[j]
+        row.joint[j] = control.joint[j]
+        row.joint_velocity[j] = control.joint_velocity[j]
+        row.setpoint[j] = control.setpoint[j]
+        row.motor_setpoint[j] = control.motor_setpoint[j]
+        row.torque[j] = control.torque[j]
+        row.dac[j] = control.dac[j]
+    for j in range(POSITIONING):
+        row.q[j] = arm.q[j]

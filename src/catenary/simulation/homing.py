@@ -1,4 +1,4 @@
-"""How a RAVEN-II homes: each axis runs into its stop, which registers its encoder.
+"""Homing of the simulated RAVEN-II: each axis runs into its stop, which registers its encoders, own and external ones.
 
 [RAVEN-II source, branch master, homing.cpp] Tools first, the positioning joints standing still; then the three
 positioning joints together. An axis has met its stop when the DAC that its PD asks for reaches a threshold.
@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import NotReadyError
-from catenary.simulation.cable_parameters import Firmware
-from catenary.simulation.external_encoders import ExternalEncoders
+from catenary.simulation.cable_parameters import Firmware, Rig
 from catenary.simulation.firmware import FOUND, SEEKING, ControlState, register
 from catenary.simulation.records import OFF, POSITION
 from catenary.simulation.simulated_plant import PERIOD
@@ -30,6 +29,56 @@ Booleans = NDArray[np.bool_]
 WAITED_FOR = np.array([False] * 3 + [True, True, True, False])  # the last jaw is not waited for
 
 
+class ExternalEncoders:
+    """Encoders that see the joints themselves, beyond the cables."""
+
+    def __init__(self, rig: Rig) -> None:
+        """Take the rig's numbers; the encoders are not registered."""
+        self.rig = rig
+        self.zero = np.full(3, np.nan)  # (3,) counts at which a joint is where `rig.registered` says
+        self._seen: list[Floats] | None = None
+
+    def counts(self, q: Floats) -> Floats:
+        """Return the counts at true joint positions (..., 3) [rad, rad, m]."""
+        return np.round(q * self.rig.counts)
+
+    def positions(self, counts: Floats) -> Floats:
+        """Return the joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
+        positions: Floats = self.rig.registered + (counts - self.zero) / self.rig.counts
+        return positions
+
+    def watch_for_stops(self) -> None:
+        """Keep all counts from now on, for `register`."""
+        self._seen = []
+
+    def see(self, q: Floats) -> None:
+        """Keep the counts at true joint positions (3,), while watching."""
+        if self._seen is not None:
+            self._seen.append(self.counts(q))
+
+    def stop_watching(self) -> None:
+        """Forget what was seen."""
+        self._seen = None
+
+    def register(self, stop_side: Floats) -> None:
+        """Register each joint at its stop: the mean of the counts within a window of their peak.
+
+        Args:
+            stop_side: (3,) -1 for a stop below, 1 above.
+        """
+        if self._seen:
+            self.zero = mean_near_peak(np.array(self._seen), stop_side, self.rig.window)
+        self._seen = None
+
+
+def mean_near_peak(counts: Floats, side: Floats, window: Floats) -> Floats:
+    """Return the mean (3,) of the counts (T, 3) within a window (3,) of their peaks on the given sides (3,)."""
+    peak = np.max(counts * side, axis=0) * side
+    near = np.abs(counts - peak) <= window
+    mean: Floats = np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0)
+    return mean
+
+
 def home(
     firmware: Firmware,
     control: ControlState,
@@ -39,12 +88,8 @@ def home(
 ) -> Iterator[Floats]:
     """Home an arm, tick by tick: each item is the next row of setpoints (7,).
 
-    Args:
-        firmware: The arm's.
-        control: Its state; modes, registration and what it seeks are written.
-        encoders: The rig's, registered at the positioning joints' stops.
-        stop_side: (3,) -1 for a stop below, 1 above.
-        joint_names: For messages.
+    Modes, registration and what it seeks are written to control; the encoders of the rig are registered at the stops of
+    the positioning joints, on stop_side (3,): -1 for a stop below, 1 above.
     """
     control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION

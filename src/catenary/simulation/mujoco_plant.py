@@ -13,13 +13,52 @@ from catenary.gravity.payload import Payload
 from catenary.plant import Column, JointState
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
-from catenary.simulation.joint_hardware import JointHardware, drive_parameters
-from catenary.simulation.joint_impulses import finish_step
-from catenary.simulation.joint_step import begin_step, end_stage, new_motion
+from catenary.simulation.joint_hardware import (
+    DriveParameters,
+    JointHardware,
+    drive_parameters,
+    require_stable,
+)
+from catenary.simulation.joint_step import (
+    StepMotion,
+    TreeTerms,
+    begin_step,
+    end_stage,
+    finish_step,
+    new_motion,
+)
 from catenary.simulation.mujoco_dynamics import MujocoDynamics
-from catenary.simulation.position_servo import servo_torques
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
-from catenary.simulation.stiffness_check import require_stable
+
+BANDWIDTH = 200.0  # [rad/s] a steady motion lags by 2 / BANDWIDTH, 10 ms
+SLIP = 1e-4  # [rad|m] from its setpoint within which the servo lets a joint stick
+
+
+def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, wanted: Floats) -> Floats:
+    """Return the torques (n,) [Nm|N] of an ideal position servo: computed torque on what the motors move.
+
+    a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the BANDWIDTH and friction fed
+    forward as F clip(error / SLIP, -1, 1): within SLIP of where it should be, a joint may stick. The motion is as a
+    step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
+    """
+    n, dof, drive = len(joints.joints), joints.tree.dof, joints.joints.drive
+    hardware, position, rate = joints.parts, motion.parts.start, motion.parts.start_rate
+    mass = joints.coupling.T @ tree.mass[np.ix_(dof, dof)] @ joints.coupling + np.diag(hardware.inertia[:n])
+    bias = joints.coupling.T @ tree.bias[dof]
+    springs, elastic = joints.springs, joints.springs.joint
+    pull = springs.stiffness * (position[n:] - position[elastic])
+    pull += springs.damping * (rate[n:] - rate[elastic])
+    error = wanted - position[drive]
+    a = np.zeros(len(position))
+    a[drive] = BANDWIDTH * (BANDWIDTH * error - 2.0 * rate[drive])
+    # what hangs on springs accelerates as it must, and loads the rigid joints: M_ee a_e = pull - h_e - M_er a_r
+    load = pull - bias[elastic] - mass[elastic] @ a[:n]
+    a[elastic] = np.linalg.solve(mass[np.ix_(elastic, elastic)], load)
+    torque: Floats = bias + mass @ a[:n]
+    torque[elastic] = hardware.inertia[n:] * a[n:] + pull
+    torque += hardware.damping[drive] * rate[drive]
+    torque += hardware.friction[drive] * np.clip(error / SLIP, -1.0, 1.0)
+    return torque
 
 
 class MujocoPlant(SimulatedPlant):
@@ -28,12 +67,12 @@ class MujocoPlant(SimulatedPlant):
     M(q) qdd + h(q, qd, gravity, base motion) = tau - damping qd - friction, integrated in the robot's own
     coordinates by Runge-Kutta's fourth-order method: MuJoCo gives M and h of the tree's joints, and the model's
     coupling takes them to q exactly, so parallelograms and wrist couplings are as rigid as they are in the model.
-    Friction and joint limits act as impulses at the end of each step (joint_impulses.py): a joint sticks without any
+    Friction and joint limits act as impulses at the end of each step (joint_step.py): a joint sticks without any
     creep, which MuJoCo's own friction does not, and stops at its limits without bouncing. What MuJoCo is not asked
     for: contacts, tendons, actuators.
 
     Torques of `servo_jf` act as they are, up to the model's effort limits. `servo_jp` is obeyed by an ideal servo
-    in place of firmware (position_servo.py): computed torque that knows the arm, its payload, its base and its
+    in place of firmware (`servo_torques`): computed torque that knows the arm, its payload, its base and its
     friction, critically damped at BANDWIDTH. The setpoint moves at most at the model's velocity limits, and stays
     within its joint limits; where a leap asks for more than the effort limits, the arm follows late and
     overshoots, as a real one does.

@@ -11,7 +11,7 @@ from catenary.archives import read_arrays
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError
 from catenary.files import written_whole
-from catenary.simulation.cabled.firmware_plant import FirmwarePlant
+from catenary.simulation.firmware_plant import FirmwarePlant
 
 FORMAT = "catenary.cable_plant.1"
 LARGEST = 1e9  # of counts, radians, metres, newtons and newton metres in an arm

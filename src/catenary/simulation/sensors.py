@@ -10,8 +10,8 @@ import numpy as np
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.plant import Plant
-from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Kind, Mailbox
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.spatial import STANDARD_GRAVITY, rotation_about_x, rotation_about_z
 

@@ -62,11 +62,6 @@ class CartesianSinusoids(SampledTrajectory):
             axes: Of the base frame, in their order.
             ramp: Time over which the phase speeds up, and slows down [s]; a quarter of the period when None.
             step: Between solutions [s].
-
-        Raises:
-            LimitError: A joint limit, the robot's reach, the remote centre or a singularity stands in the way;
-                the message says when, along which axis, and what.
-            InputError: An argument has another shape or is outside its range.
         """
         start = as_array("q_start", q_start, (model.n,))
         swing, seconds = as_positive("amplitude", amplitude), float(as_positive("period", period))

@@ -1,11 +1,16 @@
-"""The interface of a trajectory: position, velocity and acceleration of every joint at a time."""
+"""The interface of a trajectory, and motions made of others: in turn, of some joints alone, standing still."""
 
 from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple, Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
 
 
 class Reference(NamedTuple):
@@ -46,8 +51,96 @@ class SampledTrajectory(ABC):
 
     @abstractmethod
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n).
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
 
-        Raises:
-            InputError: `times` has another shape or is not finite.
+
+_NEAR = 1e-9  # [rad|m] rounding, between the end of one motion and the start of the next
+
+
+class Rest(SampledTrajectory):
+    """Standing still for a while."""
+
+    def __init__(self, q: ArrayLike, duration: float) -> None:
+        """Stand at q (n,) [rad or m] for `duration` [s]."""
+        self._q = as_array("q", q, (None,)).copy()
+        self.duration = float(as_array("duration", duration, ()))
+        if self.duration < 0.0:
+            raise InputError(f"duration: expected zero or more seconds, got {duration}")
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return references at many times (N,) [s], all the same: q, qd, qdd, each (N, n)."""
+        rows = len(as_array("times", times, (None,)))
+        shape = rows, len(self._q)
+        return np.tile(self._q, (rows, 1)), np.zeros(shape), np.zeros(shape)
+
+
+class InTurn:
+    """Trajectories one after the other, each beginning where the last one ended."""
+
+    def __init__(self, parts: Sequence[Trajectory]) -> None:
+        """Join motions."""
+        if not parts:
+            raise InputError("parts: expected at least one trajectory")
+        for k in range(1, len(parts)):
+            end, start = parts[k - 1](parts[k - 1].duration).q, parts[k](0.0).q
+            if len(end) != len(start) or not (np.abs(end - start) <= _NEAR).all():
+                raise InputError(
+                    f"parts: number {k + 1} begins at {start.tolist()}, the one before it ends at {end.tolist()}"
+                )
+        self._parts = list(parts)
+        ends = list(accumulate(part.duration for part in parts))
+        self.starts = (0.0, *ends[:-1])  # [s] when each begins
+        self.duration = ends[-1]  # [s] of all of them
+
+    def __call__(self, t: float) -> Reference:
+        """Return the reference at `t` [s]."""
+        at = float(as_array("time", t, ()))
+        k = max(0, bisect_right(self.starts, at) - 1)
+        return self._parts[k](self._local(k, at))
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        at = as_array("times", times, (None,))
+        which = np.maximum(np.searchsorted(self.starts, at, side="right") - 1, 0)
+        n = len(self._parts[0](0.0).q)
+        out = np.empty((3, len(at), n))
+        for k in np.unique(which):
+            rows = which == k
+            local = [self._local(k, t) for t in at[rows]]
+            for whole, part in zip(out, self._parts[k].sample(local), strict=True):
+                whole[rows] = part
+        return out[0], out[1], out[2]
+
+    def _local(self, k: int, t: float) -> float:
+        """Return the time since part k began; at the end of all, its very end, whatever the sums round to."""
+        return self._parts[k].duration if t >= self.duration else t - self.starts[k]
+
+
+class Embedded(SampledTrajectory):
+    """A trajectory of the joints numbered `joints`, the others held at `q_hold`."""
+
+    def __init__(self, trajectory: Trajectory, joints: Sequence[int], q_hold: ArrayLike) -> None:
+        """Place a trajectory among a robot's joints.
+
+        Args:
+            trajectory: Of len(joints) joints.
+            joints: Where they are among the robot's, each once.
+            q_hold: (n,) where the robot's joints stand [rad or m]; not read for those that move.
         """
+        self._trajectory, self._joints, self.duration = trajectory, list(joints), trajectory.duration
+        self._hold = as_array("q_hold", q_hold, (None,)).copy()
+        moving = len(trajectory(0.0).q)
+        if moving != len(self._joints) or len(set(self._joints)) != moving:
+            raise InputError(f"joints: expected {moving} different ones, got {self._joints}")
+        if any(not 0 <= j < len(self._hold) for j in self._joints):
+            raise InputError(
+                f"joints: expected numbers of the robot's {len(self._hold)} joints, got {self._joints}"
+            )
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return references of all joints at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        parts = self._trajectory.sample(times)
+        full = np.zeros((3, len(parts[0]), len(self._hold)))
+        full[0] = self._hold
+        full[:, :, self._joints] = parts
+        return full[0], full[1], full[2]

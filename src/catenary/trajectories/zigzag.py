@@ -68,14 +68,8 @@ _NO_STRETCH = ((0.0, 1.0),) * 3
 def unit_zigzag(sparsity: float) -> Floats:
     """Return the path in the unit cube, sweeping along its first axis.
 
-    Args:
-        sparsity: Distance between sweeps, 0.01 to 1; they lie a multiple of 0.001 apart, the next larger one.
-
-    Returns:
-        (rows, 3), 0.001 apart; the largest coordinates exceed 1 by what the sparsity does not divide.
-
-    Raises:
-        InputError: The sparsity is outside its range.
+    The sparsity is the distance between sweeps, 0.01 to 1; they lie a multiple of 0.001 apart, the next larger one.
+    Rows (rows, 3) lie 0.001 apart; the largest coordinates exceed 1 by what the sparsity does not divide.
     """
     moves = _unit_moves(sparsity)
     rows = np.zeros((_corner_rows(moves)[-1] + 1, 3))
@@ -103,9 +97,6 @@ def zigzag_rows(
 
     Returns:
         (rows, 3) [rad or m].
-
-    Raises:
-        InputError: An unknown direction or form, a sparsity out of range, a range that is empty.
     """
     matrix, shift = _placement(direction, form, lower, upper)
     joints: Floats = unit_zigzag(sparsity) @ matrix.T + shift
@@ -165,11 +156,7 @@ def zigzag(
 
 
 def check_direction(direction: str, form: str = "generator") -> None:
-    """Refuse a direction that does not exist, or a form that it does not have.
-
-    Raises:
-        InputError: Either is so; the message has the choices.
-    """
+    """Refuse a direction that does not exist, or a form that it does not have."""
     if direction not in DIRECTIONS:
         raise InputError(f"direction: expected one of {', '.join(DIRECTIONS)}, got {direction!r}")
     if form not in FORMS:
@@ -197,9 +184,6 @@ def _unit_moves(sparsity: float) -> NDArray[np.int64]:
     """Return the straight moves of the unit path, (moves, 3) steps along each axis: all but one are 0.
 
     All sums add 0.001 in floating point, as the published generator does: it decides the number of rows.
-
-    Raises:
-        InputError: The sparsity is outside its range.
     """
     s = float(as_array("sparsity", sparsity, ()))
     if not LEAST_SPARSITY <= s <= 1.0:

@@ -9,10 +9,9 @@ from catenary.arrays import Floats
 from catenary.plant import Bounded
 from catenary.robots.catalog import RAVEN_SIDES
 from catenary.robots.model import RobotModel
-from catenary.trajectories.in_turn import InTurn
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import InTurn, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.waypoints import follow_waypoints
+from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.trajectories.zigzag import zigzag
 from catenary.view.shown import WIDEST
 from catenary.view.steering import Motion

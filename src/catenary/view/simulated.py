@@ -10,16 +10,16 @@ import numpy as np
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.files import load_model
 from catenary.calibration.model import CalibrationModel
-from catenary.control.controller import SplitController
 from catenary.control.loop import Tick, run_loop
-from catenary.control.report import LoopReport
+from catenary.control.loop_report import LoopReport
+from catenary.control.pd import SplitController
 from catenary.errors import CatenaryError
 from catenary.gravity.torque import gravity_torque
 from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, Plant, fault_of
+from catenary.simulation.base_motion import SteeredBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.simulated_plant import PacedPlant
-from catenary.simulation.steered_base import SteeredBase
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY
 from catenary.view.controls import Change, Value

@@ -7,12 +7,10 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.kernels import Flags
-from catenary.control.controller import SplitController
-from catenary.control.fading import Fade
-from catenary.control.loop import StateCorrector
+from catenary.control.loop import Fade, StateCorrector
+from catenary.control.pd import SplitController
 from catenary.plant import JointState
-from catenary.trajectories.in_turn import Rest
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import Reference, Rest, Trajectory
 
 STOP = 0.4  # [s] in which a motion that is left comes to rest
 

@@ -11,12 +11,11 @@ from catenary.arrays import Floats
 from catenary.gravity.payload import Payload
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus
-from catenary.simulation.base_motion import BaseSamples
+from catenary.simulation.base_motion import BaseSamples, SteeredBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.sensors import InjectedFault
-from catenary.simulation.steered_base import SteeredBase
 from catenary.view.controls import Value
 from catenary.workflows.gravity.base_sensor import base_sensor
 from catenary.workflows.gravity.simulated_arm import SimulatedArm

@@ -8,7 +8,7 @@ import re
 from itertools import groupby
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import SLIDING, ActuationLoads
+from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads
 from catenary.kernels.c99 import c_comment
 from catenary.robots.actuation import ActuationTerm, KnownTorque
 

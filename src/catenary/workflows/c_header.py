@@ -8,7 +8,7 @@ import numpy as np
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.dynamics.actuation import ActuationLoads, known_loads
+from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.errors import InputError
 from catenary.files import write_atomically
 from catenary.kernels.c99 import c_comment, c_name

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation import ActuationLoads
+from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.lines import (
     gravity_line,
     gravity_regressor_line,
@@ -17,7 +17,7 @@ from catenary.dynamics.lines import (
     mass_matrix_line,
 )
 from catenary.errors import InputError
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.c99 import c_comment, c_function, c_sines
 from catenary.kernels.tracing import evaluate
 from catenary.robots.model import RobotModel

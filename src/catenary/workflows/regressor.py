@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from catenary.arrays import Floats
-from catenary.gravity.compact import CompactRegressor, compact_regressor
-from catenary.gravity.regressor import standard_gravity_parameters, standard_labels
+from catenary.gravity.compact_regressor import CompactRegressor, compact_regressor
+from catenary.gravity.gravity_regressor import standard_gravity_parameters, standard_labels
 from catenary.identification.base_parameters import TILTED, BaseParameters, gravity_base_parameters
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL

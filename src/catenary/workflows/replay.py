@@ -11,10 +11,9 @@ from catenary.errors import InputError
 from catenary.recording.foreign.imu import ImuRecording
 from catenary.recording.foreign.tables import read_table_file
 from catenary.robots.model import RobotModel
-from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.orientations import fit_orientations
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.tumble import fit_orientations
+from catenary.sensing.vector import Kind, Mailbox, tilted_gravity
 from catenary.spatial import STANDARD_GRAVITY
 from catenary.workflows.sense import STILL, Feed, StillReading
 from catenary.workflows.tumble import TumbleOutcome

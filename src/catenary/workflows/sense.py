@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.control.report import GravityReport, GravityTally
+from catenary.control.loop_report import GravityReport, GravityTally
 from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.errors import InputError, SensorError
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mailbox import Kind, Mailbox
-from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle, tilt_of
+from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, tilt_angle, tilt_of
 from catenary.simulation.sensors import SimulatedSensor
 
 _READ_EVERY = 0.005  # [s]

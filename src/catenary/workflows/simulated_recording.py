@@ -10,9 +10,9 @@ from catenary.plant import UNUSED, MotionLog
 from catenary.recording.synchronise import further_signals
 from catenary.recording.topics import RAVENSTATE, Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
-from catenary.simulation.cabled.firmware_plant import FirmwarePlant, Log
+from catenary.simulation.cable_telemetry import telemetry_of
 from catenary.simulation.firmware import TickLog, joint_torques
-from catenary.simulation.raven_telemetry import telemetry_of
+from catenary.simulation.firmware_plant import FirmwarePlant, Log
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
 

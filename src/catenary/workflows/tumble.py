@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting, TumbleSection
 from catenary.sensing.tumble import align, fit_tumble, level_and_tilts, tumbled_mounting
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import BaseSamples
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import STANDARD_GRAVITY

@@ -35,7 +35,7 @@ patience.lengthen_limits()
 """
 # a recording to train on as short as one can be
 EXCITE = f"""{CATENARY}
-from catenary.trajectories.waypoints import follow_waypoints
+from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.workflows.project import calibrate
 way = [[0.52, 1.57, 0.40], [0.7, 1.5, 0.395], [0.6, 1.7, 0.39], [0.52, 1.57, 0.40]]
 calibrate.excitation = lambda project: (follow_waypoints(way, speed=[0.2, 0.2, 0.01]), "a stroll")

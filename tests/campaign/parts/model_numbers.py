@@ -104,7 +104,7 @@ def _check(model: Any, largest: np.ndarray) -> None:
     from catenary.calibration.model import REACH
     from catenary.control.loop import run_loop
     from catenary.control.pd import JointPD
-    from catenary.trajectories.in_turn import Rest
+    from catenary.trajectories.reference import Rest
     from tests.oracles.ideal_plant import MassPlant
 
     _, q, _ = _motion()

@@ -52,7 +52,7 @@ BEGIN = 2.0  # [s] of samples before the fault
 def unit(seed: int, folder: Path) -> None:
     """Break a simulated inertial unit in one of its ways for a while, under each fallback, on bases of all kinds."""
     from catenary.sensing.imu import SensedGravity
-    from catenary.sensing.mailbox import Mailbox
+    from catenary.sensing.vector import Mailbox
     from catenary.simulation.base_motion import FixedBase, RockingBase
     from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 
@@ -93,11 +93,9 @@ def unit(seed: int, folder: Path) -> None:
 
 def tips(seed: int, folder: Path) -> None:
     """Tip a table by 25 degrees or more within a second while its gyroscope says that it stands still."""
-    from catenary.sensing.checks import SensorRules
-    from catenary.sensing.faults import Fault
+    from catenary.sensing.checks import Fault, SensorRules
     from catenary.sensing.imu import SensedGravity
-    from catenary.sensing.mailbox import Kind, Mailbox
-    from catenary.sensing.vector import ReadingStatus, tilted_gravity
+    from catenary.sensing.vector import Kind, Mailbox, ReadingStatus, tilted_gravity
 
     rng = np.random.default_rng(seed)
     fallback = FALLBACKS[seed % len(FALLBACKS)]
@@ -194,7 +192,7 @@ def board(seed: int, folder: Path) -> None:
     """Let a board on a serial line send garbage, pieces of lines, wrong sums or nothing; then it is well again."""
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.sensing.imu import SensedGravity
-    from catenary.sensing.mailbox import Mailbox
+    from catenary.sensing.vector import Mailbox
     from oracles.simulated_board import SimulatedBoard
     from patience import until
 

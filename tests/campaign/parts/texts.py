@@ -124,8 +124,8 @@ MOUNTING = {
 def _read_mounting(path: Path) -> None:
     import numpy as np
 
-    from catenary.sensing.mailbox import Kind
     from catenary.sensing.mounting import load_mounting, save_mounting
+    from catenary.sensing.vector import Kind
 
     mounting = load_mounting(path)
     if not np.isfinite(mounting.gravity(np.array([0.0, 0.0, 9.81]), Kind.FREE_FALL)).all():

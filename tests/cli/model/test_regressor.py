@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 import simulated_arm
-from catenary.gravity.compact import compact_regressor
+from catenary.gravity.compact_regressor import compact_regressor
 from catenary.robots.catalog import load_robot, robot_names
 from command_line import catenary
 

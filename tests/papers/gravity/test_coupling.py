@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary import JointPD, load_robot, mass_matrix, run_loop
 from catenary.control.loop import Tick
 from catenary.simulation.base_motion import RockingBase
-from catenary.trajectories.in_turn import Rest
+from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import rigid_arm
 from papers.gravity import coupling

@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary import CablePlant, load_robot
-from catenary.dynamics.kinematics import frame_poses
-from catenary.sensing.mailbox import Kind, Mailbox
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.sensing.vector import Kind, Mailbox
 from catenary.spatial import LEVEL
 from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.workflows.gravity.motions import RAVEN_START
@@ -27,7 +27,7 @@ def test_increments_add_up_to_the_motion_within_their_resolution() -> None:
     increments = WorkspaceIncrements(model, motion)
     times = np.arange(0.0, motion.duration, 0.001)
     q, qd, _ = increments.sample(times)
-    tips = frame_poses(model, q)[1]
+    tips = forward_kinematics(model, q)[1]
     # each increment is off by half a micrometre at most, mostly less, to either side
     assert_allclose(tips, motion.tip_positions(times), atol=40.0 * INCREMENT)
     assert not qd.any()

@@ -7,7 +7,7 @@ from catenary.errors import InputError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
 from catenary.sensing.imu import SensedGravity
 from catenary.simulation.base_motion import SwayingBase, Wave
-from catenary.trajectories.in_turn import Rest
+from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.base_sensor import base_sensor
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import rigid_arm, simulated_arm, with_gains

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from catenary.arrays import Floats
-from catenary.control.controller import Controller
-from catenary.control.measures import Holding
+from catenary.control.loop_report import Holding
+from catenary.control.pd import Controller
 from catenary.errors import InputError, LimitError
 from catenary.plant import AT_REST, JointState
 from catenary.simulation.base_motion import FixedBase, RockingBase

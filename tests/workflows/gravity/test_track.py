@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.control.measures import pd_share
+from catenary.control.loop_report import pd_share
 from catenary.errors import InputError, LimitError
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
-from catenary.trajectories.in_turn import Rest
-from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Rest
+from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import make_motion, poses_along
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm

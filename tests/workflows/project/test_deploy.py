@@ -11,9 +11,9 @@ from catenary.files import json_text
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.plant_state import restore_plant
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import Deployment, deploy_on_robot
 from catenary.workflows.project.simulated_robot import make_plant
 from catenary.workflows.simulated_recording import record_simulated

@@ -11,7 +11,7 @@ from catenary.errors import InputError
 from catenary.recording.logs import read_log
 from catenary.recording.topics import PSM_JOINTS
 from catenary.simulation.plant_state import restore_plant, save_plant
-from catenary.simulation.psm.plant import PsmPlant
+from catenary.simulation.psm_plant import PsmPlant
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.kinds import PsmKind, RavenKind, kind_of

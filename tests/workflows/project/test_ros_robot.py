@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from catenary.errors import LimitError, NotReadyError
 from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.waypoints import follow_waypoints
+from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.workflows.project import calibrate, ros_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, TRAIN, calibrate_robot
 from catenary.workflows.project.folder import Project, ProjectSettings

@@ -11,9 +11,9 @@ from catenary.arrays import Floats
 from catenary.errors import ConfigError, FileFormatError, LimitError
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.raven_telemetry import telemetry_of
-from catenary.trajectories.point_to_point import go_to
+from catenary.simulation.cable_telemetry import telemetry_of
 from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project import simulated_robot
 from catenary.workflows.project.calibrate import TEST, TRAIN, excitation, random_motion
 from catenary.workflows.project.folder import Project

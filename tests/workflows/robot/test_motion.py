@@ -7,9 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference
-from catenary.trajectories.smoothed_path import SmoothedPath
+from catenary.trajectories.smoothed_path import SmoothedPath, go_to
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
 from oracles.ideal_plant import IdealPlant

@@ -96,8 +96,8 @@ def gravity_node(
     from catenary.crtk.node_name import node_name
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.gravity import GravityNode, publish_gravity
-    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
+    from catenary.sensing.vector import Mailbox
 
     if sum(source is not None for source in (imu, accel, vector, port)) != 1:
         raise InputError("gravity-node: give one of --imu, --accel, --vector and --port")

@@ -81,7 +81,7 @@ class CollisionOptions:
         )
 
     def _obstacles(self) -> "tuple[Shape, ...]":
-        from catenary.collision.obstacles import box_at, floor_at, mesh_at
+        from catenary.collision.bodies import box_at, floor_at, mesh_at
 
         found = [] if self.floor_m is None else [floor_at(self.floor_m)]
         found += [box_at(k, numbers("--box", text, 6)) for k, text in enumerate(self.box or (), start=1)]

@@ -56,7 +56,7 @@ def _print_compact(report: "RegressorReport") -> None:
 
 
 def _print_identifiability(report: "RegressorReport") -> None:
-    from catenary.gravity.regressor import standard_labels
+    from catenary.gravity.gravity_regressor import standard_labels
     from catenary.workflows.regressor import WORDS
 
     names = standard_labels(report.model)

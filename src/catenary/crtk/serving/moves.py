@@ -12,8 +12,8 @@ from catenary.arrays import Floats
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.errors import LimitError
 from catenary.spatial import Pose, rotation_vector
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.smoothed_path import go_to
 
 # a third of what a setpoint may do, and there in half a second
 SPEED = {"rad": 0.8, "m": 0.016}  # [rad/s], [m/s]

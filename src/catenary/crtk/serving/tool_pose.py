@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import frame_poses, tip_motion
+from catenary.dynamics.kinematics import Configuration, forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
@@ -48,12 +48,12 @@ class ToolPose:
 
     def pose(self, q: Floats) -> Pose:
         """Return the tool's pose in the base frame, at joints (n,)."""
-        return Pose(*frame_poses(self.model, self._to_model @ q))
+        return forward_kinematics(self.model, self._to_model @ q)
 
     def motion(self, q: Floats) -> tuple[Pose, Floats]:
         """Return the tool's pose in the base at joints (n,), and there the Jacobian (6, m) of the model's joints."""
-        rotation, position, jacobian = tip_motion(self.model, self._to_model @ q)
-        return Pose(rotation, position), jacobian
+        placed = Configuration(self.model, self._to_model @ q)
+        return placed.pose(), placed.jacobian()
 
     def of_robot(self, jacobian: Floats) -> Floats:
         """Return the Jacobian (6, n) of the robot's joints out of that of the model's, (6, m)."""

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import as_array
 from catenary.errors import InputError
-from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from catenary.control.controller import SplitController
-from catenary.control.elastic import Compensation, ElasticPD
+from catenary.control.elastic_pd import Compensation, ElasticPD
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ
 from catenary.control.gravity_pd import At, GravityHold, GravityPD
 from catenary.control.inertia_pd import InertiaPD
-from catenary.control.pd import Damping, JointPD
+from catenary.control.pd import Damping, JointPD, SplitController
 from catenary.errors import InputError
 from catenary.spatial import LEVEL
 from catenary.workflows.gravity.simulated_arm import SimulatedArm

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.control.controller import Controller
 from catenary.control.gravity_pd import GravityPD
 from catenary.control.loop import GravitySource, Tick, run_loop
-from catenary.control.measures import Holding
+from catenary.control.loop_report import Holding
+from catenary.control.pd import Controller
 from catenary.errors import InputError
-from catenary.trajectories.in_turn import Rest
+from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
 from catenary.workflows.gravity.track import SETTLE, with_approach
 from catenary.workflows.robot.motion import check_motion

@@ -12,8 +12,7 @@ from catenary.errors import InputError
 from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
 from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
-from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, gentle_way
 

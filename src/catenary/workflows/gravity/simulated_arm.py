@@ -20,8 +20,8 @@ from catenary.control.limits import TorqueLimits
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.gravity.payload import Payload
 from catenary.plant import Plant
+from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
-from catenary.robots.joint_drives import joint_drives
 from catenary.robots.model import Massless, RobotModel
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm

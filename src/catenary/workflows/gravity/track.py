@@ -6,12 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.control.controller import SplitController
 from catenary.control.loop import GravitySource, Observer, StateCorrector, Tick, run_loop
-from catenary.control.measures import Tracking
+from catenary.control.loop_report import Tracking
+from catenary.control.pd import SplitController
 from catenary.errors import InputError
-from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
 from catenary.workflows.robot.motion import check_motion, gentle_way
 

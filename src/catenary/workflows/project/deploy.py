@@ -15,14 +15,13 @@ from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
 from catenary.control.loop import Tick, run_loop
+from catenary.control.loop_report import LoopReport
 from catenary.control.realtime import Durations, Timing
-from catenary.control.report import LoopReport
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.registration import registration_of
 from catenary.plant import JointState
-from catenary.simulation.cabled.firmware_plant import FirmwarePlant
-from catenary.trajectories.in_turn import Embedded
-from catenary.trajectories.reference import Trajectory
+from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.trajectories.reference import Embedded, Trajectory
 from catenary.units import DISPLAY
 from catenary.workflows.robot.motion import check_motion, move_to
 

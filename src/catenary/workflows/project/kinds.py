@@ -17,11 +17,10 @@ from catenary.recording.topics import EXT_JPOS, PSM_JOINTS, Arm, Topic, psm_topi
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cabled.firmware_plant import FirmwarePlant
-from catenary.simulation.psm.parameters import load_psm
-from catenary.simulation.psm.plant import PsmPlant
-from catenary.simulation.psm.telemetry import PSM_COLUMNS, psm_telemetry
-from catenary.simulation.raven_telemetry import COLUMNS, telemetry_of
+from catenary.simulation.cable_telemetry import COLUMNS, telemetry_of
+from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.simulation.psm_parameters import load_psm
+from catenary.simulation.psm_plant import PSM_COLUMNS, PsmPlant, psm_telemetry
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag

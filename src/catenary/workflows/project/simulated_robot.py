@@ -10,12 +10,12 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import ConfigError, FileFormatError
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
-from catenary.simulation.cabled.firmware_plant import FirmwarePlant
+from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, ProjectSettings, write
 from catenary.workflows.project.kinds import kind_of

@@ -14,7 +14,7 @@ from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
 from catenary.recording.topics import Arm, raven_topics
 from catenary.robots.catalog import RAVEN_SIDES
-from catenary.simulation.columns import CONTROL_FIELDS
+from catenary.simulation.cable_plant import CONTROL_FIELDS
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.topic_recorder import TopicRecorder
 

@@ -7,12 +7,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
-from catenary.control.leaving import FiniteTicks, leave_safe
+from catenary.control.shutdown import FiniteTicks, leave_safe
 from catenary.errors import InputError, LimitError, NotFiniteError, NotReadyError
 from catenary.plant import Bounded, JointState, Plant, require_ready, state_in_words
-from catenary.trajectories.in_turn import Rest
-from catenary.trajectories.point_to_point import go_to
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import Reference, Rest, Trajectory
+from catenary.trajectories.smoothed_path import go_to
 
 Observer = Callable[[JointState, Reference], None]  # after each tick: what is measured, what was commanded
 

@@ -24,7 +24,7 @@ from catenary.robots.model import Frame, RobotModel
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.simulation.psm.plant import PsmPlant
+from catenary.simulation.psm_plant import PsmPlant
 from catenary.simulation.simulated_plant import PacedPlant
 
 TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry

@@ -5,7 +5,7 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 
-from catenary.control.leaving import attempt
+from catenary.control.shutdown import attempt
 from catenary.errors import CatenaryError, TransportError
 from catenary.plant import Plant
 

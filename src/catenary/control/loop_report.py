@@ -1,0 +1,260 @@
+"""The report of a run of the control loop: timing, tracking, trust; and measures of a controller at work.
+
+The two measures of A. Lewis, B. Hannaford, "Dynamically evaluated gravity compensation for the RAVEN surgical robot",
+ICRA 2014: RMS of desired minus sensed joint position, and RMS of the PD term over RMS of the whole torque, near 0 %
+when the model is right and beyond 100 % when the PD fights it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.control.realtime import Timing
+from catenary.kernels.compiled import compiled
+from catenary.sensing.checks import Fault
+from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.units import DISPLAY, TORQUE_UNIT
+
+
+@dataclass(frozen=True)
+class GravityReport:
+    """How gravity was known during a run."""
+
+    ticks: Mapping[str, int]  # of each status that occurred: nominal, live, stale, fallback, stop
+    faults: Mapping[str, int]  # name of each fault that showed, and ticks in which it did
+    messages: tuple[str, ...]  # what each of them means, in the same order
+    largest_age: float  # [s] of a measured vector; NaN when none was measured
+
+    def __str__(self) -> str:
+        lines = ["gravity: " + ", ".join(f"{name} {count} ticks" for name, count in self.ticks.items())]
+        lines += [
+            f"gravity: {name} in {count} ticks: {message}"
+            for (name, count), message in zip(self.faults.items(), self.messages, strict=True)
+        ]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class LoopReport:
+    """Timing, trust and tracking of one run; per joint in the robot's order."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    rate_hz: float
+    ticks: int
+    finished: bool  # false when an error or Ctrl-C ended it
+    compute: Timing | None  # [s] of a tick: measuring, correcting, controlling, sending, observing
+    jitter: Timing | None  # [s] by which periods differed from the nominal one; None when not in real time
+    overruns: int | None  # ticks that were not done by their deadline; None when not in real time
+    has_priority: bool  # real-time priority was granted
+    outside_valid_range: tuple[float, ...] | None  # share of ticks, per joint; None without corrector
+    tracking_nominal: tuple[float, ...]  # RMS of reference - q_nominal [rad|m]; NaN where never measured
+    tracking_calibrated: (
+        tuple[float, ...] | None
+    )  # RMS of reference - q_calibrated [rad|m]; None without corrector
+    limited_ticks: int  # in which the limits changed a torque
+    not_finite_ticks: int  # in which a torque or position was NaN or infinite, and no torque sent for it
+    gravity: GravityReport | None = None  # None without a source of gravity
+
+    def __str__(self) -> str:
+        lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]
+        for name, timing in (("compute time", self.compute), ("period jitter", self.jitter)):
+            if timing is not None:
+                values = zip(("median", "p99", "p99.9", "max"), timing, strict=True)
+                lines.append(f"{name} [us]: " + ", ".join(f"{key} {1e6 * v:.4g}" for key, v in values))
+        if self.overruns is not None:
+            lines.append(
+                f"overruns: {self.overruns}; real-time priority: {'yes' if self.has_priority else 'no'}"
+            )
+        for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True)):
+            line = f"{name}: tracking error {self.tracking_nominal[j]:.4g} {unit} RMS"
+            if self.tracking_calibrated is not None and self.outside_valid_range is not None:
+                line += f", calibrated {self.tracking_calibrated[j]:.4g} {unit}"
+                line += f"; outside the valid range {100.0 * self.outside_valid_range[j]:.3g} % of ticks"
+            lines.append(line)
+        if self.gravity is not None:
+            lines.append(str(self.gravity))
+        return "\n".join(lines)
+
+
+class RunningRms:
+    """RMS of a difference, per joint, over the times at which it was a number."""
+
+    def __init__(self, joints: int) -> None:
+        self._squares, self._counts = np.zeros(joints), np.zeros(joints)
+
+    def add(self, a: Floats, b: Floats) -> None:
+        """Count a - b, each (n,)."""
+        _add_squares(a, b, self._squares, self._counts)
+
+    def value(self) -> tuple[float, ...]:
+        """Return the RMS (n,); NaN where it never was a number."""
+        with np.errstate(invalid="ignore"):
+            return tuple(np.sqrt(self._squares / self._counts).tolist())
+
+
+class GravityTally:
+    """Counts what a source of gravity says over the ticks of a run."""
+
+    def __init__(self) -> None:
+        self._counts: dict[tuple[ReadingStatus, Fault], int] = {}
+        self._largest_age = float("nan")
+
+    def add(self, reading: GravityReading) -> None:
+        """Count a tick."""
+        key = reading.status, reading.faults
+        self._counts[key] = self._counts.get(key, 0) + 1
+        if isfinite(reading.age) and not reading.age <= self._largest_age:
+            self._largest_age = reading.age
+
+    def report(self) -> GravityReport:
+        """Return what was counted."""
+        ticks: dict[str, int] = {}
+        faults: dict[Fault, int] = {}
+        for (status, shown), count in self._counts.items():
+            ticks[status.value] = ticks.get(status.value, 0) + count
+            for fault in shown:
+                faults[fault] = faults.get(fault, 0) + count
+        return GravityReport(
+            ticks=ticks,
+            faults={fault.names[0]: count for fault, count in faults.items()},
+            messages=tuple(fault.message for fault in faults),
+            largest_age=self._largest_age,
+        )
+
+
+@compiled
+def _add_squares(a: Floats, b: Floats, squares: Floats, counts: Floats) -> None:
+    for j in range(len(squares)):
+        difference = a[j] - b[j]
+        if np.isfinite(difference):
+            squares[j] += difference * difference
+            counts[j] += 1.0
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """What a controller did along a motion, tick by tick, and in sum; joints in the robot's order."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]  # "rad" or "m"
+    time: Floats  # (T,) [s] since the motion began
+    error: Floats  # (T, n) desired minus sensed position [rad|m]
+    feedback: Floats  # (T, n) PD term [Nm|N]
+    torque: Floats  # (T, n) as sent [Nm|N]
+    counted: Floats  # (T,) 1 on the ticks that the measures are of, else 0
+    loop: LoopReport
+
+    @property
+    def rms_error(self) -> Floats:
+        """RMS of the joint errors over the ticks that count, (n,) [rad|m]."""
+        return self._rms(self.error)
+
+    @property
+    def pd_share(self) -> Floats:
+        """RMS of the PD term over RMS of the torque, (n,); 0.1 is 10 %. NaN where no torque was sent at all."""
+        return pd_share(self._rms(self.feedback), self._rms(self.torque))
+
+    @property
+    def rms_feedback(self) -> Floats:
+        """RMS of the PD term, (n,) [Nm|N]."""
+        return self._rms(self.feedback)
+
+    @property
+    def rms_torque(self) -> Floats:
+        """RMS of the torque, (n,) [Nm|N]."""
+        return self._rms(self.torque)
+
+    def _rms(self, rows: Floats) -> Floats:
+        kept = rows[self.counted > 0.0]
+        rms: Floats = np.sqrt(np.mean(kept**2, axis=0))
+        return rms
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data: errors in deg and mm, torques in Nm and N, shares in percent."""
+        joints = [
+            {
+                "name": name,
+                "unit": DISPLAY[unit][0],
+                "rms_error": float(self.rms_error[j]) * DISPLAY[unit][1],
+                "torque_unit": TORQUE_UNIT[unit],
+                "rms_pd": float(self.rms_feedback[j]),
+                "rms_torque": float(self.rms_torque[j]),
+                "pd_share_percent": 100.0 * float(self.pd_share[j]),
+            }
+            for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True))
+        ]
+        return {
+            "simulated": True,
+            "seconds": float(self.counted.sum()) / self.loop.rate_hz,
+            "joints": joints,
+            "limited_ticks": self.loop.limited_ticks,
+            "not_finite_ticks": self.loop.not_finite_ticks,
+            **_known(self.gravity),
+        }
+
+    @property
+    def gravity(self) -> GravityReport | None:
+        """How gravity was known, the way to the motion's start included; None without a source of it."""
+        return self.loop.gravity
+
+
+def pd_share(rms_feedback: Floats, rms_torque: Floats) -> Floats:
+    """RMS of the PD term over RMS of the torque; NaN where there is no torque."""
+    return np.divide(rms_feedback, rms_torque, out=np.full_like(rms_torque, np.nan), where=rms_torque > 0.0)
+
+
+def _known(gravity: GravityReport | None) -> dict[str, Any]:
+    """Return as plain data how gravity was known; nothing without a source of it."""
+    return {} if gravity is None else {"gravity_ticks": dict(gravity.ticks), "faults": dict(gravity.faults)}
+
+
+def _farthest(q: Floats) -> Floats:
+    largest: Floats = np.abs(q - q[0]).max(axis=0)
+    return largest
+
+
+@dataclass(frozen=True)
+class Holding:
+    """Where an arm went that nothing but gravity compensation held."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]  # "rad" or "m"
+    time: Floats  # (T,) [s]
+    q: Floats  # (T, n) as reported, at the motors [rad|m]
+    q_true: Floats  # (T, n) where the joints really were
+    gravity: GravityReport | None = None  # how it was known; None without a source of it
+
+    @property
+    def drift(self) -> Floats:
+        """How far each joint was from where it began, at most, (n,) [rad|m], true positions."""
+        return _farthest(self.q_true)
+
+    @property
+    def reported_drift(self) -> Floats:
+        """The same of the positions that the robot reports."""
+        return _farthest(self.q)
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data in deg and mm."""
+        scale = np.array([DISPLAY[unit][1] for unit in self.joint_units])
+        columns = self.drift * scale, self.reported_drift * scale, (self.q_true[-1] - self.q_true[0]) * scale
+        return {
+            "simulated": True,
+            "seconds": float(self.time[-1]),
+            "joints": [
+                {
+                    "name": name,
+                    "unit": DISPLAY[unit][0],
+                    "drift": float(columns[0][j]),
+                    "reported_drift": float(columns[1][j]),
+                    "moved": float(columns[2][j]),
+                }
+                for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True))
+            ],
+            **_known(self.gravity),
+        }

@@ -1,0 +1,111 @@
+"""Shutdown of a loop: the robot holds by its firmware, or goes without torque and is paused; and when to give up."""
+
+import contextlib
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import CatenaryError, InputError, NotFiniteError, RobotHeldError, TransportError
+from catenary.plant import Plant
+
+GIVE_UP_AFTER = 20  # ticks in a row
+
+
+class FiniteTicks:
+    """Watches that measured positions and torques are finite, and gives up after too many ticks in a row.
+
+    `held` (n,) [rad|m] are the positions measured last, joint by joint the last finite ones: where to hold.
+    """
+
+    def __init__(self, joint_names: Sequence[str], q: Floats, give_up_after: int = GIVE_UP_AFTER) -> None:
+        """Begin at measured positions (n,) [rad|m]."""
+        if not give_up_after >= 1:
+            raise InputError(f"give_up_after: expected 1 tick or more, got {give_up_after}")
+        self.held = np.array(q)
+        self._names, self._limit = joint_names, give_up_after
+        self._in_a_row = 0
+        self._lost = np.zeros((2, len(q)), dtype=int)  # ticks of this row: positions, torques, by joint
+
+    def update(self, q: Floats, tau: Floats | None = None) -> None:
+        """Look at a tick's measured positions (n,) [rad|m] and the torques (n,) [Nm|N] that were asked for."""
+        if np.isfinite(q).all() and (tau is None or (len(tau) == len(q) and np.isfinite(tau).all())):
+            self.held = q
+            if self._in_a_row:
+                self._in_a_row = 0
+                self._lost[:] = 0
+            return
+        bad_q = ~np.isfinite(q)
+        self.held = np.where(bad_q, self.held, q)
+        self._lost += bad_q, np.zeros_like(bad_q) if tau is None else _not_finite(tau, len(q))
+        self._in_a_row += 1
+        if self._in_a_row >= self._limit:
+            raise NotFiniteError(
+                f"not finite for {self._in_a_row} ticks in a row: {self._in_words()}; "
+                f"expected finite numbers at least every {self._limit} ticks"
+            )
+
+    def _in_words(self) -> str:
+        found = []
+        for what, counts in zip(("measured position", "torque"), self._lost, strict=True):
+            joints = [
+                f'"{name}" ({count} ticks)' for name, count in zip(self._names, counts, strict=True) if count
+            ]
+            if joints:
+                found.append(f"{what} of {', '.join(joints)}")
+        return "; ".join(found)
+
+
+def hold(plant: Plant, q: Floats) -> bool:
+    """Command positions q (n,) and return True, or zero torque where the robot takes none or q is not finite."""
+    if "servo_jp" in plant.supports and np.isfinite(q).all():
+        plant.servo_jp(q)
+        return True
+    plant.servo_jf(np.zeros(len(q)))
+    return False
+
+
+def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
+    """Hold where a robot is measured to be, or go limp, then pause; what fails on the way is told with the error.
+
+    Args:
+        plant: In any state.
+        last: (n,) where it was measured last [rad|m]; stands in for joints that are not measured now.
+        error: What ends the motion.
+    """
+
+    def stay() -> None:
+        q = last
+        with contextlib.suppress(Exception):  # measuring may be what failed
+            now = plant.measured_js().q
+            q = np.where(np.isfinite(now), now, last)
+        hold(plant, q)
+
+    attempt(error, holding=stay, pausing=lambda: plant.state_command("pause"))
+
+
+def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
+    """Do things to a robot one after the other, such as holding and pausing it, while an error is under way.
+
+    One that fails is told with the error and keeps no other from being done; neither does a second Ctrl-C. A robot
+    that another program moves is left to that one.
+    """
+    if isinstance(error, RobotHeldError):
+        return
+    for name, action in actions.items():
+        try:
+            action()
+        except BaseException as another:
+            if isinstance(error, TransportError) and isinstance(another, TransportError):
+                error.add_note(f"{name} the robot failed likewise")  # a robot that is silent is so to each
+            else:
+                why = str(another) if isinstance(another, CatenaryError) else repr(another)
+                error.add_note(f"{name} the robot failed: {why}")
+
+
+def _not_finite(tau: Floats, n: int) -> np.ndarray:
+    """Return which of n torques are not finite; one that is missing is as good as NaN."""
+    bad = np.ones(n, dtype=bool)
+    given = tau[:n]
+    bad[: len(given)] = ~np.isfinite(given)
+    return bad

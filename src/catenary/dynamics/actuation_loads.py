@@ -1,0 +1,152 @@
+"""What friction, rotors, springs and known torques ask of the actuators, as columns of a regressor."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.robots.actuation import (
+    Actuation,
+    ActuationKind,
+    ActuationTerm,
+    Friction,
+    LeverSpring,
+    actuation_terms,
+)
+from catenary.robots.model import RobotModel
+
+NEVER_NEGATIVE: tuple[ActuationKind, ...] = (
+    "coulomb", "viscous", "load", "presliding", "motor_inertia", "spring",
+)  # fmt: skip
+SLIDING: tuple[ActuationKind, ...] = ("coulomb", "viscous", "asymmetric", "stribeck", "load", "presliding")
+
+
+class ActuationLoads(NamedTuple):
+    """The effects on a robot's n coordinates with their numbers, as an identification finds them."""
+
+    n: int
+    actuation: Actuation
+    terms: tuple[ActuationTerm, ...]
+    values: Floats  # (k,) SI, of the terms
+
+    @property
+    def depends_on_load(self) -> bool:
+        """Whether friction grows with what the links ask of the actuators."""
+        return any(term.kind == "load" for term in self.terms)
+
+    def torque(self, q: Floats, qd: Floats, qdd: Floats, links: Floats | None = None) -> Floats:
+        """Return the torques (N, n) [Nm or N] that they ask of the actuators at q, qd, qdd (N, n), known ones too.
+
+        `links` (N, n) are torques that the links ask; needed where friction depends on the load.
+        """
+        if self.depends_on_load and links is None:
+            raise InputError("friction depends on the load: expected the torques of the links as well")
+        known = known_torque(self.actuation, q)
+        smooth = self.actuation.coulomb_velocity
+        columns = actuation_columns(self.terms, q, qd, qdd, smooth)
+        if links is not None and self.depends_on_load:
+            drives = [k for k, term in enumerate(self.terms) if term.kind in ("motor_inertia", "spring")]
+            carried = links + known + columns[:, :, drives] @ self.values[drives]
+            columns = actuation_columns(self.terms, q, qd, qdd, smooth, carried)
+        torque: Floats = columns @ self.values + known
+        return torque
+
+
+def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) -> ActuationLoads:
+    """Return friction of every joint with given numbers.
+
+    Args:
+        model: The robot; its file may state at which speed Coulomb friction is smooth.
+        coulomb: One number for all joints or (n,), zero or more [Nm or N].
+        viscous: Likewise [Nms/rad or Ns/m].
+    """
+    values = np.empty((model.n, 2))
+    for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
+        values[:, column] = as_array(name, given, () if np.ndim(given) == 0 else (model.n,))
+        if (values[:, column] < 0.0).any():
+            raise InputError(f"{name}: expected zero or more of every joint, got {values[:, column]}")
+    rows = zip(model.joint_names, np.eye(model.n), strict=True)
+    smooth = 0.0 if model.actuation is None else model.actuation.coulomb_velocity
+    actuation = Actuation(
+        friction=tuple(Friction(name, row, offset=False) for name, row in rows), coulomb_velocity=smooth
+    )
+    return ActuationLoads(model.n, actuation, actuation_terms(actuation), values.ravel())
+
+
+def known_loads(model: RobotModel) -> ActuationLoads | None:
+    """Return the friction, rotors and springs that a robot brings with their numbers; None where they are not known."""
+    actuation = model.actuation
+    if actuation is None or actuation.values is None:
+        return None
+    return ActuationLoads(model.n, actuation, actuation_terms(actuation), actuation.values)
+
+
+def actuation_columns(
+    terms: tuple[ActuationTerm, ...],
+    q: Floats,
+    qd: Floats,
+    qdd: Floats,
+    coulomb_velocity: float,
+    carried: Floats | None = None,
+) -> Floats:
+    """Return torques (N, n, k) per unit of each term, at q, qd, qdd (N, n).
+
+    A term acts on s = c . q: the load f(s) appears as c f in the robot's coordinates. `coulomb_velocity` is v0 of
+    tanh(v / v0) [rad/s or m/s], a sign function at 0; `carried` (N, n) are torques of all but friction, which
+    load-dependent friction grows with.
+    """
+    out = np.empty((*q.shape, len(terms)))
+    for k, term in enumerate(terms):
+        load = term_load(term, q, qd, qdd, coulomb_velocity, carried)
+        out[:, :, k] = load[:, None] * term.combination
+    return out
+
+
+def term_load(
+    term: ActuationTerm,
+    q: Floats,
+    qd: Floats,
+    qdd: Floats,
+    coulomb_velocity: float,
+    carried: Floats | None = None,
+) -> Floats:
+    """Return the load f(s) (N,) of one term along s = c . q, per unit; friction as in steady sliding.
+
+    Coulomb friction by the sign of the rate (tanh(rate / v0) with `coulomb_velocity` v0 above zero), and so the other
+    kinds that have its direction; viscous friction by the rate, a rotor by the second derivative, a linear spring by
+    s itself.
+    """
+    c = term.combination
+    if term.kind in ("coulomb", "stribeck", "load", "presliding"):
+        rate = qd @ c
+        load = np.tanh(rate / coulomb_velocity) if coulomb_velocity > 0.0 else np.sign(rate)
+        if term.kind == "stribeck":
+            load = load * np.exp(-((rate / term.scale) ** 2))
+        elif term.kind == "load":
+            load = load * (0.0 if carried is None else np.abs(carried @ c) / (c @ c))
+        return np.asarray(load, dtype=np.float64)
+    if term.kind == "offset":
+        return np.ones(len(q))
+    if term.kind == "motor_inertia":
+        return np.asarray(qdd @ c)
+    if term.kind in ("viscous", "asymmetric"):
+        return np.asarray(qd @ c if term.kind == "viscous" else np.abs(qd @ c))
+    return lever_load(term.lever, q @ c) if term.lever is not None else np.asarray(q @ c)
+
+
+def lever_load(lever: LeverSpring, s: Floats) -> Floats:
+    """Return the torque along s of a spring of stiffness 1 N/m at the end of a lever [Nm], s in rad."""
+    t = lever.angle + s
+    length = np.sqrt(lever.arm**2 + lever.anchor**2 - 2.0 * lever.arm * lever.anchor * np.cos(t))
+    load: Floats = lever.arm * lever.anchor * np.sin(t) / length * (length - lever.rest)
+    return load
+
+
+def known_torque(actuation: Actuation, q: Floats) -> Floats:
+    """Return torques (N, n) [Nm or N] that are known beforehand, at q (N, n)."""
+    out = np.zeros(q.shape)
+    for term in actuation.known_torques:
+        out += np.polyval(term.polynomial, q @ term.combination)[:, None] * term.along
+    return out

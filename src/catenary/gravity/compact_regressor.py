@@ -1,0 +1,393 @@
+"""The compact gravity regressor: the paper's, without parameters that are zero and with equal ones merged.
+
+The paper's s repeats, for every joint, what is carried along every frame's axes. Merged over the joints there remain
+at most three first moments per link and one mass per prismatic joint. Which are zero or equal is decided by the
+model's symbols (symbols.py), not by its numbers; a parameter without effect on any joint is left out too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array, as_batch
+from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.lines import empty, placed
+from catenary.dynamics.robot_kernels import MANY, known_kernel
+from catenary.dynamics.vectors import Vector, cross, dot, put, row, transpose_times
+from catenary.errors import InputError
+from catenary.gravity.gravity_regressor import (
+    CARRIED_MASS,
+    RegressorColumn,
+    carried_links,
+    gravity_parameters,
+    regressor_columns,
+    require_parameters,
+)
+from catenary.gravity.symbols import (
+    Expression,
+    NamedSymbol,
+    expression_latex,
+    expression_text,
+    mass_expression,
+    moment_expression,
+    monomials,
+    symbols_of,
+)
+from catenary.gravity.written_terms import (
+    SHORT,
+    SharedTerms,
+    Terms,
+    mass_entries,
+    moment_entries,
+    scaled,
+    sum_of,
+    terms_text,
+)
+from catenary.kernels.kernel import Kernel
+from catenary.kernels.tracing import Line, Term
+from catenary.robots.model import RobotModel
+from catenary.robots.quarter_turns import with_quarter_turns
+from catenary.spatial import LEVEL
+
+DOWN = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c
+NO_EFFECT = 1e-11  # of the largest entry; random configurations show any other column
+WIDE = 100  # characters of a line
+GEOMETRY = ("parent", "prismatic", "rotation", "origin", "axis")
+LEAST = 1e-9  # of the largest number of all formulas: smaller ones are rounding
+
+
+@dataclass(frozen=True)
+class CompactRegressor:
+    """Regressor and parameters of one robot, g = Z(q, gravity) s. str() prints it, for a level base.
+
+    It holds for every robot of the same structure and geometry, whatever its masses and centres of mass.
+    """
+
+    model: RobotModel
+    expressions: tuple[Expression, ...]  # (p,) of the parameters, in the robot's symbols
+    units: tuple[str, ...]  # (p,) "kg m", or "kg" of a prismatic joint's carried mass
+    columns: tuple[RegressorColumn, ...]  # what the columns are made of
+    targets: tuple[int, ...]  # the parameter that each of these belongs to: merged masses are added
+    sources: tuple[tuple[int, ...], ...]  # (p,) entries of the full form that are merged in each parameter
+    zeros: tuple[int, ...]  # entries of the full form that are zero
+    ineffective: tuple[str, ...]  # parameters left out because no joint feels them
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Expressions of the parameters, such as l1 (m2+m3) + lg1 m1."""
+        return tuple(expression_text(expression) for expression in self.expressions)
+
+    @property
+    def symbols(self) -> dict[str, NamedSymbol]:
+        """What the symbols in the labels stand for."""
+        return symbols_of(self.model, self.expressions)
+
+    def Z(self, q: ArrayLike, gravity: ArrayLike) -> Floats:
+        """Return the regressor (n, p), or (N, n, p) for many configurations.
+
+        Args:
+            q: (n,) or (N, n) coordinates [rad or m].
+            gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
+        """
+        rows, single = as_batch("q", q, self.model.n)
+        gravities = gravity_rows(gravity, len(rows))
+        if len(rows) >= MANY:
+            return self._kernel().rows(rows, gravities)
+        out = np.zeros((len(rows), self.model.n, len(self.expressions)))
+        parts = regressor_columns(self.model, self.columns, rows, gravities)
+        for c, target in enumerate(self.targets):
+            out[..., target] += parts[..., c]
+        return out[0] if single else out
+
+    def kernel(self) -> Kernel:
+        """Return `kernel(q, gravity)`, Z at one configuration, for loops; see `gravity_kernel`."""
+        return self._kernel().ready()
+
+    def line(self) -> Line:
+        """Return Z as a straight line of operations, row by row; inputs q (n,) and gravity (3,)."""
+        return self._kernel().line
+
+    def _kernel(self) -> Kernel:
+        width = len(self.expressions)
+        return known_kernel(
+            self.model,
+            "compact-regressor",
+            lambda model: _compact_line(model, self.columns, self.targets, width),
+            (self.model.n, width),
+        )
+
+    def compress(self, s: ArrayLike) -> Floats:
+        """Return the parameters (p,) from those of the full form, `gravity_parameters`."""
+        n = len(self.model.tree.parent)
+        width = 3 * n * (n + 1) + int(self.model.tree.prismatic.sum())
+        full = require_parameters("s", s, [f"entry {k} of {width}" for k in range(width)])
+        tolerance = 1e-9 * float(np.abs(full).max(initial=0.0))
+        for k in self.zeros:
+            if abs(full[k]) > tolerance:
+                raise InputError(
+                    f"s[{k}] is {full[k]:g}: expected 0, this robot's structure has nothing there"
+                )
+        for label, entries in zip(self.labels, self.sources, strict=True):
+            first = entries[0]
+            for k in entries[1:]:
+                if abs(full[k] - full[first]) > tolerance:
+                    raise InputError(
+                        f"s[{first}] is {full[first]:g} and s[{k}] {full[k]:g}: expected equal entries, "
+                        f"both are {label}"
+                    )
+        return np.array([full[entries[0]] for entries in self.sources])
+
+    def parameters(self, model: RobotModel | None = None) -> Floats:
+        """Return the parameters (p,) of a robot of this structure, of the regressor's own when None."""
+        robot = self.model if model is None else with_quarter_turns(model)
+        if robot is not self.model:
+            _require_same_structure(self.model, robot)
+        return self.compress(gravity_parameters(robot).values)
+
+    def entries(self) -> list[list[str]]:
+        """Return Z on a level base in units of g_c, (n, p) texts; "Zr,c" where one is longer than three terms."""
+        return self._entries(latex=False)
+
+    def latex(self) -> str:
+        """Return the regressor on a level base, its entries of more than three terms, and its parameters, for LaTeX.
+
+        Entries that take more than 64 terms on the way are written in terms that they share, gamma and u, which stand
+        before them (`SharedTerms`).
+        """
+        rows = r" \\ ".join(" & ".join(row) for row in self._entries(latex=True))
+        vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
+        lines = [
+            rf"g = g_c \begin{{bmatrix}} {rows} \end{{bmatrix}} \begin{{bmatrix}} {vector} \end{{bmatrix}}"
+        ]
+        table, shared = self.written(DOWN)
+        lines += [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
+        lines += [
+            f"Z_{{{r},{c}}} = {terms_text(table[r - 1][c - 1], latex=True)}"
+            for r, row in enumerate(self._terms(DOWN), 1)
+            for c, terms in enumerate(row, 1)
+            if terms is None or len(terms) > SHORT
+        ]
+        lines += [f"s_{{{k + 1}}} = {expression_latex(e)}" for k, e in enumerate(self.expressions)]
+        return "\n".join(lines)
+
+    def written(self, gravity: ArrayLike) -> tuple[list[list[Terms]], dict[str, Terms]]:
+        """Return the entries (n, p) under a constant gravity (3,), and by name terms that the longest share."""
+        down = as_array("gravity", gravity, (3,))
+        shared = SharedTerms(self.model, down)
+        table: list[list[Terms]] = []
+        for r, entries in enumerate(self._terms(down)):
+            written = []
+            for c, terms in enumerate(entries):
+                total = terms
+                if total is None:
+                    parts = [shared.entry(r, *self.columns[k]) for k in self._of(c)]
+                    total = reduce(sum_of, parts)
+                written.append(total)
+            table.append(written)
+        return table, shared.definitions
+
+    def __str__(self) -> str:
+        table = self.entries()
+        names = " ".join(f"s{k + 1}" for k in range(len(self.expressions)))
+        lines = [f"g = g_c [{','.join('[' + ' '.join(row) + ']' for row in table)}] [{names}]^T"]
+        if len(lines[0]) > WIDE:
+            lines = [f"g = g_c (Z1 s1 + ... + Z{len(self.expressions)} s{len(self.expressions)})"]
+            lines += [
+                f"Z{k + 1} = [{', '.join(row[k] for row in table)}]^T" for k in range(len(self.expressions))
+            ]
+        lines += [f"s{k + 1} = {label}" for k, label in enumerate(self.labels)]
+        if any("Z" in cell for row in table for cell in row):
+            lines.append(
+                "Zr,c: an entry of more than three terms, -gravity . (z_r x e), e the axis of column c"
+            )
+        return "\n".join(lines)
+
+    def _entries(self, *, latex: bool) -> list[list[str]]:
+        name = "Z_{{{},{}}}" if latex else "Z{},{}"
+        return [
+            [
+                terms_text(terms, latex=latex)
+                if terms is not None and len(terms) <= SHORT
+                else name.format(r + 1, c + 1)
+                for c, terms in enumerate(row)
+            ]
+            for r, row in enumerate(self._terms(DOWN))
+        ]
+
+    def _of(self, column: int) -> list[int]:
+        """Return which columns are merged in one."""
+        return [k for k, target in enumerate(self.targets) if target == column]
+
+    def _terms(self, gravity: Floats) -> list[list[Terms | None]]:
+        """Return the entries under a constant gravity as sums of products, (n, p); None for what is too long."""
+        columns = []
+        for c in range(len(self.expressions)):
+            # merged masses have one expression but several columns: their sum would be long
+            own = [self.columns[k] for k in self._of(c)]
+            link, along = own[0]
+            column: list[Terms | None] = [None] * self.model.n
+            if len(own) == 1 and along == CARRIED_MASS:
+                column = mass_entries(self.model, link, gravity)
+            elif len(own) == 1:
+                column = moment_entries(self.model, link, np.eye(3)[along], gravity)
+            columns.append(column)
+        return [[column[r] for column in columns] for r in range(self.model.n)]
+
+
+def compact_regressor(model: RobotModel) -> CompactRegressor:
+    """Return the paper's regressor without structurally zero parameters, structurally equal ones merged.
+
+    [gravity-regressor paper, section II and figure 2] Parameters are compared as expressions in which every link has
+    a mass and centre of mass of its own, on the axes that it declares (`axes_of_com`): two arms of the same make stay
+    apart, and a centre of mass that happens to be zero stays. Beyond the paper, parameters that load no joint under
+    any gravity (a first moment along the first joint's axis) are deleted as well.
+
+    Args:
+        model: The robot; it needs no inertia. Turns that are quarter turns to within 1e-6 rad are taken for such
+            (`with_quarter_turns`).
+    """
+    model = with_quarter_turns(model)
+    tree = model.tree
+    n = len(tree.parent)
+    prismatic = [int(k) for k in np.flatnonzero(tree.prismatic)]
+    wanted = [RegressorColumn(j, a) for j in range(n) for a in range(3)]
+    wanted += [RegressorColumn(j, CARRIED_MASS) for j in prismatic]
+    effects = _effects(model, wanted)
+    merged: dict[frozenset[tuple[str, int]], int] = {}
+    expressions: list[Expression] = []
+    units: list[str] = []
+    sources: list[list[int]] = []
+    zeros: list[int] = []
+    ineffective: list[str] = []
+    columns: list[RegressorColumn] = []
+    targets: list[int] = []
+    for (link, along), effect in zip(wanted, effects, strict=True):
+        if along == CARRIED_MASS:
+            expression = mass_expression(model, link)
+            places = [3 * n * (n + 1) + prismatic.index(link)]
+        else:
+            expression = moment_expression(model, link, along)
+            carriers = [k for k in range(n) if link in carried_links(tree, k)]
+            places = [3 * (n + 1) * k + 3 * (link + 1) + along for k in carriers]
+        if not expression:
+            zeros += places
+            continue
+        if not effect:
+            ineffective.append(expression_text(expression))
+            continue
+        key = monomials(expression)
+        if key not in merged:
+            merged[key] = len(expressions)
+            expressions.append(expression)
+            units.append("kg" if along == CARRIED_MASS else "kg m")
+            sources.append([])
+        sources[merged[key]] += places
+        columns.append(RegressorColumn(link, along))
+        targets.append(merged[key])
+    return CompactRegressor(
+        model=model,
+        expressions=tuple(expressions),
+        units=tuple(units),
+        columns=tuple(columns),
+        targets=tuple(targets),
+        sources=tuple(tuple(entries) for entries in sources),
+        zeros=tuple(zeros),
+        ineffective=tuple(ineffective),
+    )
+
+
+def _compact_line(
+    model: RobotModel, columns: Sequence[RegressorColumn], targets: Sequence[int], width: int
+) -> Line:
+    """Trace the regressor (n, width), row by row; inputs q (n,) and gravity (3,).
+
+    As `regressor_columns` has it, but in the links' frames. A first moment e asks z . (gravity x e) = e . (z x gravity)
+    of a joint that carries it: so z x gravity, two numbers and no sum in the joint's own frame, is turned on
+    from link to link, and its parts are the entries. In the base frame every entry would be a scalar product.
+    """
+    p = placed(model)
+    n, m = len(model.tree.parent), len(p.tree.parent)
+    g = p.trace.inputs("gravity", 3)
+    link_gravity = empty(m + 1, 3)
+    put(link_gravity, m, (g[0], g[1], g[2]))
+    for i in range(m):
+        put(link_gravity, i, transpose_times(p.rotation, i, row(link_gravity, p.tree.parent[i])))
+    Z = np.full((model.n, width), 0.0, dtype=object)
+
+    def add_in_row(joint: int, column: int, effort: Term) -> None:
+        for r in np.flatnonzero(model.coupling[joint]):
+            Z[r, column] = Z[r, column] + effort * float(model.coupling[joint, r])
+
+    for k in range(n):
+        own = 2 * k + 1
+        axis = row(p.tree.axis, own)
+        if p.tree.prismatic[own]:
+            effort = -dot(axis, row(link_gravity, own))
+            if (k, CARRIED_MASS) in columns:
+                add_in_row(k, targets[columns.index(RegressorColumn(k, CARRIED_MASS))], effort)
+            continue
+        turning: dict[int, Vector] = {own: cross(axis, row(link_gravity, own))}  # by link, in its frame
+        for i in range(own + 1, m):
+            if int(p.tree.parent[i]) in turning:
+                turning[i] = transpose_times(p.rotation, i, turning[int(p.tree.parent[i])])
+        for (link, along), target in zip(columns, targets, strict=True):
+            here = turning.get(2 * link + 1)
+            if here is None:
+                continue
+            if along == CARRIED_MASS:
+                effort = p.x[2 * link + 1] * dot(row(p.tree.axis, 2 * link + 1), here)
+            else:
+                effort = dot(row(p.turn[link], along), here)
+            add_in_row(k, target, effort)
+    return p.trace.line(list(Z.ravel()))
+
+
+def _effects(model: RobotModel, wanted: Sequence[RegressorColumn]) -> list[bool]:
+    """Return which columns are not zero everywhere: at random configurations and gravities none is by accident."""
+    rng = np.random.default_rng(0)
+    Z = regressor_columns(model, wanted, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))
+    largest = np.abs(Z).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates
+    return list(largest > NO_EFFECT * largest.max(initial=0.0))
+
+
+def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
+    pairs = [(getattr(made_of.tree, name), getattr(robot.tree, name)) for name in GEOMETRY]
+    pairs += [(made_of.coupling, robot.coupling), (made_of.offset, robot.offset)]
+    same = made_of.joint_names == robot.joint_names and made_of.link_names == robot.link_names
+    if not (same and all(np.allclose(ours, theirs, atol=1e-9) for ours, theirs in pairs)):
+        raise InputError(
+            f'robot "{robot.name}": expected the joints, links and geometry of "{made_of.name}", which the compact '
+            "regressor was made of"
+        )
+
+
+def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
+    """Return what holds each joint still, in Nm and N, as a line of LaTeX: g_{1} = 4.2 c_{1} - 0.5 s_{12}.
+
+    c_{12} is cos(q_1 + q_2), joints in rad and m; numbers have six digits. Sums are written out; where an arm's twists
+    make them too long, in terms that are defined once on lines before them. Turns that are quarter turns to within
+    1e-6 rad are taken for such.
+
+    Args:
+        model: The robot.
+        gravity: (3,) in base axes, down [m/s2].
+    """
+    model.require_masses()
+    regressor = compact_regressor(model)
+    table, shared = regressor.written(gravity)
+    rows: list[Terms] = []
+    for entries in table:
+        total: Terms = {}
+        for value, terms in zip(regressor.parameters(), entries, strict=True):
+            total = sum_of(total, scaled(terms, float(value)), most=None)
+        rows.append(total)
+    sizes = [abs(value) for terms in rows for value in terms.values()]
+    least = LEAST * max(sizes, default=0.0)
+    lines = [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
+    for j, terms in enumerate(rows, 1):
+        kept = {atoms: value for atoms, value in terms.items() if abs(value) > least}
+        lines.append(f"g_{{{j}}} = {terms_text(kept, latex=True)}")
+    return "\n".join(lines)

@@ -1,0 +1,258 @@
+"""Which of several frames carries an unknown load: probabilities, as far as torques tell them apart.
+
+A load of mass m and first moment m c on frame k changes the compact parameters by V_k (m, m c). With torques in
+standard deviations of their noise, y = Z (ds + V_k x) + noise, where ds is what is not known of the arm itself
+(information K) and x is in units of the load's own standard deviations, each hypothesis is linear and Gaussian, and its
+evidence is exact:
+
+log p(y | k) = log p(y | no load) + 1/2 b^T (1 + J)^-1 b - 1/2 log det(1 + J)
+J = V_k^T (A - A (A + K)^-1 A) V_k,   b = V_k^T (a - A (A + K)^-1 a),   A = sum Z^T Z,   a = sum Z^T y
+
+[a Bayes factor of nested linear models: MacKay 2003, Information theory, inference and learning algorithms, ch. 28].
+How large a load is nobody knows beforehand, and a standard deviation of kilograms calls a wrong link surely the right
+one where the load is a small one: of two frames that explain it alike, that one wins whose load is thought larger. So
+its size is unknown too: x has the given standard deviations, or a half, a quarter ... of them, each as likely, and
+p(y | k) is the mean over these.
+Where the columns of two frames coincide in all poses seen, Z V_j = Z V_k X, both explain the torques as well and share
+the probability: such as two links with a joint between that stands upright and has not moved, or a load near that
+joint's axis, which the joint does not feel. Beyond the gravity-regressor paper.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_batch, as_positive
+from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.errors import InputError
+from catenary.gravity.compact_regressor import CompactRegressor, compact_regressor
+from catenary.gravity.payload import PER_LOAD, load_directions
+from catenary.robots.model import RobotModel
+
+SURELY = 0.95  # what the carriers that are named together hold of all probability
+TELLING = 3.0  # standard deviations of torque by which carriers must differ for a pose to tell between them
+STEPS = (-0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far a joint is thought to move
+# standard deviations of a large load's mass [kg] and of its moment about the frame's origin [kg m]
+LOAD = (2.0, 0.3)
+OCTAVES = 0.5 ** np.arange(7.0)  # sizes of loads over that, each as likely beforehand: down to 30 g
+
+
+class CarrierBelief(NamedTuple):
+    """A frame that may carry the load."""
+
+    frame: str
+    probability: float  # that it does
+    mass: float  # [kg] if it does; below zero where one was put down
+    mass_std: float  # [kg]
+    moment: Floats  # (3,) mass times place in the frame [kg m] if it does
+
+
+class LoadBeliefs(NamedTuple):
+    """What torques tell of a load: probabilities of all carriers and of none add up to one."""
+
+    no_load: float  # probability that nothing changed
+    carriers: tuple[CarrierBelief, ...]  # the likeliest first
+    # whose motion would tell between the two likeliest, where poses so far do not
+    telling_joint: str | None = None
+
+    @property
+    def likely(self) -> tuple[str, ...]:
+        """The fewest carriers that together hold 95 % of the probability of a load."""
+        return likely([c.frame for c in self.carriers], [c.probability for c in self.carriers])
+
+    def __str__(self) -> str:
+        return location_text(self.likely, self.telling_joint)
+
+
+class LoadHypotheses:
+    """One hypothesis per frame that may carry a load; torques are taken one after the other."""
+
+    def __init__(
+        self, regressor: CompactRegressor, frames: Sequence[str], load: tuple[float, float] = LOAD
+    ) -> None:
+        """Take the frames, and the standard deviations of a large load's mass [kg] and moment [kg m]."""
+        self.frames, self._regressor = tuple(frames), regressor
+        self._sizes = np.repeat(as_positive("load", load, (2,)), (1, PER_LOAD - 1))
+        p = len(regressor.labels)
+        loads = [load_directions(regressor, frame) * self._sizes for frame in frames]
+        self.directions = np.hstack([np.empty((p, 0)), *loads])  # V, four columns a frame
+        self._p = p
+        self.restart(None)
+
+    def restart(self, known: Floats | None) -> None:
+        """Forget all torques; `known` (p, p) is the information of the arm's own parameters, None if they are known."""
+        self._known = known
+        self._squares, self._products = np.zeros((self._p, self._p)), np.zeros(self._p)
+
+    def take(self, Z: Floats, y: Floats) -> None:
+        """Take the regressor (n, p) and what the unloaded arm leaves of the torque (n,), both over the noise."""
+        self._squares += Z.T @ Z
+        self._products += Z.T @ y
+
+    def beliefs(
+        self, q: Floats, gravity: Floats, noise: Floats, beforehand: float | None = None
+    ) -> LoadBeliefs:
+        """Return probabilities and masses; every frame is as likely beforehand.
+
+        q (n,) is where the arm stands, from where a joint may move to tell more; beforehand is the probability that
+        there is a load: when None, none is as likely as each of the frames.
+        """
+        bodies = []
+        for J, b in self._tests():
+            body, deviation = _body(J, b)
+            body = self._sizes * body
+            bodies.append((float(body[0]), float(self._sizes[0] * deviation), body[1:]))
+        none, *shares = self.shares(beforehand)
+        carriers = [
+            CarrierBelief(frame, share, *body)
+            for frame, share, body in zip(self.frames, shares, bodies, strict=True)
+        ]
+        carriers.sort(key=lambda one: -one.probability)
+        joint = None
+        if len(likely([one.frame for one in carriers], [one.probability for one in carriers])) > 1:
+            pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
+            joint = telling_joint(self._regressor, pair, q, gravity, noise)
+        return LoadBeliefs(none, tuple(carriers), joint)
+
+    def shares(self, beforehand: float | None = None) -> list[float]:
+        """Return the probability of no load, and of a load on each frame; see `beliefs`."""
+        count = len(self.frames)
+        prior = count / (count + 1.0) if beforehand is None else beforehand
+        found = [float(np.log(prior / count)) + _over_sizes(J, b)[0] for J, b in self._tests()]
+        return probabilities([float(np.log(1.0 - prior)), *found])
+
+    def _tests(self) -> Iterator[tuple[Floats, Floats]]:
+        """Yield J and b of every frame, what is not known of the arm taken out."""
+        A, a = self._squares, self._products
+        if self._known is not None:
+            A, a = A - A @ np.linalg.solve(A + self._known, A), a - A @ np.linalg.solve(A + self._known, a)
+        for k in range(len(self.frames)):
+            V = self.directions[:, PER_LOAD * k : PER_LOAD * (k + 1)]
+            yield V.T @ A @ V, V.T @ a
+
+
+def locate_load(
+    model: RobotModel,
+    q: ArrayLike,
+    tau: ArrayLike,
+    gravity: ArrayLike,
+    *,
+    noise: ArrayLike,
+    frames: Sequence[str] = (),
+    load: tuple[float, float] = LOAD,
+) -> LoadBeliefs:
+    """Find which frame of a known arm carries an unknown load, from torques that hold it still.
+
+    Args:
+        model: The arm without the load; needs inertia.
+        q: (n,) or (N, n) poses [rad or m].
+        tau: The same shape: torques that hold the arm there [Nm|N].
+        gravity: (3,) or (N, 3) [m/s2].
+        noise: Standard deviation of torques, one for all or (n,) [Nm|N].
+        frames: That may carry it; every moving link that is not massless when none are named.
+        load: Standard deviations of a large load's mass [kg], and of its moment about the frame's origin [kg m];
+            smaller ones, down to a 64th, are as likely.
+
+    Raises:
+        InputError: Another shape, not finite, no such frame, or one of the base.
+        MissingInertiaError: Links without inertia.
+    """
+    rows, _ = as_batch("q", q, model.n)
+    torques, _ = as_batch("tau", tau, model.n)
+    if torques.shape != rows.shape:
+        raise InputError(f"tau: expected shape {rows.shape}, that of q, got {torques.shape}")
+    spread = as_positive("noise", np.full(model.n, noise) if np.ndim(noise) == 0 else noise, (model.n,))
+    regressor = compact_regressor(model)
+    s = regressor.parameters()
+    named = frames or [link for link in model.link_names if link not in model.massless]
+    hypotheses = LoadHypotheses(regressor, named, load)
+    gravities = np.broadcast_to(gravity_rows(gravity, len(rows)), (len(rows), 3))
+    for Z, torque in zip(regressor.Z(rows, gravities), torques, strict=True):
+        hypotheses.take(Z / spread[:, None], (torque - Z @ s) / spread)
+    return hypotheses.beliefs(rows[-1], gravities[-1], spread)
+
+
+def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
+    """Return the log evidence of a load whose size is one of OCTAVES, and the probability of each of them."""
+    each = log_evidence(OCTAVES[:, None, None] ** 2 * information, OCTAVES[:, None] * score)
+    whole = float(np.logaddexp.reduce(each))
+    return whole - float(np.log(len(each))), np.exp(each - whole)
+
+
+def _body(information: Floats, score: Floats) -> tuple[Floats, float]:
+    """Return the mean (4,) of a load in standard deviations of a large one, and the deviation of its mass."""
+    _, weights = _over_sizes(information, score)
+    covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in OCTAVES])
+    means = covariances @ score
+    mean: Floats = weights @ means
+    variance = weights @ (covariances[:, 0, 0] + (means[:, 0] - mean[0]) ** 2)
+    return mean, float(np.sqrt(variance))
+
+
+def log_evidence(information: Floats, score: Floats) -> Floats:
+    """Return log p(y | load) - log p(y | no load), for unknowns in units of their own standard deviations, (N,).
+
+    Args:
+        information: (N, k, k) J of the unknowns.
+        score: (N, k) b.
+    """
+    whole = np.eye(score.shape[1]) + information
+    _, log_determinant = np.linalg.slogdet(whole)
+    explained = np.einsum("ni,ni->n", score, np.linalg.solve(whole, score[..., None])[..., 0])
+    evidence: Floats = 0.5 * explained - 0.5 * log_determinant
+    return evidence
+
+
+def probabilities(evidence: Sequence[float]) -> list[float]:
+    """Return the probabilities of hypotheses from the logarithms of evidence, what is likely beforehand included."""
+    weights = np.exp(np.array(evidence) - np.max(evidence))
+    return [float(weight) for weight in weights / weights.sum()]
+
+
+def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
+    """Return the fewest names that hold 95 % of all shares together, the largest first."""
+    order = np.argsort([-share for share in shares], kind="stable")
+    total, held, found = sum(shares), 0.0, []
+    for k in order:
+        found.append(names[k])
+        held += shares[k]
+        if held >= SURELY * total:
+            break
+    return tuple(found)
+
+
+def telling_joint(
+    regressor: CompactRegressor,
+    loads: Sequence[tuple[str, Floats]],
+    q: Floats,
+    gravity: Floats,
+    noise: Floats,
+) -> str | None:
+    """Return the joint whose motion makes the torques of two loads differ most, None where no joint's would show it.
+
+    loads are a frame with mass and moment (4,) [kg, kg m] each; one joint is thought to move from q, within its limits;
+    noise is (n,) [Nm|N].
+    """
+    model = regressor.model
+    (first, one), (second, other) = loads
+    difference = load_directions(regressor, first) @ one - load_directions(regressor, second) @ other
+    most, found = TELLING, None
+    for joint, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
+        steps = np.array(STEPS) * (1.0 if unit == "rad" else 0.2)
+        poses = np.tile(q, (len(steps), 1))
+        poses[:, joint] = np.clip(q[joint] + steps, model.lower[joint], model.upper[joint])
+        differ = float(np.abs(regressor.Z(poses, gravity) @ difference / noise).max())
+        if differ > 1.05 * most:  # of joints that tell as much, the first
+            most, found = differ, name
+    return found
+
+
+def location_text(frames: Sequence[str], joint: str | None) -> str:
+    """Say that a load is on a frame, or that poses cannot tell between frames, and which joint would."""
+    if len(frames) == 1:
+        return f"on {frames[0]}"
+    names = f"{', '.join(frames[:-1])} and {frames[-1]}"
+    how = f"move {joint}" if joint is not None else "no joint would, moved by itself"
+    return f"between {names}: cannot be told from these poses; {how}"

@@ -1,0 +1,237 @@
+"""Robot files in TOML: Denavit-Hartenberg tables, standard or modified, with branches and coupled joints.
+
+modified: T_parent_i = Rx(alpha) Tx(a) Rz(theta) Tz(d), alpha and a of the previous link (Craig).
+standard: T_parent_i = Rz(theta) Tz(d) Tx(a) Rx(alpha) (Denavit and Hartenberg).
+A joint's variable adds to theta (revolute) or d (prismatic): sum(variable[name] q[name]); a row without `variable`
+moves with the coordinate of its own name. Inertia is given in the row's DH frame. Keys of numbers end in their units.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, JsonValue
+
+from catenary.config import Settings, load_toml, parse_settings
+from catenary.errors import ConfigError, InputError, UnsupportedModelError
+from catenary.robots.actuation import Actuation
+from catenary.robots.assembly import Coordinate, Link, assemble
+from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.model import BASE, Massless, RobotModel
+from catenary.robots.plausible import FARTHEST, check_within
+from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class LimitsTable(Settings):
+    """Limits of a coordinate, in the unit that its keys end in."""
+
+    limits_deg: tuple[float, float] | None = None
+    limits_m: tuple[float, float] | None = None
+    velocity_deg_s: Annotated[float, Field(gt=0.0)] | None = None
+    velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
+    effort_nm: Annotated[float, Field(gt=0.0)] | None = None  # of a turning coordinate
+    effort_n: Annotated[float, Field(gt=0.0)] | None = None  # of a sliding one
+
+
+class LinkTable(LimitsTable):
+    """One row: all four DH columns must stand there; nothing is silently zero."""
+
+    name: str
+    joint: Literal["revolute", "prismatic", "fixed"]
+    alpha_deg: float
+    a_m: float
+    d_m: float
+    theta_deg: float
+    parent: str | None = None
+    variable: dict[str, float] | None = None
+    mass_kg: float | None = None
+    com_m: Vector | None = None
+    # xx xy xz yy yz zz, about the CoM; gravity does without
+    inertia_kg_m2: tuple[float, float, float, float, float, float] | None = None
+    massless: bool = False
+    axes_of_com: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")  # on which the CoM may lie
+    source: str | None = None
+
+
+class CoordinateTable(LimitsTable):
+    """One of the robot's coordinates, where they are not simply the table's joints."""
+
+    name: str
+    unit: Literal["rad", "m"]
+
+
+class FrameTable(Settings):
+    """A named frame fixed to a link."""
+
+    name: str
+    link: str
+    position_m: Vector
+    rotation: Matrix = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+
+class CapsuleTable(Settings):
+    """What a link looks like: all points within a distance of a segment, in the axes of a frame."""
+
+    frame: str  # a link, a named frame, or base
+    from_m: Vector
+    to_m: Vector
+    radius_m: Annotated[float, Field(gt=0.0)]
+
+
+class RobotTable(Settings):
+    """A robot file."""
+
+    name: str
+    convention: Literal["modified", "standard"]
+    sources: list[str]
+    base_rotation: Matrix = ((1, 0, 0), (0, 1, 0), (0, 0, 1))  # R_base_table, base z up
+    base_position_m: Vector = (0.0, 0.0, 0.0)
+    base_frame: str | None = None
+    root: str = "base"  # what all hangs on; another name where the table's frame is "base"
+    tip: str | None = None
+    closed_form: Literal["raven2"] | None = None
+    link: Annotated[list[LinkTable], Field(min_length=1)]
+    coordinate: list[CoordinateTable] | None = None
+    frame: tuple[FrameTable, ...] = ()
+    capsule: tuple[CapsuleTable, ...] = ()
+    capsules_from: str = "whose source it does not state"  # where the capsules' numbers come from
+    actuation: dict[str, JsonValue] | None = None  # an `Actuation`, once the coordinates have names
+
+
+def load_table(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+    """Load a robot from a TOML table."""
+    table = load_toml(path, RobotTable)
+    try:
+        return robot_of_table(str(path), table, massless, strict=strict)
+    except (InputError, UnsupportedModelError) as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def robot_of_table(
+    where: str, table: RobotTable, massless: Massless = (), *, strict: bool = False
+) -> RobotModel:
+    """Return the robot of a table; `where` opens what is said of its keys."""
+    coordinates = _coordinates(where, table)
+    actuation = None
+    if table.actuation is not None:
+        names = [c.name for c in coordinates]
+        actuation = parse_settings(table.actuation, Actuation, f"{where}: actuation", context=names)
+    base = Pose(np.array(table.base_rotation, dtype=float), np.array(table.base_position_m))
+    links: list[Link] = []
+    for row in table.link:
+        above = links[-1].name if links else BASE
+        parent = above if row.parent is None else row.parent
+        stands = base if parent == BASE else identity_pose()
+        before, after = _constant_parts(row, table.convention)
+        own = {} if row.joint == "fixed" else {row.name: 1.0}
+        links.append(
+            Link(
+                name=row.name,
+                parent=table.root if parent == BASE else parent,
+                joint=row.joint,
+                pose=stands @ before,
+                frame=after,
+                variable=own if row.variable is None else row.variable,
+                inertia=_inertia(where, row),
+                massless=row.massless,
+                axes_of_com=("x" in row.axes_of_com, "y" in row.axes_of_com, "z" in row.axes_of_com),
+            )
+        )
+    return assemble(
+        table.name,
+        links,
+        coordinates,
+        frames=_frames(where, table, base),
+        root=table.root,
+        tip=links[-1].name if table.tip is None else table.tip,
+        massless=massless,
+        closed_form=table.closed_form,
+        actuation=actuation,
+        sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
+        strict=strict,
+    )
+
+
+def _coordinates(where: str, table: RobotTable) -> list[Coordinate]:
+    """Return a table's coordinates; where it lists none, those of rows that move with their own names."""
+    listed = None
+    if table.coordinate is not None:
+        listed = [_coordinate(where, c.name, c.unit, c) for c in table.coordinate]
+    own = []
+    for row in table.link:
+        what = f'robot "{table.name}": DH row "{row.name}"'
+        for column, unit in (("alpha_deg", "deg"), ("a_m", "m"), ("d_m", "m"), ("theta_deg", "deg")):
+            most = float(np.rad2deg(FARTHEST)) if unit == "deg" else FARTHEST
+            check_within(f"{what}: {column}", getattr(row, column), most, unit)
+        coordinate = _coordinate(where, row.name, "m" if row.joint == "prismatic" else "rad", row)
+        moves_itself = row.joint != "fixed" and (row.variable is None or row.name in row.variable)
+        limited = np.isfinite(coordinate.lower) or np.isfinite(coordinate.upper)
+        if limited and (listed is not None or not moves_itself):
+            raise InputError(
+                f"{what}: has limits but no coordinate of its own; give limits to the coordinate"
+            )
+        if moves_itself:
+            own.append(coordinate)
+    return own if listed is None else listed
+
+
+def _frames(where: str, table: RobotTable, base: Pose) -> dict[str, tuple[str, Pose]]:
+    names = [f.name for f in table.frame] + ([] if table.base_frame is None else [table.base_frame])
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f'{where}: two frames are named "{name}"')
+    frames = {
+        f.name: (f.link, Pose(np.array(f.rotation, dtype=float), np.array(f.position_m))) for f in table.frame
+    }
+    return frames | ({} if table.base_frame is None else {table.base_frame: (table.root, base)})
+
+
+def _constant_parts(row: LinkTable, convention: str) -> tuple[Pose, Pose]:
+    """Return what comes before and after the joint; Rz(theta + q) Tz(d + q) commute, so both orders do."""
+    along_z = Pose(rotation_about_z(float(np.deg2rad(row.theta_deg))), np.array([0.0, 0.0, row.d_m]))
+    along_x = Pose(rotation_about_x(float(np.deg2rad(row.alpha_deg))), np.array([row.a_m, 0.0, 0.0]))
+    if convention == "modified":
+        return along_x @ along_z, identity_pose()
+    return along_z, along_x
+
+
+def _inertia(where: str, row: LinkTable) -> LinkInertia | None:
+    if row.mass_kg is None:
+        if row.com_m is not None or row.inertia_kg_m2 is not None:
+            raise ConfigError(f'{where}: link "{row.name}": com_m or inertia_kg_m2 without mass_kg')
+        return None
+    if row.massless:
+        raise ConfigError(f'{where}: link "{row.name}": is massless and has mass_kg; expected one of the two')
+    if row.com_m is None:
+        raise ConfigError(f'{where}: link "{row.name}": has mass_kg but no com_m; gravity needs both')
+    if row.inertia_kg_m2 is None:
+        return LinkInertia(row.mass_kg, np.array(row.com_m), None)
+    xx, xy, xz, yy, yz, zz = row.inertia_kg_m2
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return LinkInertia(row.mass_kg, np.array(row.com_m), tensor)
+
+
+def _coordinate(where: str, name: str, unit: str, limits: LimitsTable) -> Coordinate:
+    suffix = "deg" if unit == "rad" else "m"
+    for key in ("limits_deg", "limits_m", "velocity_deg_s", "velocity_m_s"):
+        if getattr(limits, key) is not None and f"_{suffix}" not in key:
+            wanted = key.replace("_deg", "_m") if suffix == "m" else key.replace("_m", "_deg", 1)
+            raise ConfigError(f'{where}: "{name}" is in {unit}: expected {wanted} for its limits')
+    strongest, other = ("effort_nm", "effort_n") if unit == "rad" else ("effort_n", "effort_nm")
+    if getattr(limits, other) is not None:
+        raise ConfigError(f'{where}: "{name}" is in {unit}: expected {strongest} for its limits')
+    given_effort: float | None = getattr(limits, strongest)
+    effort = np.inf if given_effort is None else given_effort
+    to_si = np.pi / 180.0 if unit == "rad" else 1.0
+    given: tuple[float, float] | None = getattr(limits, f"limits_{suffix}")
+    velocity: float | None = getattr(limits, f"velocity_{suffix}_s")
+    fastest = np.inf if velocity is None else velocity * to_si
+    if given is None:
+        return Coordinate(name, unit, velocity=fastest, effort=effort)
+    lower, upper = (v * to_si for v in given)
+    if not lower < upper:
+        raise ConfigError(f'{where}: "{name}": limits {given}: expected the lower one first')
+    return Coordinate(name, unit, lower, upper, fastest, effort)

@@ -1,0 +1,172 @@
+"""Gravity as a gyroscope predicts it, to compare with what an accelerometer says; and a gyroscope's bias, at rest."""
+
+import math
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.sensing.checks import GravityCheck, SensorRules, norm
+from catenary.spatial import cross
+
+
+class RestRate:
+    """The bias of a gyroscope, drawn to its mean whenever the base has stood still for a while.
+
+    At rest are an accelerometer that is steady and rates that are slow and vary no more than noise. Slow even turning
+    about the vertical looks the same, and is taken for bias: its accelerations are too small to matter.
+    """
+
+    REST = 2.0  # [s] for which the base must have stood still
+    MEMORY = 1.0  # [s] over which mean and spread are taken
+    SPREAD = 0.01  # [rad/s] standard deviation of the three axes together: five times a cheap sensor's
+    DRAW = 5.0  # [s] over which the bias is drawn to the mean
+
+    def __init__(self, largest: float) -> None:
+        """Take the largest rate that may be bias [rad/s]."""
+        self._largest = largest
+        self.bias = np.zeros(3)
+        self._mean, self._variance = np.zeros(3), 0.0
+        self._last, self._since = -math.inf, math.inf
+
+    def add(self, stamp: float, rate: Floats, *, steady: bool) -> None:
+        """Take a rate (3,) [rad/s], and whether the accelerometer is steady."""
+        dt, self._last = stamp - self._last, stamp
+        if not 0.0 < dt < self.MEMORY:
+            self._mean, self._variance, self._since = rate, 0.0, math.inf
+            return
+        share = 1.0 - math.exp(-dt / self.MEMORY)
+        off = rate - self._mean
+        self._mean = self._mean + share * off
+        self._variance = (1.0 - share) * (self._variance + share * float(off @ off))
+        length = math.sqrt(float(self._mean @ self._mean))
+        if not (steady and self._variance <= self.SPREAD**2 and length <= self._largest):
+            self._since = math.inf
+        elif self._since == math.inf:
+            self._since = stamp
+        if stamp - self._since >= self.REST:
+            self.bias = self.bias + (1.0 - math.exp(-dt / self.DRAW)) * (self._mean - self.bias)
+
+
+class ForetoldSwing:
+    """How far gravity should swing by the angular rates of a gyroscope, to compare with how far it does.
+
+    The same high-pass and the same mean as GravityCheck's of the readings themselves: of a sensor that is right both
+    give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
+    """
+
+    LARGEST = (
+        3.0  # shares of `large` as far as it is followed: absurd rates are forgotten within half a second
+    )
+    LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
+
+    def __init__(self, large: float = 0.3) -> None:
+        """Take the standard deviation that a base's own accelerations cannot hide [m/s2].
+
+        By turning steadily about the horizontal 0.2 rad/s make 0.3.
+        """
+        self._large = large
+        self._last = -math.inf
+        self._swing, self._variance = np.zeros(3), 0.0
+
+    def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
+        """Take a rate (3,) [rad/s], and gravity (3,) as last believed, None where it is not known."""
+        dt = stamp - self._last
+        self._last = stamp
+        if gravity is None or not 0.0 < dt < GravityCheck.REST:
+            self._swing, self._variance = np.zeros(3), 0.0
+            return
+        change = cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
+        if norm(change) < self.LEAN * norm(rate) * norm(gravity):
+            change = np.zeros(3)
+        share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
+        swing = (1.0 - share) * (self._swing + dt * change)
+        largest = self.LARGEST * self._large
+        self._swing = swing * min(1.0, largest / max(norm(swing), largest))
+        self._variance += share * (float(self._swing @ self._swing) - self._variance)
+
+    @property
+    def is_large(self) -> bool:
+        """Gravity should have moved by more than it may where it stands still."""
+        return self._variance > self._large**2
+
+
+class ForetoldGravity:
+    """Gravity as the gyroscope foretells it, to find a base that tips while its gyroscope says that it stands still.
+
+    Gravity as last sensed is turned along by the angular rates and drawn slowly towards the readings. A reading of a
+    base that stands still by its gyroscope may differ from it by `max_push` and by accelerations that show in the
+    readings' length: a push across gravity lengthens them, a tip does not. Which of both sensors is wrong cannot be
+    told. They agree again when they have done so for `accept_jump_after`, wherever gravity points then.
+    """
+
+    START = 1.0  # [s] over which the first readings are averaged before any is judged
+    DRAW = (
+        10.0  # [s] over which gravity is drawn to readings, and their length and the rates at rest are taken
+    )
+    SHORTENING = 1.0  # [s] over which the length follows shorter readings: pushes lengthen them
+    SMOOTH = 0.05  # [s] over which vibrations average out
+    AFTER_TURNING = 0.5  # [s] for which accelerations of a turn may go on
+    SURE = 0.03  # [m/s2] to which it is known
+
+    def __init__(self, rules: SensorRules) -> None:
+        self._rules = rules
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all readings."""
+        self._gravity: Floats | None = None
+        self._off = np.zeros(3)  # of readings from it, smoothed
+        self._length, self._bias, self._began = 0.0, np.zeros(3), math.inf
+        self._stamp = self._rate_stamp = -math.inf
+        self._turning = 0.0  # [rad/s] the largest rate of late
+        self._disagree_since = math.inf
+        self.disagrees = False
+
+    def turn(self, stamp: float, rate: Floats) -> None:
+        """Take a rate (3,) [rad/s] that is believed as far as it goes."""
+        dt, self._rate_stamp = stamp - self._rate_stamp, stamp
+        if not 0.0 < dt < GravityCheck.REST:
+            self._gravity = None
+            return
+        self._turning = max(norm(rate), self._turning * math.exp(-dt / self.AFTER_TURNING))
+        if norm(rate) < self._rules.still_rate:
+            self._bias = self._bias + self._share(stamp, dt, self.DRAW) * (rate - self._bias)
+        if self._gravity is not None:
+            turned = self._gravity - dt * cross(rate - self._bias, self._gravity)
+            self._gravity = turned * (norm(self._gravity) / norm(turned))
+
+    def compare(self, stamp: float, gravity: Floats) -> bool:
+        """Take a reading (3,) [m/s2]; return whether the sensors disagree."""
+        dt, self._stamp = stamp - self._stamp, stamp
+        if self._gravity is None or not 0.0 < dt < GravityCheck.REST:
+            # without rates nothing is foretold
+            self._gravity = gravity if stamp - self._rate_stamp < GravityCheck.GAP else None
+            self._off, self._length, self._bias, self._began = np.zeros(3), norm(gravity), np.zeros(3), stamp
+            self.disagrees = False
+            return False
+        off = gravity - self._gravity
+        self._gravity = self._gravity + self._share(stamp, dt, self.DRAW) * off
+        self._off = self._off + (1.0 - math.exp(-dt / self.SMOOTH)) * (off - self._off)
+        now = self._gravity + self._off
+        longer = norm(now) - self._length
+        self._length += self._share(stamp, dt, self.DRAW if longer > 0.0 else self.SHORTENING) * longer
+        apart = norm(self._off) - self._leant(now) - self._leant(self._gravity)
+        # once they disagreed, they are held to half as much
+        limit = 0.5 * self._rules.max_push if self.disagrees else self._rules.max_push
+        judged = self._turning < self._rules.still_rate and stamp - self._began > self.START
+        if judged and apart > limit:
+            self.disagrees, self._disagree_since = True, stamp
+            self._gravity, self._off = now, np.zeros(3)
+        elif stamp - self._disagree_since >= self._rules.accept_jump_after:
+            self.disagrees = False
+        return self.disagrees
+
+    def _share(self, stamp: float, dt: float, memory: float) -> float:
+        """Return the weight of a sample in a mean over `memory` [s], at first in one over all there were."""
+        age = stamp - self._began
+        return min(1.0, dt / (memory if age > self.START else max(age, dt)))
+
+    def _leant(self, gravity: Floats) -> float:
+        """Return the acceleration across gravity that makes a reading as long as it is [m/s2]."""
+        rest = self._length + self.SURE
+        return math.sqrt(max(0.0, float(gravity @ gravity) - rest * rest))

@@ -1,0 +1,68 @@
+"""A simulated arm's ticks as a RAVEN-II reports them: the fields of raven_state, in SI, for both arms' channels.
+
+Channels of an arm: shoulder, elbow, insertion, one unused, roll, wrist, two jaws; gold first, green eight later. The
+parked arm's channels stay zero.
+"""
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.simulation.cable_plant import CONTROL_FIELDS, CablePlant
+from catenary.simulation.firmware import TickLog, joint_torques
+
+CHANNELS = np.array([0, 1, 2, 4, 5, 6, 7])
+RUNNING = 3  # run level: pedal down
+# name in telemetry: field of a tick's log, which has no offsets of the encoders
+PER_AXIS = {name: field for name, field in CONTROL_FIELDS.items() if name != "encoffsets"}
+COLUMNS = (
+    *PER_AXIS,
+    "encoffsets",
+    "runlevel",
+    "type",
+    "dt",
+    "pos",
+    "ori",
+    "ext_jpos",
+    "joint_enc",
+    "measured_js",
+    "measured_js_velocity",
+    "measured_js_effort",
+)
+
+
+def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
+    """Return T ticks of a run as telemetry: column name to (T, width), SI.
+
+    `pos` and `ori` are the tool's pose in the arm's frame 0, as the robot believes it from its motors.
+    """
+    ticks = len(log.joint)
+    shift = 0 if plant.side == "left" else 8
+    columns: dict[str, Floats] = {}
+    for name, field in PER_AXIS.items():
+        columns[name] = np.zeros((ticks, 16))
+        columns[name][:, CHANNELS + shift] = getattr(log, field)
+    columns["encoffsets"] = np.zeros((ticks, 16))
+    columns["encoffsets"][:, CHANNELS + shift] = plant.control.offset
+    columns["runlevel"] = np.full((ticks, 1), float(RUNNING))
+    columns["type"] = np.zeros((ticks, 2))
+    columns["dt"] = np.full((ticks, 1), plant.period)
+    arm = 0 if plant.side == "left" else 1
+    rotation, position = _tool_poses(plant, log.joint)
+    positions, rotations = np.zeros((ticks, 2, 3)), np.zeros((ticks, 2, 3, 3))  # of both arms
+    positions[:, arm], rotations[:, arm] = position, rotation
+    columns["pos"], columns["ori"] = positions.reshape(ticks, 6), rotations.reshape(ticks, 18)
+    columns["joint_enc"] = plant.encoders.counts(log.q)
+    columns["ext_jpos"] = plant.encoders.positions(columns["joint_enc"])
+    columns["measured_js"] = log.joint
+    columns["measured_js_velocity"] = log.joint_velocity
+    columns["measured_js_effort"] = joint_torques(plant.firmware, log.torque)
+    return columns
+
+
+def _tool_poses(plant: CablePlant, joint: Floats) -> tuple[Floats, Floats]:
+    """Return the rotation (T, 3, 3) and position (T, 3) [m] of the tool in the arm's frame 0."""
+    q = np.column_stack([joint[:, :5], 0.5 * (joint[:, 6] - joint[:, 5])])
+    rotation, position = forward_kinematics(plant.model, q, plant.model.tip)
+    base = plant.model.frames["frame0"].pose
+    return base.rotation.T @ rotation, (position - base.position) @ base.rotation

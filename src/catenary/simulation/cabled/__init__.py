@@ -1,1 +1,0 @@
-"""What simulated arms behind cables share, whatever robot they are of."""

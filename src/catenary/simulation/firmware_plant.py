@@ -1,0 +1,217 @@
+"""What simulated arms share whose own firmware runs within the physics' ticks: runs, homing, modes, states."""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError, NotReadyError
+from catenary.plant import JointState
+from catenary.simulation.base_motion import BaseSamples
+from catenary.simulation.cable_physics import ArmState
+from catenary.simulation.records import OFF, POSITION, POSITIONING, TORQUE, Record
+from catenary.simulation.simulated_plant import SimulatedPlant
+
+Log = TypeVar("Log", bound=Record)
+
+
+class FirmwarePlant(SimulatedPlant, Generic[Log]):
+    """An arm behind cables with its firmware; a subclass has the numbers, the compiled ticks and the way to home.
+
+    Nothing moves before it is homed and enabled; brakes hold it while it is not enabled. `state` is what the arm does,
+    `control` what its firmware knows; a subclass makes both.
+    """
+
+    supports = SimulatedPlant.supports | {"servo_jf_of"}
+    state: ArmState
+    control: Any  # a record with counts, motor, joint, setpoint, mode, braked, stopped, guarded and more
+    log: type[Log]  # what a run keeps of each tick
+    stops_when: str  # why the firmware stops by itself, in words
+    _homing: Iterator[Floats] | None = None
+
+    def measured_js(self) -> JointState:
+        """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
+        control = self.control
+        return self._joint_state(
+            control.joint.copy(), control.joint_velocity.copy(), self._joint_torques(), control.motor.copy()
+        )
+
+    def setpoint_js(self) -> JointState:
+        """Return the firmware's joint setpoint."""
+        setpoint = self.control.setpoint.copy()
+        return self.measured_js()._replace(q=setpoint, qd=np.zeros(len(setpoint)))
+
+    def servo_jf(self, tau: Floats) -> None:
+        """Command joint torques, (n,), or (3,) for the positioning joints with the tool held [Nm, Nm, N, Nm...].
+
+        They hold until the next command, and the setpoint follows the arm meanwhile.
+        """
+        self._require_ready()
+        n = POSITIONING if np.shape(tau) == (POSITIONING,) else len(self.joint_names)
+        torque = as_array("servo_jf", tau, (n,))
+        self.control.torque_command[:n] = torque
+        self.control.mode[:n] = TORQUE
+        self.control.mode[n:] = POSITION
+
+    def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
+        """Command torques of some joints, as `servo_jf`; the others hold their setpoint.
+
+        Args:
+            tau: (n,) [Nm, Nm, N, Nm...], looked at where a joint is pushed.
+            pushed: (n,) which.
+        """
+        self._require_ready()
+        n = len(self.joint_names)
+        self.control.torque_command[:] = as_array("servo_jf_of", np.where(pushed, tau, 0.0), (n,))
+        self.control.mode[:] = np.where(pushed, TORQUE, POSITION)
+
+    def wait(self) -> None:
+        """Advance by one tick of 1 ms."""
+        row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
+        rows = np.full((1, len(self.joint_names)), np.nan) if row is None else row[np.newaxis]  # NaN: stay
+        self._advance(rows, self.log.rows(0))
+        self._wanted = None
+        self._ticked()
+
+    def run(self, setpoints: ArrayLike) -> Log:
+        """Run a list of setpoints (T, n), one a tick, in one compiled call, with the firmware inside.
+
+        Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run
+        in pieces: the next call goes on where this one ended, bit for bit, and a log takes some 500 B a tick.
+        """
+        self._require_ready()
+        rows = np.ascontiguousarray(setpoints, dtype=float)
+        n = len(self.joint_names)
+        if rows.ndim != 2 or rows.shape[1] != n:
+            raise InputError(f"run: expected setpoints of shape (T, {n}), got {rows.shape}")
+        if np.isinf(rows).any():
+            raise InputError(f"run: setpoints are infinite on {np.isinf(rows).any(axis=1).sum()} rows")
+        self.control.mode[:] = POSITION
+        log = self.log.rows(len(rows))
+        self._advance(rows, log)
+        if self._state == "FAULT":
+            raise NotReadyError(self._fault.removeprefix(": "))
+        return log
+
+    def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
+        """Go on from a saved tick, disabled; `state` and `control` have been written already.
+
+        Args:
+            tick: Since power-on.
+            registered: As `registered` was.
+            is_homed: Whether the arm was homed then.
+        """
+        self._tick = tick
+        self._is_homed = is_homed
+        self._set_state("DISABLED")
+
+    # what a subclass does
+
+    @property
+    @abstractmethod
+    def lower(self) -> Floats:
+        """Limits below of the setpoints, (n,) [rad|m]."""
+
+    @property
+    @abstractmethod
+    def upper(self) -> Floats:
+        """Limits above, (n,)."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> dict[str, object]:
+        """What makes this arm another one than others of its kind."""
+
+    @property
+    def registered(self) -> dict[str, Floats]:
+        """What homing wrote besides `control`."""
+        return {}
+
+    @abstractmethod
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Return the latest sample of every column of `columns`."""
+
+    @abstractmethod
+    def external_encoders(self) -> Floats:
+        """Return where the joints that encoders or a tracker see are seen [rad|m]; NaN before they are registered."""
+
+    @abstractmethod
+    def _joint_torques(self) -> Floats:
+        """Return the joint torques (n,) that the robot reports [Nm|N]."""
+
+    @abstractmethod
+    def _run_ticks(self, rows: Floats, base: BaseSamples, log: Log) -> int:
+        """Run a tick for each row (T, n) in compiled code; return how many were run before it stopped."""
+
+    @abstractmethod
+    def _homing_rows(self) -> Iterator[Floats]:
+        """Home, tick by tick: each item is the next row of setpoints (n,)."""
+
+    def _ticked(self) -> None:
+        """Do what follows each tick of `wait`."""
+
+    def _homing_stopped(self) -> None:
+        """Do what follows a homing, however it ended."""
+
+    def _state_or_homing_changed(self) -> None:
+        """Do what depends on both."""
+
+    # what all of them do
+
+    def _advance(self, rows: Floats, log: Log) -> None:
+        """Run a tick for each row (T, n), until the firmware stops by itself."""
+        done = 0
+        while done < len(rows) and not (done and self.control.stopped):
+            base, count = self._base.rows(self._tick, len(rows) - done)
+            ran = self._run_ticks(rows[done : done + count], base, log[done:])
+            done, self._tick = done + ran, self._tick + ran
+        if self.control.stopped:
+            self._set_state("FAULT", f"{self.stops_when.format(time=f'{self.time:.3f} s')}")
+
+    def _next_homing_row(self, homing: Iterator[Floats]) -> Floats | None:
+        try:
+            row = next(homing, None)
+        except NotReadyError as error:
+            self._set_state("FAULT", str(error))
+            raise
+        if row is None:  # the setpoint stays at home
+            self._stop_homing()
+            self._is_homed = True
+            self._state_or_homing_changed()
+        return row
+
+    @property
+    def _is_homing(self) -> bool:
+        return self._homing is not None
+
+    def _begin_homing(self) -> None:
+        self._stop_homing()
+        self._is_homed = False
+        self._state_or_homing_changed()
+        self.control.braked = False
+        self._homing = self._homing_rows()
+
+    def _stop_homing(self) -> None:
+        self._homing = None
+        self._homing_stopped()
+        self.control.guarded = True
+
+    def _unhomed(self) -> None:
+        """The firmware goes on; it is the servo verbs that are refused."""
+
+    def _control_position(self) -> None:
+        self.control.mode[:] = POSITION
+
+    def _state_changed(self) -> None:
+        self._stop_homing()
+        control, moves = self.control, self._moves
+        if self._state == "ENABLED":
+            control.stopped = False
+        control.braked = not moves
+        control.mode[:] = POSITION if moves else OFF
+        if moves:  # no jump when control begins
+            control.setpoint = control.joint
+        self._state_or_homing_changed()

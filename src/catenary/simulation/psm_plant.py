@@ -1,0 +1,200 @@
+"""A simulated da Vinci PSM under the dVRK's control: links, cables, a wrist with play, a tracker; a Plant."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.plant import Column
+from catenary.recording.topics import PSM_JOINTS
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
+from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.simulation.psm_controller import (
+    PsmControlState,
+    PsmLog,
+    read_psm_encoders,
+    register_psm,
+    run_psm_ticks,
+)
+from catenary.simulation.psm_parameters import ARM_JOINTS, PsmArm, load_psm, varied_psm
+from catenary.simulation.psm_physics import PsmState, PsmWork, unstretched_motors
+from catenary.simulation.records import AXES, POSITION
+from catenary.simulation.simulated_plant import PERIOD
+
+PSM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
+POWER_WAIT = 0.5  # [s] until the amplifiers hold the arm
+NOISE_ROWS = 8191  # of the tracker, after which they come again
+HOME_TIME = 3.0  # [s] of the half cosine to the home position
+# between which an arm stands at power-on [rad, rad, m, rad...]
+STARTS = (
+    np.array([*np.deg2rad([-20.0, -20.0]), 0.06, *np.deg2rad([-30.0, -10.0, -10.0, 0.0])]),
+    np.array([*np.deg2rad([20.0, 20.0]), 0.18, *np.deg2rad([30.0, 10.0, 10.0, 10.0])]),
+)
+_FROM_CONTROL = {
+    "encVals": ("counts", "counts"),
+    "mpos": ("motor", "rad"),
+    "mvel": ("motor_velocity", "rad/s"),
+    "jpos": ("joint", "rad|m"),
+    "jvel": ("joint_velocity", "rad/s|m/s"),
+    "jpos_d": ("setpoint", "rad|m"),
+    "effort": ("torque", "Nm|N"),
+    "current": ("current", "A"),
+}
+PSM_COLUMNS = ("measured_js", "measured_js_velocity", "measured_js_effort", "setpoint_js", "ext_jpos")
+
+
+class PsmPlant(FirmwarePlant[PsmLog]):
+    """One PSM with its instrument. Shafts are held while it is not enabled; the real one is balanced instead."""
+
+    joint_names = (*PSM_JOINTS, "jaw")
+    joint_units = PSM_UNITS
+    columns = (
+        *(Column(name, unit, AXES) for name, (_, unit) in _FROM_CONTROL.items()),
+        Column("ext_jpos", "rad|m", ARM_JOINTS),
+        Column("q_true", "rad|m", AXES),
+        Column("accelerometer", "m/s2", 3),
+        Column("gyroscope", "rad/s", 3),
+    )
+    log = PsmLog
+    state: PsmState
+    stops_when = (
+        "the controller stopped at {time}: a joint was farther from its setpoint than the PID tolerates"
+    )
+
+    def __init__(
+        self,
+        arm: PsmArm | None = None,
+        *,
+        seed: int | None = None,
+        start: ArrayLike | None = None,
+        base: MovingBase | None = None,
+        substeps: int = 2,
+    ) -> None:
+        """Put an arm on a base.
+
+        Args:
+            arm: Its numbers; the package's PSM when None.
+            seed: Draws another robot of the same kind and where it stands; when None the nominal one, always
+                at the same place.
+            start: (7,) where the joints stand at power-on [rad, rad, m, rad...], in place of a drawn one.
+            base: What it stands on; a level base at rest when None.
+            substeps: Physics steps in 1 ms.
+        """
+        if substeps < 1:
+            raise InputError(f"substeps: expected at least 1, got {substeps}")
+        rng = np.random.default_rng(0 if seed is None else seed)
+        drawn = load_psm() if arm is None else arm
+        self.arm = drawn if seed is None else varied_psm(drawn, rng)
+        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
+        self.seed, self.substeps = seed, substeps
+        self.model: RobotModel = load_robot("dvrk_psm")
+        # the arm's parameters and its controller's; others may be put in place of them
+        self.drive, self.controller = self.arm.drive.copy(), self.arm.controller.copy()
+        self.state = PsmState()
+        self.control = PsmControlState(braked=True, guarded=True)
+        self._work = PsmWork()
+        self._noise = np.random.default_rng([0 if seed is None else seed, 1]).normal(
+            size=(NOISE_ROWS, ARM_JOINTS)
+        )
+        self._power_on(rng, start)
+
+    @property
+    def lower(self) -> Floats:
+        """Joint limits below, (7,)."""
+        return self.controller.lower.copy()
+
+    @property
+    def upper(self) -> Floats:
+        """Joint limits above, (7,)."""
+        return self.controller.upper.copy()
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Return the latest sample of every column of `columns`."""
+        own = self.control.copy().view(np.ndarray)
+        specific_force, rate = imu_reading(self._base_now())
+        return {
+            **{column: own[field] for column, (field, _) in _FROM_CONTROL.items()},
+            "ext_jpos": self.external_encoders(),
+            "q_true": self.state.q.copy(),
+            "accelerometer": specific_force[0],
+            "gyroscope": rate[0].copy(),
+        }
+
+    def external_encoders(self) -> Floats:
+        """Return where a tracker sees the arm's joints, (6,) [rad, rad, m, rad, rad, rad]."""
+        return self.seen(self.state.q, self._tick)
+
+    def seen(self, q: Floats, ticks: ArrayLike) -> Floats:
+        """Return where a tracker sees joints that really are at q (..., 7) in a tick (...): (..., 6).
+
+        Its noise is the same in the same tick of the same arm, whoever asks and how often.
+        """
+        tracker = self.arm.tracker
+        noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % NOISE_ROWS]
+        seen: Floats = np.round(noisy / tracker.resolution) * tracker.resolution
+        return seen
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What makes this arm another one than others of its kind."""
+        return {"robot": self.arm.name, "seed": self.seed}
+
+    def _run_ticks(self, rows: Floats, base: BaseSamples, log: PsmLog) -> int:
+        return run_psm_ticks(
+            self.arm.links,
+            self.arm.coupling,
+            self.drive,
+            self.controller,
+            self.state,
+            self.control,
+            self._work,
+            rows,
+            base.gravity,
+            base.motion,
+            self.substeps,
+            log,
+        )
+
+    def _joint_torques(self) -> Floats:
+        torque: Floats = self.control.torque.copy()
+        return torque
+
+    def _homing_rows(self) -> Iterator[Floats]:
+        """Register by the potentiometers, hold, and go home along half a cosine, as the dVRK does.
+
+        The potentiometers sit at the actuators: play and stretch of the cables beyond are not registered away.
+        """
+        control, home = self.control, self.controller.home_value
+        register_psm(self.controller, control, self.drive, self.state.rotor)
+        control.guarded = False  # it may stand beyond the joint limits
+        control.mode[:] = POSITION
+        start = control.joint.copy()
+        for _ in range(round(POWER_WAIT / PERIOD)):
+            yield start
+        ticks = round(HOME_TIME / PERIOD)
+        for k in range(1, ticks + 1):
+            yield start + (home - start) * 0.5 * (1.0 - np.cos(np.pi * k / ticks))
+
+    def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
+        state, control = self.state, self.control
+        state.q = rng.uniform(*STARTS) if start is None else as_array("start", start, (AXES,))
+        state.rotor = unstretched_motors(self.drive, state.q)
+        # the encoders count from wherever they woke up
+        control.offset = np.round(rng.uniform(-2e4, 2e4, AXES))
+        read_psm_encoders(self.controller, state, control)
+        control.motor_velocity[:] = 0.0
+        control.joint_velocity[:] = 0.0
+        control.setpoint = control.joint
+
+
+def psm_telemetry(plant: PsmPlant, log: PsmLog) -> dict[str, Floats]:
+    """Return T ticks of a run as telemetry: column name to (T, 6), without the jaw."""
+    measured = (log.joint, log.joint_velocity, log.torque, log.setpoint)
+    columns = {
+        name: values[:, :ARM_JOINTS].copy() for name, values in zip(PSM_COLUMNS, measured, strict=False)
+    }
+    return {**columns, "ext_jpos": plant.seen(log.q, plant.ticks - np.arange(len(log.q), 0, -1))}

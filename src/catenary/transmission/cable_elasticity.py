@@ -1,0 +1,99 @@
+"""The cable as a spring behind a backlash, with a memory: hysteresis, which motion alone changes, creep, and wear."""
+
+import math
+
+from catenary.kernels.compiled import inlined
+
+LARGEST_LOSS = 0.3  # of the stiffness
+
+
+@inlined
+def beyond_backlash(stretch: float, width: float) -> float:
+    """Return the stretch that the cable feels beyond a backlash of total width `width`; zero inside it."""
+    half = 0.5 * width
+    if stretch > half:
+        return stretch - half
+    if stretch < -half:
+        return stretch + half
+    return 0.0
+
+
+@inlined
+def tension_of(
+    stretch: float,
+    rate: float,
+    hysteresis: float,
+    slow_stretch: float,
+    stiffness: float,
+    elastic_share: float,
+    hysteresis_width: float,
+    slow_share: float,
+    damping: float,
+) -> float:
+    """Return the tension of a cable [Nm or N].
+
+    T = a K s + (1 - a) K w z + k K (s - s_v) + D ds/dt: an elastic part, a Bouc-Wen part with state z, a
+    Maxwell branch with state s_v, and a damper. The first two and the damper are the model of M. Miyasaka et
+    al., "Hysteresis model of longitudinally loaded cable for cable driven robots", ICRA 2016; the Maxwell branch
+    adds creep under load.
+
+    Args:
+        stretch: s, beyond the backlash [rad or m].
+        rate: ds/dt.
+        hysteresis: z, between -1 and 1.
+        slow_stretch: s_v.
+        stiffness: K [Nm/rad or N/m].
+        elastic_share: a.
+        hysteresis_width: w, the stretch at which the hysteretic part yields [rad or m].
+        slow_share: k.
+        damping: D [Nm s/rad or N s/m].
+    """
+    return (
+        elastic_share * stiffness * stretch
+        + (1.0 - elastic_share) * stiffness * hysteresis_width * hysteresis
+        + slow_share * stiffness * (stretch - slow_stretch)
+        + damping * rate
+    )
+
+
+@inlined
+def bouc_wen_step(state: float, stretching: float, width: float) -> float:
+    """Return the Bouc-Wen state after the stretch has grown by `stretching`.
+
+    dz = ds / w (1 - |z| (1/2 sgn(ds z) + 1/2)): unloading follows a straight line to zero, loading nears 1
+    exponentially. Both are solved exactly, so only the path counts, not the steps in which it is taken, and z stays
+    between -1 and 1. state is z before, stretching ds and width w, the stretch at which it yields [rad or m].
+    """
+    side = 1.0 if stretching >= 0.0 else -1.0
+    way = abs(stretching) / width
+    along = side * state  # negative while it unloads
+    if along + way <= 0.0:
+        return state + side * way
+    if along < 0.0:
+        way += along
+        along = 0.0
+    return side * (along - (1.0 - along) * math.expm1(-way))
+
+
+@inlined
+def maxwell_step(slow_stretch: float, stretch: float, step: float, time_constant: float) -> float:
+    """Return the stretch that a Maxwell branch has relaxed, `step` [s] later: ds_v/dt = (s - s_v) / time_constant."""
+    return slow_stretch + (stretch - slow_stretch) * step / time_constant
+
+
+@inlined
+def set_rate(
+    tension: float, reference: float, side: float, speed: float, slack: float, rate: float, most: float
+) -> float:
+    """Return the rate at which a cable's permanent set grows [rad/s or m/s].
+
+    d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): by travel, more under tension, ever slower. side
+    is 1 or -1, the way in which the cable is laid; slack the set so far, most the largest [rad or m].
+    """
+    return rate * (0.5 + side * tension / reference) * speed * (1.0 - abs(slack) / most)
+
+
+@inlined
+def loss_rate(tension: float, reference: float, speed: float, loss: float, rate: float) -> float:
+    """Return the rate at which the lost share of stiffness grows [1/s]: by travel under tension, 0.3 at most."""
+    return rate * abs(tension / reference) * speed * (1.0 - loss / LARGEST_LOSS)

@@ -1,0 +1,163 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+from catenary.transmission.cable_elasticity import (
+    LARGEST_LOSS,
+    beyond_backlash,
+    bouc_wen_step,
+    loss_rate,
+    maxwell_step,
+    set_rate,
+    tension_of,
+)
+
+STIFFNESS, SHARE, WIDTH, SLOW, BACKLASH = 300.0, 0.65, 4e-3, 0.1, 2e-3
+stretches = st.floats(-1.0, 1.0)
+states = st.floats(-1.0, 1.0)
+moves = st.floats(-2e-2, 2e-2)
+
+
+@given(stretches, st.sampled_from([0.2, 0.0]))
+def test_backlash_is_felt_as_nothing_inside_and_shortens_what_is_outside(stretch, width):
+    expected = np.sign(stretch) * max(0.0, abs(stretch) - 0.5 * width)
+    assert_allclose(beyond_backlash(stretch, width), expected, atol=1e-16)
+
+
+@given(stretches, stretches)
+def test_linear_cable_is_a_spring_and_a_damper(stretch, rate):
+    tension = tension_of(stretch, rate, 0.7, 0.0, STIFFNESS, 1.0, WIDTH, 0.0, 2.0)
+    assert_allclose(tension, STIFFNESS * stretch + 2.0 * rate, rtol=1e-14, atol=1e-300)
+
+
+def test_fresh_cable_has_its_whole_stiffness():
+    small = 1e-9  # against a width of 4e-3: the hysteretic part has not yielded
+    state = bouc_wen_step(0.0, small, WIDTH)
+    tension = tension_of(small, 0.0, state, small, STIFFNESS, SHARE, WIDTH, 0.0, 0.0)
+    assert_allclose(tension, STIFFNESS * small, rtol=1e-6)
+
+
+def test_yielded_cable_has_its_elastic_stiffness():
+    far, further = (
+        tension_of(s, 0.0, 1.0, s, STIFFNESS, SHARE, WIDTH, 0.0, 0.0) for s in (50 * WIDTH, 50 * WIDTH + 1e-3)
+    )
+    assert_allclose((further - far) / 1e-3, SHARE * STIFFNESS, rtol=1e-9)
+
+
+def test_sudden_stretch_is_stiffer_than_a_held_one_by_the_slow_share():
+    sudden, held = (tension_of(1e-3, 0.0, 0.0, s, STIFFNESS, 1.0, WIDTH, SLOW, 0.0) for s in (0.0, 1e-3))
+    assert_allclose(sudden / held, 1.0 + SLOW, rtol=1e-12)
+
+
+def test_a_closed_cycle_takes_work_even_across_the_backlash():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        # a random closed path of the cable's ends, small steps; the same cycle until its loop has settled
+        corners = rng.uniform(-8e-3, 8e-3, size=rng.integers(2, 6))
+        corners = np.append(corners, corners[0])
+        path = np.concatenate([np.linspace(a, b, 400) for a, b in pairwise(corners)])
+        state, slow, work = 0.0, 0.0, 0.0
+        for _ in range(3):
+            work, before, last = 0.0, path[0], None
+            for pulled in path:
+                stretch = beyond_backlash(pulled, BACKLASH)
+                state = bouc_wen_step(state, stretch - beyond_backlash(before, BACKLASH), WIDTH)
+                slow = maxwell_step(slow, stretch, 1e-3, 60.0)
+                tension = tension_of(stretch, 0.0, state, slow, STIFFNESS, SHARE, WIDTH, SLOW, 0.0)
+                if last is not None:
+                    work += 0.5 * (tension + last) * (pulled - before)
+                before, last = pulled, tension
+        assert work > 0.0
+
+
+@given(states, moves, st.integers(1, 50))
+def test_bouc_wen_is_odd_and_bounded_and_depends_on_the_path_and_not_on_the_steps(state, stretching, pieces):
+    z, at_once = state, bouc_wen_step(state, stretching, WIDTH)
+    for _ in range(pieces):
+        z = bouc_wen_step(z, stretching / pieces, WIDTH)
+    assert_allclose(z, at_once, atol=1e-13)  # roundings of up to 50 steps
+    assert abs(at_once) <= 1.0
+    assert bouc_wen_step(-state, -stretching, WIDTH) == -at_once
+
+
+@pytest.mark.parametrize("state", [-0.9, -0.2, 0.0, 0.6])
+@pytest.mark.parametrize("stretching", [-7e-3, -1e-3, 2e-4, 5e-3])
+def test_bouc_wen_solves_its_differential_equation(state, stretching):
+    side = np.sign(stretching)
+
+    def slope(_, z):
+        return side / WIDTH * (1.0 - np.abs(z) * (0.5 * np.sign(side * z) + 0.5))
+
+    solution = solve_ivp(slope, (0.0, abs(stretching)), [state], rtol=1e-9, atol=1e-9, max_step=WIDTH / 50)
+    # the slope has a kink where z passes zero
+    assert_allclose(bouc_wen_step(state, stretching, WIDTH), solution.y[0, -1], atol=1e-6)
+
+
+def test_fresh_bouc_wen_state_nears_one_exponentially():
+    assert_allclose(bouc_wen_step(0.0, 2.0 * WIDTH, WIDTH), 1.0 - math.exp(-2.0), rtol=1e-14)
+
+
+@settings(max_examples=30)
+@given(st.floats(0.1, 10.0), st.floats(-0.9, 0.9))
+def test_bouc_wen_takes_work_over_a_closed_cycle(amplitude, start):
+    path = amplitude * WIDTH * np.sin(np.linspace(0.0, 2.0 * np.pi, 500))
+    z = start
+    for _ in range(4):  # until the loop closes
+        work = 0.0
+        for ds in np.diff(path):
+            after = bouc_wen_step(z, ds, WIDTH)
+            work += 0.5 * (z + after) * ds
+            z = after
+    assert work > 0.0
+
+
+def test_maxwell_branch_relaxes_with_its_time_constant():
+    slow, step, constant = 0.0, 1e-3, 2.0
+    for _ in range(2000):
+        slow = maxwell_step(slow, 1.0, step, constant)
+    assert_allclose(1.0 - slow, math.exp(-1.0), rtol=1e-3)  # explicit Euler: step / (2 constant) per constant
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_maxwell_branch_never_passes_the_stretch(slow, stretch):
+    after = maxwell_step(slow, stretch, 1e-3, 60.0)
+    assert min(slow, stretch) <= after <= max(slow, stretch)
+
+
+tensions = st.floats(-100.0, 100.0)
+
+
+def test_set_nears_its_largest_value_exponentially_with_travel():
+    slack, rate, most, step = 0.0, 1e-3, 0.02, 0.01
+    for _ in range(2000):  # 20 rad of travel without tension
+        slack += step * set_rate(0.0, 1.5, 1.0, 1.0, slack, rate, most)
+    assert_allclose(slack, most * (1.0 - math.exp(-0.5 * rate * 20.0 / most)), rtol=1e-3)  # Euler steps
+
+
+@given(tensions)
+def test_set_grows_with_tension_on_the_side_on_which_the_cable_is_laid(tension):
+    plus = set_rate(tension, 1.5, 1.0, 1.0, 0.0, 1.0, 1.0)
+    minus = set_rate(tension, 1.5, -1.0, 1.0, 0.0, 1.0, 1.0)
+    assert_allclose(plus - minus, 2.0 * tension / 1.5, atol=1e-9)
+    assert_allclose(plus + minus, 1.0, atol=1e-9)
+
+
+@given(tensions, st.floats(0.0, 5.0), st.floats(0.0, LARGEST_LOSS))
+def test_stiffness_is_lost_and_never_regained_and_nothing_happens_at_rest(tension, speed, loss):
+    assert loss_rate(tension, 1.5, speed, loss, 1e-4) >= 0.0
+    assert (
+        loss_rate(tension, 1.5, 0.0, loss, 1e-4) == set_rate(tension, 1.5, 1.0, 0.0, 0.0, 1e-3, 0.02) == 0.0
+    )
+
+
+def test_loss_of_stiffness_ends_at_its_largest_share():
+    loss = 0.0
+    for _ in range(3000):
+        loss += loss_rate(6.0, 1.5, 1.0, loss, 1e-3)
+    assert_allclose(loss, LARGEST_LOSS * (1.0 - np.exp(-4e-3 * 3000 / LARGEST_LOSS)), rtol=1e-6)
