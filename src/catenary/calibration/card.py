@@ -13,7 +13,6 @@ from catenary.calibration.fit import FitOptions, extrapolation
 from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.model import REACH, CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
-from catenary.calibration.trained_day.day import day_in_card
 from catenary.units import DISPLAY
 
 LIBRARIES = ("numpy", "scikit-learn", "numba")
@@ -99,7 +98,6 @@ def model_card(
             "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
             f"watched input is than its edge, at most {FARTHEST:g}",
         },
-        "watch": day_in_card(model.trained_day),
         "data": [asdict(source) for source in data.sources],
         "mends": {key: list(texts) for key, texts in model.mends.items()},
         "rows": len(data),

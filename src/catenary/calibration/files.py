@@ -14,7 +14,6 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card, JointGroup, Target
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
-from catenary.calibration.trained_day.file import DayStructure, day_arrays, day_of, day_structure
 from catenary.calibration.valid_range import ValidRange
 from catenary.cards import card_of, write_with_card
 from catenary.config import Recorded, parse_settings
@@ -24,7 +23,7 @@ from catenary.files import damage
 from catenary.recording.mend import MENDS
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
-FORMAT = "catenary.calibration.2"
+FORMAT = "catenary.calibration.3"
 SIMPLE: dict[str, type[Predictor]] = {each.kind: each for each in (Constant, Linear, Quadratic)}
 INTERVAL_ARRAYS = ("inside", "outside")
 NETWORK_ARRAYS = ("mean", "scale", "out_mean", "out_scale")
@@ -59,7 +58,6 @@ class ModelStructure(Recorded):
     groups: Annotated[tuple[GroupStructure, ...], Many]
     priors: Annotated[tuple[str | None, ...], Many] = ()  # none: no joint's fit began at one
     coverage: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None  # of the intervals, where there are some
-    trained_day: DayStructure | None = None
     mends: dict[MendKey, tuple[str, ...]] = Field(default_factory=dict, max_length=50)
 
 
@@ -85,7 +83,6 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "rate_hz": model.rate_hz,
         "priors": model.priors,
         "coverage": None if model.intervals is None else model.intervals.level,
-        "trained_day": None if model.trained_day is None else day_structure(model.trained_day),
         "mends": dict(model.mends),
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
     }
@@ -95,8 +92,6 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         arrays["limits"] = model.limits
     if model.intervals is not None:
         arrays |= {f"interval.{key}": getattr(model.intervals, key) for key in INTERVAL_ARRAYS}
-    if model.trained_day is not None:
-        arrays |= day_arrays(model.trained_day)
     for i, group in enumerate(model.groups):
         arrays |= {f"{i}.columns": group.columns, f"{i}.watched": group.watched}
         arrays |= {f"{i}.range.{key}": values for key, values in vars(group.valid_range).items()}
@@ -160,7 +155,6 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             rate_hz=structure.rate_hz,
             intervals=_intervals(arrays, structure.coverage),
             priors=structure.priors,
-            trained_day=None if structure.trained_day is None else day_of(structure.trained_day, arrays),
             limits=arrays.get("limits"),
             mends=structure.mends,
         )

@@ -24,7 +24,6 @@ from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.priors.prior import load_prior
 from catenary.calibration.progress import Progress, part_of, silent
-from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import mends_of
@@ -184,8 +183,6 @@ def _concluded(
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
-    seen = None if validation is None else validation.inside
-    model = replace(model, trained_day=learn_day(model, logs, data, seen))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
     spread = () if validation is None else validation.spread

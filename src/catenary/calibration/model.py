@@ -12,7 +12,6 @@ from catenary.calibration.features import FeatureSet, Memory
 from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
 from catenary.calibration.kernels import Flags, Integers, Step
 from catenary.calibration.predictors import Predictor
-from catenary.calibration.trained_day.day import TrainedDay
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -96,7 +95,6 @@ class CalibrationModel:
     rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
     priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
-    trained_day: TrainedDay | None = None  # what a watch compares with; None where that is not known
     limits: Floats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
     mends: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of its recordings: MotionLog.settled
 
@@ -131,8 +129,6 @@ class CalibrationModel:
             object.__setattr__(self, "limits", as_array("limits", self.limits, (2, n)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
-        if self.trained_day is not None and len(self.trained_day.reach) != n:
-            raise InputError(f"model: expected a day of its {n} joints, got {len(self.trained_day.reach)}")
 
     @property
     def asked_of_reports(self) -> list[str]:

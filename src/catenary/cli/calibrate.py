@@ -180,8 +180,6 @@ def deploy(
         header.append(f"within intervals ({result.level:.0%} asked)")
         rows = [[*row, f"{share:.0%}"] for row, share in zip(rows, result.coverage, strict=True)]
     print_table("RMSE while the loop ran", header, rows)
-    if result.watch is not None:
-        print_notes(result.watch.in_words)
 
 
 def calibrate(

@@ -8,7 +8,6 @@ from typing import Any
 from catenary.calibration.card import valid_inputs
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model import Card
-from catenary.calibration.trained_day.day import day_in_card
 from catenary.calibration.upkeep.refresh import NOTHING, JointChange, Refreshed
 from catenary.units import DISPLAY
 
@@ -31,7 +30,6 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
         entry["half_width_outside"] = None if widths is None else float(widths.outside[j])
     if widths is None:
         new["intervals"] = None
-    new["watch"] = day_in_card(model.trained_day)
     ranges = valid_inputs(model)
     for entry in new["inputs"]:
         if entry["name"] in ranges:

@@ -1,13 +1,12 @@
 """Recordings of a new day, judged, and the model refreshed with them: what command and Python both do."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.upkeep.judged import judge_recordings
-from catenary.calibration.upkeep.learn_day import on_new_day
 from catenary.calibration.upkeep.lineage import changes_shown, refreshed_card
 from catenary.calibration.upkeep.refresh import Refreshed, refresh_model
 from catenary.errors import InputError
@@ -52,7 +51,7 @@ def refresh_with(
     max_error: tuple[float, ...] | None = None,
     sha256: str | None = None,
 ) -> NewDay:
-    """Refresh a model with recordings of a new day, and its watch with them; see `refresh_model`.
+    """Refresh a model with recordings of a new day; see `refresh_model`.
 
     Args:
         model: The model.
@@ -79,6 +78,5 @@ def refresh_with(
     )
     data = calibration_data(logs, model.features, max_error=limits)
     refreshed = refresh_model(model, data)
-    refreshed = replace(refreshed, model=on_new_day(refreshed.model, logs))
     notes = (*data_notes(logs, data), *found, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)

@@ -13,12 +13,10 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.evaluate import rms
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
 from catenary.control.loop import Tick, run_loop
 from catenary.control.realtime import Durations, Timing
 from catenary.control.report import LoopReport
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.registration import registration_of
 from catenary.plant import JointState
 from catenary.simulation.cabled.firmware_plant import FirmwarePlant
 from catenary.trajectories.in_turn import Embedded
@@ -44,7 +42,6 @@ class Deployment:
         None  # share of errors within the model's intervals; None without any
     )
     level: float | None = None  # that they are to hold
-    watch: WatchResult | None = None  # signs of drift that need no encoder
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds, errors in deg and mm."""
@@ -60,7 +57,6 @@ class Deployment:
             "real_time_priority": self.loop.has_priority,
             "leaps": self.leaps,
             "coverage_asked": self.level,
-            "watch": None if self.watch is None else self.watch.as_data(),
             "joints": [
                 {
                     "name": name,
@@ -112,13 +108,8 @@ def deploy_on_robot(
     motion = Embedded(trajectory, places, plant.setpoint_js().q)
     true: list[Floats] = []
     ticks: list[Tick] = []
-    watch = DriftWatch(model, plant.joint_names, plant.joint_units)
-    registration = registration_of(plant)
-    if registration is not None:
-        watch.registered(plant.measured_js().time, registration)
 
     def observe(tick: Tick) -> None:  # light: it is part of the loop
-        watch.update(tick.state.time, tick.q_nominal, tick.state.tau, tick.inside)
         true.append(plant.external_encoders())
         ticks.append(tick)
 
@@ -142,7 +133,6 @@ def deploy_on_robot(
         leaps=leaps,
         coverage=_coverage(after, half_widths[rows]) if model.intervals is not None else None,
         level=None if model.intervals is None else model.intervals.level,
-        watch=watch.result(),
     )
 
 
