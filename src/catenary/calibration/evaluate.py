@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.kernels import Flags
+from catenary.calibration.fit_options import Progress, part_of, silent
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 

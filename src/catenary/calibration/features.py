@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.kernels import Flags, Integers, Step, run
-from catenary.calibration.leaps import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
+from catenary.calibration.arithmetic import Flags, Integers, Step, run
+from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.plant import MotionLog
@@ -57,7 +57,7 @@ class FeatureSet:
     The feature is y - x, which stays within -r and r.
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
-    and play states are those before it (leaps.find_leaps); any step is believed of a joint that `steps` does not name.
+    and play states are those before it (spike_filter.py); any step is believed of a joint that `steps` does not name.
     Rows of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
     """
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import Flags, Integers, Step
+from catenary.calibration.arithmetic import Flags, Integers, Step
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 

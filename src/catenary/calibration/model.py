@@ -7,10 +7,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration import kernels
+from catenary.calibration import arithmetic
+from catenary.calibration.arithmetic import Flags, Integers, Step
 from catenary.calibration.features import FeatureSet, Memory
 from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
-from catenary.calibration.kernels import Flags, Integers, Step
 from catenary.calibration.predictors import Predictor
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
@@ -62,9 +62,9 @@ class JointGroup:
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
         limits = (self.valid_range.lower, self.valid_range.upper, np.array([FARTHEST]))
         return [
-            Step(kernels.take, (X, self.columns), (taken,)),
-            Step(kernels.finite, (taken,), (known,)),
-            Step(kernels.take, (X, self.watched), (watched,)),
+            Step(arithmetic.take, (X, self.columns), (taken,)),
+            Step(arithmetic.finite, (taken,), (known,)),
+            Step(arithmetic.take, (X, self.watched), (watched,)),
             *self.valid_range.steps(watched, known),
             *([] if far is None else [Step(distance, (watched, *limits), (far,))]),
             *self.predictor.steps(taken, prediction),
@@ -173,9 +173,9 @@ class CalibrationModel:
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
-        for rows in kernels.blocks(len(X)):
+        for rows in arithmetic.blocks(len(X)):
             outputs = (correction[rows], inside[rows], interval[rows])
-            kernels.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
+            arithmetic.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
 
     def steps(
@@ -209,9 +209,9 @@ class CalibrationModel:
             far = None if interval is None or self.intervals is None else np.empty(len(X))
             steps += group.steps(X, known, prediction, far)
             if self.target == "position":
-                steps.append(Step(kernels.errors_of_positions, (q, joints), (prediction,)))
+                steps.append(Step(arithmetic.errors_of_positions, (q, joints), (prediction,)))
             chosen_from = (prediction, known, q, joints, self.offset, *bounds)
-            steps.append(Step(kernels.choose, chosen_from, (correction, inside)))
+            steps.append(Step(arithmetic.choose, chosen_from, (correction, inside)))
             if far is not None and interval is not None and self.intervals is not None:
                 widths = (self.intervals.inside, self.intervals.outside)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
@@ -246,7 +246,7 @@ class CalibrationModel:
         return [
             *self.features.row_steps(signals, memory, X, np.full(len(q), slower), leaping),
             *self.steps(X, q, correction, inside, interval, leaping),
-            Step(kernels.total, (q, correction), (calibrated,)),
+            Step(arithmetic.total, (q, correction), (calibrated,)),
         ]
 
     def calibrate(self, log: MotionLog) -> Floats:

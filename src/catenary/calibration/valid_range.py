@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import Flags, Step, between, dense, standardise
+from catenary.calibration.arithmetic import Flags, Step, between, dense, standardise
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 

@@ -138,7 +138,7 @@ def deploy_beside(
     as_json: bool,
 ) -> None:
     """Correct a robot's messages as they come, and publish them corrected."""
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from catenary.crtk.node_name import node_name
     from catenary.nodes.deploy import CalibratedTopics, reader_of
 

@@ -152,7 +152,7 @@ def deploy(
     if project is None:
         raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
     seconds = 20.0 if seconds is None else seconds
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot

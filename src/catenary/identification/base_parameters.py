@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.errors import InputError
-from catenary.identification.columns import FIRST_MOMENTS, Parameters
+from catenary.identification.parameters import FIRST_MOMENTS, Parameters
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL, STANDARD_GRAVITY

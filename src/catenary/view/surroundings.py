@@ -18,8 +18,7 @@ from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.sensors import InjectedFault
 from catenary.simulation.steered_base import SteeredBase
 from catenary.view.controls import Value
-from catenary.workflows.gravity.base_sensor import base_sensor
-from catenary.workflows.gravity.simulated_arm import SimulatedArm
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor
 
 NOISY = 0.5  # [m/s2] standard deviation of an axis of a reading
 # of the sensor, by what the page calls them

@@ -213,9 +213,9 @@ def _arrays(kind: str) -> dict[str, Any]:
         q = np.cumsum(np.random.default_rng(1).normal(scale=0.01, size=(400, 3)), axis=0)
         catenary.fit(q, q + 0.01 * np.sin(q), units=("rad", "rad", "m"), model="linear").save(path)
     else:
-        from catenary.identification.files import identification_card, save_identification
         from catenary.identification.identification import identify
-        from catenary.identification.options import IdentifyOptions
+        from catenary.identification.identification_file import identification_card, save_identification
+        from catenary.identification.identify_options import IdentifyOptions
         from catenary.robots.catalog import load_robot
         from moving_arm import recorded
 
@@ -232,7 +232,7 @@ def _inside_case(kind: str) -> Callable[[int, Path], None]:
     def case(seed: int, folder: Path) -> None:
         import numpy as np
 
-        from catenary.identification.files import load_identification
+        from catenary.identification.identification_file import load_identification
         from catenary.workflows.check import check_file
 
         rng = random.Random(seed)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.evaluate import rms
-from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.control.loop import Tick, run_loop
 from catenary.control.realtime import Durations, Timing

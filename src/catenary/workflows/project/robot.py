@@ -8,8 +8,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from catenary.calibration.fit_options import Progress, silent
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.progress import Progress, silent
 from catenary.recording.topics import Arm
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.folder import Project

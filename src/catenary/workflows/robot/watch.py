@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.files import load_model
-from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model_file import load_model
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
 from catenary.crtk.names import JOINT_STATE, calibrated_namespace
