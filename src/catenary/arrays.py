@@ -1,7 +1,7 @@
 """Checks at the public door: what comes in is a finite float64 array of the shape that was asked for."""
 
 from math import isfinite
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,49 @@ from catenary.errors import InputError
 Floats = NDArray[np.float64]
 _FLOAT64 = np.dtype(np.float64)
 _FEW = 64  # numbers that Python adds up sooner than NumPy is called
+
+
+_KINDS = {float: ("iuf", "valid numbers"), int: ("iu", "whole numbers"), bool: ("b", "true or false")}
+
+
+class Listed(NamedTuple):
+    """How an array stands in a file: `Annotated[Floats, Listed((None, 3))]` is a field of lists of three numbers.
+
+    pydantic reads and writes it so, to the last bit; what is read is finite, of its kind and its shape.
+    """
+
+    shape: tuple[int | None, ...] = (None,)  # None stands for any length
+    kind: type[float] = float  # or int, or bool
+    null: float | None = None  # what null in a list stands for, such as infinity where there is no limit
+
+    def read(self, values: Any) -> NDArray[Any]:
+        """Return the array that lists of numbers make; ValueError where they make none."""
+        if self.null is not None and isinstance(values, list):
+            values = [self.null if value is None else value for value in values]
+        shape, (letters, said) = _shape_text(self.shape), _KINDS[self.kind]
+        try:
+            array = np.array(values)
+        except ValueError as error:
+            raise ValueError(f"expected shape {shape}, got rows of different lengths") from error
+        if array.size and array.dtype.kind not in letters:
+            raise ValueError(f"expected {said}, shape {shape}")
+        if not _has_shape(array, self.shape):
+            raise ValueError(f"expected shape {shape}, got {array.shape}")
+        array = array.astype(self.kind)
+        if self.null is None and not np.isfinite(array).all():
+            raise ValueError("expected finite numbers")
+        return array
+
+    def write(self, array: NDArray[Any]) -> list[Any]:
+        """Return an array as lists of numbers."""
+        if self.null is None:
+            return list(array.tolist())
+        return [value if isfinite(value) else None for value in array.tolist()]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic import PlainSerializer, PlainValidator
+
+        return handler.generate_schema(Annotated[Any, PlainValidator(self.read), PlainSerializer(self.write)])
 
 
 def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, finite: bool = True) -> Floats:
@@ -26,10 +69,7 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
         InputError: Not numbers, another shape, NaN or infinity.
     """
     array = _as_floats(name, values, shape)
-    if array.shape != shape and (
-        array.ndim != len(shape)
-        or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True))
-    ):
+    if array.shape != shape and not _has_shape(array, shape):
         raise InputError(f"{name}: expected shape {_shape_text(shape)}, got {array.shape}")
     if finite:
         refuse_non_finite(name, array)
@@ -110,6 +150,12 @@ def _as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> F
         ) from error
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: expected numbers of shape {_shape_text(shape)}, got {values!r}") from error
+
+
+def _has_shape(array: NDArray[Any], shape: tuple[int | None, ...]) -> bool:
+    return array.ndim == len(shape) and all(
+        n is None or n == m for n, m in zip(shape, array.shape, strict=True)
+    )
 
 
 def _shape_text(shape: tuple[int | None, ...]) -> str:

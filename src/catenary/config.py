@@ -1,22 +1,32 @@
-"""TOML and JSON read into frozen pydantic models, the schemas; every complaint names the file and the key."""
+"""TOML and JSON read by their schemas, frozen dataclasses or pydantic models; complaints name the file and the key.
+
+A dataclass is its own schema: what a field may be follows from its type, and `plain_data` writes what `parse_settings`
+reads. `__pydantic_config__ = IN_FILES` has it refuse unknown keys; `alias_generator` there gives fields other names in
+files, with units (`file_keys`).
+"""
 
 import json
+from dataclasses import is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from catenary.documents import MOST_JSON, MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
 from catenary.errors import ConfigError, FileFormatError
 
 MOST_PROBLEMS = 10  # of one file that are told at once
+_adapters: dict[Any, TypeAdapter[Any]] = {}  # by schema: making one takes as long as reading a robot
+
+
+IN_FILES = ConfigDict(extra="forbid", allow_inf_nan=False)  # of dataclasses that stand in files
 
 
 class Settings(BaseModel):
-    """Base of every file schema: frozen, unknown keys and infinite numbers refused."""
+    """Base of file schemas that are no dataclasses: frozen, unknown keys and infinite numbers refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, **IN_FILES)
 
 
 class Recorded(Settings):
@@ -25,7 +35,12 @@ class Recorded(Settings):
     model_config = ConfigDict(extra="ignore")
 
 
-Schema = TypeVar("Schema", bound=Settings)
+Schema = TypeVar("Schema")
+
+
+def file_keys(**keys: str) -> ConfigDict:
+    """Return `IN_FILES` for a dataclass some of whose fields have other names in files: field="key"."""
+    return ConfigDict(alias_generator=lambda field: keys.get(field, field), **IN_FILES)
 
 
 def load_toml(path: Path, schema: type[Schema]) -> Schema:
@@ -61,29 +76,42 @@ def parse_json(data: str | bytes, schema: type[Schema], where: str, *, finite: b
     return parse_settings(json_value(data, where, finite=finite), schema, where)
 
 
-def parse_settings(content: Any, schema: type[Schema], where: str) -> Schema:
-    """Check plain data against its schema.
+def parse_settings(content: Any, schema: type[Schema], where: str, context: Any = None) -> Schema:
+    """Check plain data against its schema; `where` opens every message, `context` is for the schema's own validators.
 
     Raises:
-        ConfigError: Key unknown, missing, or of the wrong type; `where` opens the message.
+        ConfigError: Key unknown, missing, or of the wrong type.
     """
     try:
         # strict, as JSON: "1" or true is no number, while a list may fill a tuple and a text a path or a date
-        return schema.model_validate_json(json.dumps(content, default=str), strict=True)
+        data = json.dumps(content, default=str)
+        checked: Schema = _adapter(schema).validate_json(data, strict=True, context=context)
     except ValidationError as error:
         problems = error.errors(include_url=False)
         lines = [f"{where}: {_explain(problem, content, schema)}" for problem in problems[:MOST_PROBLEMS]]
         if len(problems) > MOST_PROBLEMS:
             lines.append(f"{where}: and {len(problems) - MOST_PROBLEMS} more")
         raise ConfigError("\n".join(lines)) from error
+    return checked
 
 
-def _explain(problem: Any, content: Any, schema: type[BaseModel]) -> str:
+def plain_data(record: Any) -> Any:
+    """Return a dataclass as the plain data that `parse_settings` makes it of again."""
+    return _adapter(type(record)).dump_python(record, mode="json", by_alias=True)
+
+
+def _adapter(schema: Any) -> TypeAdapter[Any]:
+    if schema not in _adapters:
+        _adapters[schema] = TypeAdapter(schema)
+    return _adapters[schema]
+
+
+def _explain(problem: Any, content: Any, schema: type[Any]) -> str:
     location: tuple[str | int, ...] = problem["loc"]
     key = _key_text(location, content)
-    if problem["type"] == "missing":
+    if problem["type"] in ("missing", "missing_argument"):
         return f"{key}: this key is missing"
-    if problem["type"] == "extra_forbidden":
+    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         known = sorted(_fields_at(schema, location[:-1]))
         hint = _hint(cut(str(location[-1])), known)  # comparing takes a time that grows with the key's length
         return f"{key}: unknown key{hint} (known: {', '.join(known)})"
@@ -115,21 +143,27 @@ def _key_text(location: tuple[str | int, ...], content: Any) -> str:
     return ": ".join(parts) if parts else "file"
 
 
-def _fields_at(schema: type[BaseModel], location: tuple[str | int, ...]) -> set[str]:
+def _fields_at(schema: type[Any], location: tuple[str | int, ...]) -> set[str]:
+    """Return the keys that may stand at a place."""
     here: Any = schema
     for step in location:
-        if isinstance(step, int):
-            continue
-        field = here.model_fields.get(step) if hasattr(here, "model_fields") else None
-        here = _model_inside(field.annotation) if field is not None else None
-    return set(here.model_fields) if here is not None and hasattr(here, "model_fields") else set()
+        if not isinstance(step, int):
+            here = _schema_inside(_keys(here).get(step))
+    return set(_keys(here))
 
 
-def _model_inside(annotation: Any) -> Any:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+def _keys(schema: Any) -> dict[str, Any]:
+    """Return a schema's keys in files, and the types of what they hold."""
+    if isinstance(schema, type) and issubclass(schema, BaseModel):
+        return {field.alias or name: field.annotation for name, field in schema.model_fields.items()}
+    if not is_dataclass(schema):
+        return {}
+    alias = getattr(schema, "__pydantic_config__", {}).get("alias_generator", str)
+    return {alias(name): hint for name, hint in get_type_hints(schema).items()}
+
+
+def _schema_inside(annotation: Any) -> Any:
+    if isinstance(annotation, type) and (is_dataclass(annotation) or issubclass(annotation, BaseModel)):
         return annotation
-    for inner in getattr(annotation, "__args__", ()):
-        found = _model_inside(inner)
-        if found is not None:
-            return found
-    return None
+    inner = (_schema_inside(each) for each in getattr(annotation, "__args__", ()))
+    return next((each for each in inner if each is not None), None)

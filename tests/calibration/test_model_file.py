@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from catenary.calibration.model_file import load_model, save_model
+from catenary.cards import stored
 from catenary.errors import FileFormatError
 from catenary.files import card_path
 from recordings import fitted, recording
@@ -40,9 +41,12 @@ def restructured(**changes: Any) -> Callable[[dict[str, np.ndarray]], Any]:
     """Change of a model's structure; None removes a part."""
 
     def change(arrays: dict[str, np.ndarray]) -> None:
-        structure = json.loads(str(arrays["structure"])) | changes
-        for key in [key for key, value in changes.items() if value is None]:
-            del structure[key]
+        structure = json.loads(str(arrays["structure"]))
+        for key, value in changes.items():
+            part = structure["features"] if key in FEATURES else structure
+            part[key] = value
+            if value is None:
+                del part[key]
         arrays["structure"] = np.array(json.dumps(structure))
 
     return change
@@ -53,8 +57,18 @@ def replaced(key: str, values: Callable[[np.ndarray], Any]) -> Callable[[dict[st
 
 
 TEXTS = [(key, text) for key in ("structure", "card") for text in ("", "[1, 2]", "null", "{")]
-SHAPED = ("offset", "0.columns", "0.predictor.weights", "0.range.lower", "0.range.axes", "0.range.axis_upper")
-PARTS = ("format", "signals", "groups", "target", "history", "joint_names")
+GROUP = "groups.0."
+RANGE = ("valid_range.lower", "valid_range.axes", "valid_range.axis_upper")
+SHAPED = ("offset", *(f"{GROUP}{each}" for each in ("columns", "predictor.weights", *RANGE)))
+FEATURES = ("signals", "units", "history", "play", "steps", "period")
+PARTS = ("format", "signals", "groups", "target", "features", "joint_names")
+
+
+def group(**changes: Any) -> dict[str, Any]:
+    arrays: dict[str, Any] = {}
+    return dict(stored(MODEL.groups[0], arrays, "groups.0")) | changes
+
+
 MISFITS: list[dict[str, Any]] = [
     {"target": "torque"},
     {"joint_names": ["J1", "J2"]},
@@ -64,9 +78,12 @@ MISFITS: list[dict[str, Any]] = [
     {"history": 10**30},
     {"target": ["error"]},
     {"groups": []},
-    {"groups": [{"joints": [0, 1, 1], "predictor": "linear"}]},
-    {"groups": [{"joints": [0, 1, 2], "predictor": "cubic"}]},
-    {"groups": [{"joints": [0, 1, 2], "predictor": "network"}]},
+    {"groups": [group(joints=[0, 1, 1])]},
+    {"groups": [group(predictor={"kind": "cubic"})]},
+    {"groups": [group(predictor={"kind": "network"})]},
+    {"groups": [group(watched="nowhere")]},
+    {"groups": [group(colour="red")]},
+    {"colour": "red"},
     {"signals": ["q:J1"]},
     {"history": -1},
     {"history": 0},
@@ -87,7 +104,7 @@ MISFITS: list[dict[str, Any]] = [
         *[(restructured(**misfit), "damaged: is no calibration model") for misfit in MISFITS],
         *[(replaced(key, lambda _, t=text: t), "damaged: is no calibration model") for key, text in TEXTS],
         *[(replaced(key, lambda values: values[:1]), "damaged: is no calibration model") for key in SHAPED],
-        (replaced("0.columns", lambda columns: columns + 5), "damaged: is no calibration model"),
+        (replaced("groups.0.columns", lambda columns: columns + 5), "damaged: is no calibration model"),
         (restructured(format="catenary.calibration.9"), "'catenary.calibration.9', expected 'catenary.cal"),
     ],
 )
@@ -240,7 +257,7 @@ def test_predictor_without_a_file_format_is_refused_before_writing(path: Path) -
         shape = None, 3
 
     group = replace(MODEL.groups[0], predictor=Mystery())
-    with pytest.raises(TypeError, match="no file format for Mystery"):
+    with pytest.raises(TypeError, match="Mystery is not JSON serializable"):
         save_model(replace(MODEL, groups=(group,)), CARD, path)
     assert not path.exists()
 

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import JsonValue
 
 from catenary import __version__
-from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.dataset import CalibrationData, TrainingSource
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import extrapolation
@@ -170,14 +170,6 @@ class CardInput(Recorded):
     name: str
 
 
-class CardSource(Recorded):
-    """A recording that the model was fitted to."""
-
-    name: str
-    sha256: str | None
-    rows: int
-
-
 class CardRun(Recorded):
     """Settings of the run."""
 
@@ -185,20 +177,10 @@ class CardRun(Recorded):
     max_error: tuple[float | None, ...] | None = None  # deg and mm; None is no limit
 
 
-class CardSpread(Recorded):
-    """Errors of a joint over blocks of time."""
-
-    joint: str
-    unit: str
-    rmse_mean: float
-    rmse_sd: float
-    offset_rmse_mean: float
-
-
 class CardFolds(Recorded):
     """Errors of the cross-validation."""
 
-    joints: tuple[CardSpread, ...]
+    joints: tuple[Spread, ...]
 
 
 class CardErrors(Recorded):
@@ -227,7 +209,7 @@ class CardFile(Recorded):
     inputs: tuple[CardInput, ...]
     target: str
     scaling: str
-    data: tuple[CardSource, ...]
+    data: tuple[TrainingSource, ...]
     rows: int
     run: CardRun
     version: dict[str, JsonValue]

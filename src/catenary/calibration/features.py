@@ -3,18 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Flags, Integers, Step, run
 from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
+from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.plant import MotionLog
 from catenary.units import TORQUE_UNIT
 
+Item = TypeVar("Item")
+Many = Annotated[tuple[Item, ...], Field(max_length=10_000)]  # of anything that a model has several of
+Positive = Annotated[float, Field(gt=0.0)]
 GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
@@ -61,12 +66,14 @@ class FeatureSet:
     Rows of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
     """
 
-    signals: tuple[str, ...]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
-    units: tuple[str, ...]  # one per signal
-    history: int = 0
-    play: tuple[tuple[str, float], ...] = ()  # (position signal, half-width in its unit)
-    steps: tuple[tuple[str, float], ...] = ()  # (position signal, largest step to the next row in its unit)
-    period: float | None = None  # [s] between the rows of `steps`; None where rows have no time
+    __pydantic_config__ = IN_FILES
+
+    signals: Many[str]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
+    units: Many[str]  # one per signal
+    history: Annotated[int, Field(ge=0, le=1_000)] = 0
+    play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
+    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit)
+    period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
 
     def __post_init__(self) -> None:
         if not self.signals:

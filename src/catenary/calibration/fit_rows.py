@@ -17,7 +17,7 @@ from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
 from catenary.calibration.model import ANY, CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
-from catenary.calibration.predictors import Linear, Predictor, fit_linear, fit_offset, fit_polynomial
+from catenary.calibration.predictors import AnyPredictor, Linear, fit_linear, fit_offset, fit_polynomial
 from catenary.calibration.spike_filter import largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
@@ -183,7 +183,7 @@ def _fit_predictor(
     late: np.ndarray,
     linear: Callable[[Floats, Floats], Linear] | None,
     progress: Progress,
-) -> Predictor:
+) -> AnyPredictor:
     if options.kind == "offset":
         return fit_offset(Y)
     if options.kind == "neural":

@@ -8,11 +8,14 @@ Where the numbers come from, and what they promise: conformal.py.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.arithmetic import Flags, Integers, Step
+from catenary.cards import StoredFloats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 
@@ -27,9 +30,9 @@ class Intervals:
         InputError: A level that is no share, half-widths that are negative, not finite or narrower outside.
     """
 
-    level: float  # share of errors that they are to hold, 0 to 1
-    inside: Floats  # (n,) half-width in the valid range [rad|m]
-    outside: Floats  # (n,) at its edge, about the fixed offset [rad|m]
+    level: Annotated[float, Field(gt=0.0, lt=1.0)]  # share of errors that they are to hold, 0 to 1
+    inside: StoredFloats  # (n,) half-width in the valid range [rad|m]
+    outside: StoredFloats  # (n,) at its edge, about the fixed offset [rad|m]
 
     def __post_init__(self) -> None:
         check_level(self.level)

@@ -2,21 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Flags, Integers, Step
-from catenary.calibration.features import FeatureSet, Memory
+from catenary.calibration.arithmetic import Flags, Step
+from catenary.calibration.features import FeatureSet, Many, Memory, Positive
 from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
-from catenary.calibration.predictors import Predictor
+from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.valid_range import ValidRange
+from catenary.cards import StoredFloats, StoredIntegers
+from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.mend import MENDS
 
 Target = Literal["error", "position"]
+Unit = Annotated[str, Field(pattern="^(rad|m)$")]
+Mends = Annotated[Mapping[Annotated[str, Field(pattern=MENDS)], tuple[str, ...]], Field(max_length=50)]
 ANY = 1e300  # [rad|m] any correction, any position
 REACH = 2.0  # times the largest correction that training showed: the largest that is believed
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
@@ -30,11 +36,11 @@ class JointGroup:
         InputError: Parts do not fit together.
     """
 
-    joints: tuple[int, ...]
-    columns: Integers  # features that they take
-    predictor: Predictor
+    joints: Many[Annotated[int, Field(ge=0, lt=10_000)]]
+    columns: StoredIntegers  # features that they take
+    predictor: AnyPredictor
     valid_range: ValidRange
-    watched: Integers  # features that the valid range looks at: those that can leave their range
+    watched: StoredIntegers  # features that the valid range looks at: those that can leave their range
 
     def __post_init__(self) -> None:
         for name in ("columns", "watched"):
@@ -83,20 +89,24 @@ class CalibrationModel:
         InputError: Parts do not fit together, or a fixed offset is larger than `largest`.
     """
 
+    __pydantic_config__ = IN_FILES
+
     kind: str  # "offset", "linear", "polynomial", "neural", or "auto": each joint has its own
     preset: str | None
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
+    joint_names: Many[str]
+    joint_units: Many[Unit]
     features: FeatureSet
     target: Target  # what the predictors give: the joint error, or the joint position (end to end)
-    offset: Floats  # (n,) mean error of the training data [rad|m]
-    largest: Floats  # (n,) largest correction that training showed [rad|m]; see `fit.largest_shown`
-    groups: tuple[JointGroup, ...]
-    rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
+    offset: StoredFloats  # (n,) mean error of the training data [rad|m]
+    largest: StoredFloats  # (n,) largest correction that training showed [rad|m]; see `fit.largest_shown`
+    groups: Many[JointGroup]
+    rate_hz: Positive | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
-    priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
-    limits: Floats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
-    mends: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of its recordings: MotionLog.settled
+    priors: Many[str | None] = ()  # (n,) that joints' fits began at; empty where none did
+    limits: StoredFloats | None = (
+        None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
+    )
+    mends: Mends = field(default_factory=dict)  # of its recordings: MotionLog.settled
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)

@@ -8,14 +8,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import ClassVar, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration import arithmetic
 from catenary.calibration.arithmetic import Step
 from catenary.calibration.valid_range import standardisation
+from catenary.cards import StoredFloats
 from catenary.errors import InputError
 
 Activation = Literal["logistic", "tanh"]
@@ -23,8 +25,6 @@ Activation = Literal["logistic", "tanh"]
 
 class Predictor(ABC):
     """A fitted function of features (N, F) to (N, m)."""
-
-    kind: ClassVar[str]
 
     @property
     @abstractmethod
@@ -61,8 +61,8 @@ class Predictor(ABC):
 class Constant(Predictor):
     """y = value for any features."""
 
-    kind: ClassVar[str] = "constant"
-    value: Floats  # (m,)
+    value: StoredFloats  # (m,)
+    kind: Literal["constant"] = "constant"
 
     def __post_init__(self) -> None:
         self._keep({"value": (None,)})
@@ -82,9 +82,9 @@ class Constant(Predictor):
 class Linear(Predictor):
     """y = X @ weights + bias."""
 
-    kind: ClassVar[str] = "linear"
-    weights: Floats  # (F, m) in units of y per unit of the feature
-    bias: Floats  # (m,)
+    weights: StoredFloats  # (F, m) in units of y per unit of the feature
+    bias: StoredFloats  # (m,)
+    kind: Literal["linear"] = "linear"
 
     def __post_init__(self) -> None:
         self._keep({"weights": (None, None), "bias": (np.shape(self.weights)[-1],)})
@@ -104,12 +104,12 @@ class Linear(Predictor):
 class Quadratic(Predictor):
     """y = bias + z @ linear + sum_ij z_i z_j quadratic_ij, z = (x - mean) / scale, i <= j row by row."""
 
-    kind: ClassVar[str] = "quadratic"
-    mean: Floats  # (F,)
-    scale: Floats  # (F,)
-    linear: Floats  # (F, m)
-    quadratic: Floats  # (F (F + 1) / 2, m), pairs (0, 0), (0, 1), ..., (1, 1), ...
-    bias: Floats  # (m,)
+    mean: StoredFloats  # (F,)
+    scale: StoredFloats  # (F,)
+    linear: StoredFloats  # (F, m)
+    quadratic: StoredFloats  # (F (F + 1) / 2, m), pairs (0, 0), (0, 1), ..., (1, 1), ...
+    bias: StoredFloats  # (m,)
+    kind: Literal["quadratic"] = "quadratic"
 
     def __post_init__(self) -> None:
         inputs, m = len(self.mean), len(self.bias)
@@ -141,15 +141,15 @@ class Quadratic(Predictor):
 class Network(Predictor):
     """y = out_mean + out_scale * layers(z) + skip(x), z = (x - mean) / scale; the last layer is linear."""
 
-    kind: ClassVar[str] = "network"
-    mean: Floats  # (F,)
-    scale: Floats  # (F,)
-    weights: tuple[Floats, ...]  # (F, h1), (h1, h2), ..., (h, m)
-    biases: tuple[Floats, ...]
+    mean: StoredFloats  # (F,)
+    scale: StoredFloats  # (F,)
+    weights: tuple[StoredFloats, ...]  # (F, h1), (h1, h2), ..., (h, m)
+    biases: tuple[StoredFloats, ...]
     activation: Activation
-    out_mean: Floats  # (m,)
-    out_scale: Floats  # (m,)
+    out_mean: StoredFloats  # (m,)
+    out_scale: StoredFloats  # (m,)
     skip: Linear | None = None  # a linear model that the network corrects
+    kind: Literal["network"] = "network"
 
     def __post_init__(self) -> None:
         if self.activation not in get_args(Activation) or not self.weights:
@@ -198,6 +198,9 @@ class Network(Predictor):
             out_scale=self.out_scale[taken],
             skip=None if self.skip is None else self.skip.of(outputs),
         )
+
+
+AnyPredictor = Annotated[Constant | Linear | Quadratic | Network, Field(discriminator="kind")]
 
 
 def fit_offset(Y: Floats) -> Constant:

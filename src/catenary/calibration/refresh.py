@@ -24,7 +24,7 @@ from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.fit_rows import EXTRAPOLATION, largest_shown
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import ANY, CalibrationModel, JointGroup
-from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
+from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Network, Quadratic
 from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
 
@@ -139,7 +139,7 @@ class Adjustment:
     layer: Floats  # (h,)
 
 
-def layer_inputs(predictor: Predictor, X: Floats) -> Floats:
+def layer_inputs(predictor: AnyPredictor, X: Floats) -> Floats:
     """Return the inputs (N, h) of the linear layer onto a predictor's outputs, for features X (N, F).
 
     A linear model's are the features, a polynomial's its monomials, a network's the values of its last hidden units.
@@ -162,7 +162,7 @@ def layer_inputs(predictor: Predictor, X: Floats) -> Floats:
     return np.zeros((len(X), 0))
 
 
-def adjusted(predictor: Predictor, changes: Sequence[Adjustment]) -> Predictor:
+def adjusted(predictor: AnyPredictor, changes: Sequence[Adjustment]) -> AnyPredictor:
     """Return a predictor with its m outputs changed, each by its own adjustment.
 
     The kind stays, but for two: a constant that gets a slope becomes linear, and a network a linear part beside it.
@@ -309,7 +309,9 @@ def trained_motion(group: JointGroup, X: Floats) -> Floats:
     return spread
 
 
-def _stays_near(predictor: Predictor, change: Adjustment, output: int, X: Floats, elsewhere: Floats) -> bool:
+def _stays_near(
+    predictor: AnyPredictor, change: Adjustment, output: int, X: Floats, elsewhere: Floats
+) -> bool:
     """Return whether a change of one output is hardly larger over the trained motion than on rows X (N, F)."""
     one = predictor.of([output])
     moved = adjusted(one, [change])

@@ -6,6 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.arithmetic import Flags, Step, between, dense, standardise
+from catenary.cards import StoredFloats
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 
@@ -21,12 +22,12 @@ class ValidRange:
         InputError: Arrays do not fit together, or hold NaN or infinity.
     """
 
-    lower: Floats  # (F,) in the features' units
-    upper: Floats  # (F,)
-    mean: Floats  # (F,)
-    axes: Floats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
-    axis_lower: Floats  # (F,)
-    axis_upper: Floats  # (F,)
+    lower: StoredFloats  # (F,) in the features' units
+    upper: StoredFloats  # (F,)
+    mean: StoredFloats  # (F,)
+    axes: StoredFloats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
+    axis_lower: StoredFloats  # (F,)
+    axis_upper: StoredFloats  # (F,)
 
     def __post_init__(self) -> None:
         width = len(self.lower)

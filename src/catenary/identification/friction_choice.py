@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.config import IN_FILES
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.parameters import recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
@@ -31,6 +32,8 @@ MOST_ROWS = 20_000  # that are looked at
 @dataclass(frozen=True)
 class FrictionPart:
     """A part that was added to a friction, and what it took away."""
+
+    __pydantic_config__ = IN_FILES
 
     friction: str
     kind: str

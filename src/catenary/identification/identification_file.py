@@ -2,94 +2,52 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field, JsonValue
+from pydantic import JsonValue
 
 from catenary import __version__
 from catenary.archives import content_in_words, read_arrays
-from catenary.arrays import Floats
 from catenary.cards import card_of, write_with_card
-from catenary.config import Recorded, parse_settings
+from catenary.config import IN_FILES, Recorded, parse_settings, plain_data
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.friction_choice import FrictionPart
 from catenary.identification.identification import Identification
-from catenary.identification.identify_options import IdentifyOptions, Terms
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.parameters import Parameters
-from catenary.identification.residuals import LogResidual, MovedRange, Verdict
-from catenary.robots.actuation import Weighting
+from catenary.identification.residuals import LogResidual, MovedRange
 from catenary.robots.identified import IDENTIFIED, REMEDY
 from catenary.robots.model_record import robot_from_record, robot_record
 
 FORMAT = "catenary.identification.1"
 Card = dict[str, Any]
-Residuals = tuple[float | None, ...]
 
 
-class OptionsRecord(Recorded):
-    """Options of an identification, as `IdentifyOptions`."""
+@dataclass(frozen=True)
+class IdentificationRecord:
+    """All of an identification but its arrays; the fields below `robot` are its own."""
 
-    terms: Terms
-    gravity: tuple[float, float, float]
-    cutoff_hz: float | None
-    order: Annotated[int, Field(ge=1, le=10)] | None
-    cut_samples: int | None
-    period_samples: int | None
-    weighting: Weighting | None
-    consistent: bool
-    friction: tuple[str, ...] = ()
-    prior: bool = False
-    blocks: float | None
-    seed: Annotated[int, Field(ge=0)]
+    __pydantic_config__ = IN_FILES
 
-
-class ResidualRecord(Recorded):
-    """The residual of a recording, as `LogResidual`; null on an axis without torque."""
-
-    log: str
-    rows: int
-    relative_rms: Residuals
-    relative_rms_period: Residuals | None
-    rms: Residuals
-    verdict: Verdict | None
-    reasons: tuple[str, ...] = ()
-
-
-class MotionRecord(Recorded):
-    """How the recordings moved that were fitted, as `MovedRange`."""
-
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    speed: tuple[float, ...]
-
-
-class FrictionPartRecord(Recorded):
-    """A part that held-out blocks added to a friction, as `FrictionPart`."""
-
-    friction: str
-    kind: str
-    scale: float | None
-    gain: float
-
-
-class IdentificationStructure(Recorded):
-    """All of an identification but its arrays."""
-
-    robot: JsonValue  # `robot_from_record` knows its schema
-    options: OptionsRecord
+    format: str
+    robot: Any  # `robot_from_record` knows its schema
+    options: IdentifyOptions
     rank: int
     condition: float
-    training: tuple[ResidualRecord, ...]
-    tests: tuple[ResidualRecord, ...]
-    friction: tuple[FrictionPartRecord, ...] = ()
-    prior_weight: float | None = None
-    moved_base: bool = False
-    seen: MotionRecord | None = None
+    training: tuple[LogResidual, ...]
+    tests: tuple[LogResidual, ...]
+    friction: tuple[FrictionPart, ...]
+    prior_weight: float | None
+    moved_base: bool
+    seen: MovedRange | None
+
+
+OWN = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))
 
 
 class IdentificationCard(Recorded):
@@ -120,7 +78,7 @@ def identification_card(
             {"name": n, "unit": u}
             for n, u in zip(result.model.joint_names, result.model.joint_units, strict=True)
         ],
-        "options": asdict(result.options),
+        "options": plain_data(result.options),
         "n_base": base.count,
         "rank": result.rank,
         "condition": result.condition,
@@ -137,29 +95,12 @@ def identification_card(
             }
             for i in range(base.count)
         ],
-        "training": [residual_record(r) for r in result.training],
-        "tests": [residual_record(r) for r in result.tests],
+        "training": [plain_data(r) for r in result.training],
+        "tests": [plain_data(r) for r in result.tests],
         "data": data,
         "mends": {key: list(texts) for key, texts in (mends or {}).items()},
         "notes": list(notes),
         "version": {"catenary": __version__, "numpy": np.__version__},
-    }
-
-
-def residual_record(result: LogResidual) -> dict[str, Any]:
-    """Return a residual as plain data; NaN, on an axis without torque, is null."""
-
-    def plain(values: Floats | None) -> list[float | None] | None:
-        return None if values is None else [float(v) if np.isfinite(v) else None for v in values]
-
-    return {
-        "log": result.log,
-        "rows": result.rows,
-        "relative_rms": plain(result.relative_rms),
-        "relative_rms_period": plain(result.relative_rms_period),
-        "rms": plain(result.rms),
-        "verdict": result.verdict,
-        "reasons": list(result.reasons),
     }
 
 
@@ -169,19 +110,8 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
     Raises:
         FileFormatError: The file cannot be written.
     """
-    structure = {
-        "format": FORMAT,
-        "robot": robot_record(result.model),
-        "options": asdict(result.options),
-        "rank": result.rank,
-        "condition": result.condition,
-        "training": [residual_record(r) for r in result.training],
-        "tests": [residual_record(r) for r in result.tests],
-        "friction": [asdict(part) for part in result.friction],
-        "prior_weight": result.prior_weight,
-        "moved_base": result.moved_base,
-        "seen": None if result.seen is None else {k: v.tolist() for k, v in result.seen._asdict().items()},
-    }
+    own = {name: getattr(result, name) for name in OWN}
+    structure = plain_data(IdentificationRecord(FORMAT, robot_record(result.model), **own))
     arrays: dict[str, Any] = {
         "structure": np.array(json.dumps(structure)),
         "columns": result.base.columns,
@@ -212,9 +142,8 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
         found = json_table(str(arrays["structure"]), "structure")
         if found.get("format") != FORMAT:
             raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}")
-        structure = parse_settings(found, IdentificationStructure, "structure")
-        chosen = IdentifyOptions(**structure.options.model_dump())
-        parameters = Parameters(robot_from_record(structure.robot), chosen.terms)
+        record = parse_settings(found, IdentificationRecord, "structure")
+        parameters = Parameters(robot_from_record(record.robot), record.options.terms)
         b, k, n = len(arrays["beta"]), len(parameters.names), parameters.model.n
         shapes = {"combination": (b, k), "columns": (b,), "beta": (b,), "covariance": (b, b), "weights": (n,)}
         if "phi" in arrays:
@@ -229,18 +158,12 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             base=BaseParameters(parameters, columns, arrays["combination"]),
             beta=arrays["beta"],
             covariance=arrays["covariance"],
-            options=chosen,
             weights=arrays["weights"],
-            rank=structure.rank,
-            condition=structure.condition,
-            training=tuple(_residual(entry) for entry in structure.training),
-            tests=tuple(_residual(entry) for entry in structure.tests),
             phi=arrays.get("phi"),
-            friction=tuple(FrictionPart(**part.model_dump()) for part in structure.friction),
-            prior_weight=structure.prior_weight,
-            moved_base=structure.moved_base,
-            seen=_motion(structure.seen, n),
+            **{name: getattr(record, name) for name in OWN},
         )
+        if record.seen is not None and any(values.shape != (n,) for values in vars(record.seen).values()):
+            raise ValueError(f"seen: expected {n} numbers each")
         card = card_of(arrays, path, REMEDY)
         parse_settings(card, IdentificationCard, "card")
         return result, card
@@ -248,23 +171,3 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
         raise FileFormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except (KeyError, TypeError, ValueError, IndexError, OverflowError, InputError) as error:
         raise FileFormatError(f"{path}: holds damaged parameters: {cut(repr(error))}") from error
-
-
-def _motion(seen: MotionRecord | None, n: int) -> MovedRange | None:
-    if seen is None:
-        return None
-    motion = MovedRange(np.array(seen.low), np.array(seen.high), np.array(seen.speed))
-    if any(values.shape != (n,) or not np.isfinite(values).all() for values in motion):
-        raise ValueError(f"seen: expected {n} finite numbers each")
-    return motion
-
-
-def _residual(entry: ResidualRecord) -> LogResidual:
-    def numbers(values: Residuals) -> Floats:
-        return np.array([np.nan if v is None else v for v in values], dtype=float)
-
-    period = entry.relative_rms_period
-    return LogResidual(
-        entry.log, entry.rows, numbers(entry.rms), numbers(entry.relative_rms),
-        None if period is None else numbers(period), entry.verdict, entry.reasons,
-    )  # fmt: skip

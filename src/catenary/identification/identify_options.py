@@ -1,10 +1,12 @@
 """What can be chosen when a robot is identified, and what its file chooses otherwise."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
+from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.robots.actuation import Actuation, SignalFilter, Weighting, default_actuation
 from catenary.robots.model import RobotModel
@@ -19,10 +21,12 @@ NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
 class IdentifyOptions:
     """Options; None stands for what the robot's file says."""
 
+    __pydantic_config__ = IN_FILES
+
     terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
     gravity: tuple[float, float, float] = NOMINAL_GRAVITY  # [m/s2] in base axes
     cutoff_hz: float | None = None
-    order: int | None = None
+    order: Annotated[int, Field(ge=1, le=10)] | None = None
     cut_samples: int | None = None
     period_samples: int | None = None  # of the excitation: residuals are told over the first period, too
     weighting: Weighting | None = None
@@ -32,7 +36,7 @@ class IdentifyOptions:
     )
     prior: bool = True  # towards the masses of the robot's file, where it has any and the fit is consistent
     blocks: float | None = None  # [s, or rows at rest] hold out every second block of this length
-    seed: int = 0  # of the random motion that the base parameters are found with
+    seed: Annotated[int, Field(ge=0)] = 0  # of the random motion that the base parameters are found with
 
     def __post_init__(self) -> None:
         if self.terms not in get_args(Terms):

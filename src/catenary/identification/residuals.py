@@ -7,16 +7,18 @@ by rows of torque and motion out of step; what explains most is named.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Listed
+from catenary.config import IN_FILES
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 
+Axes = Annotated[Floats, Listed(null=np.nan)]
 Verdict = Literal["holds", "unclear", "drifted", "fails"]
 HOLDS = 2.0  # times the training residual
 FAILS = 0.9  # of the torque itself: hardly better than predicting nothing
@@ -27,11 +29,13 @@ SMALL = 0.1  # relative residuals below this are never called drift
 class LogResidual:
     """Residual of one recording: RMS(measured - predicted), and relative to RMS(measured)."""
 
+    __pydantic_config__ = IN_FILES
+
     log: str
     rows: int
-    rms: Floats  # (n,) [Nm or N]
-    relative_rms: Floats  # (n,) NaN on an axis without torque
-    relative_rms_period: Floats | None  # (n,) over the first period after the cut
+    relative_rms: Axes  # (n,) NaN on an axis without torque
+    relative_rms_period: Axes | None  # (n,) over the first period after the cut
+    rms: Axes  # (n,) [Nm or N]
     verdict: Verdict | None = None  # none is given on the recordings that were fitted
     reasons: tuple[str, ...] = ()  # why it is not "holds", for each axis that is not predicted
 
@@ -42,9 +46,9 @@ def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResi
     return LogResidual(
         samples.name,
         len(samples),
-        rms(error),
         relative(error, samples.tau),
         None if period is None else relative(error[:period], samples.tau[:period]),
+        rms(error),
     )
 
 
@@ -100,12 +104,15 @@ EXPLAINED = 0.4  # of the squared residual that a shape takes away
 LAGS = 0.1  # [s] by which torques may be late
 
 
-class MovedRange(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class MovedRange:
     """How recordings moved, per joint (n,): between which positions, and how fast (RMS)."""
 
-    low: Floats
-    high: Floats
-    speed: Floats
+    __pydantic_config__ = IN_FILES
+
+    low: Annotated[Floats, Listed()]
+    high: Annotated[Floats, Listed()]
+    speed: Annotated[Floats, Listed()]
 
 
 class Reason(NamedTuple):

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from catenary.config import plain_data
 from catenary.errors import InputError
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import (
     Card,
     identification_card,
     load_identification,
-    residual_record,
 )
 from catenary.identification.identify_options import IdentifyOptions, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
@@ -53,8 +53,8 @@ class IdentifyResult:
             "physically_consistent": result.phi is not None,
             "prior_weight": result.prior_weight,
             "friction": [asdict(part) for part in result.friction],
-            "training": [residual_record(r) for r in result.training],
-            "tests": [residual_record(r) for r in result.tests],
+            "training": [plain_data(r) for r in result.training],
+            "tests": [plain_data(r) for r in result.tests],
             "notes": list(self.notes),
         }
 
