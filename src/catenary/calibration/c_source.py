@@ -215,9 +215,6 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz:
         model: The model.
         decimation: Ticks between the previous positions that it takes; see `Corrector`.
         rate_hz: Of the ticks; see `CalibrationModel.tick_steps`.
-
-    Raises:
-        InputError: A predictor takes a step that has no C.
     """
     n, memory = len(model.joint_names), model.features.memory(decimation)
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))

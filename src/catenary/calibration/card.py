@@ -218,9 +218,5 @@ class CardFile(Recorded):
 
 
 def check_card(card: Card, where: str) -> None:
-    """Refuse a card that lacks what its readers rely on; `where` opens the message.
-
-    Raises:
-        ConfigError: A key is missing, or of another kind.
-    """
+    """Refuse a card that lacks what its readers rely on; `where` opens the message."""
     parse_settings(card, CardFile, f"{where}: card")

@@ -63,9 +63,6 @@ def find_drift(
         known: (n,) errors that the card tells [deg|mm]; None where it tells none.
         factor: More than 0.
         max_error: (n,) [rad|m]; rows with larger errors are left out.
-
-    Raises:
-        InputError: Other joints, nothing measured, or neither intervals nor errors to judge by.
     """
     if model.intervals is None and known is None:
         raise InputError(

@@ -135,12 +135,7 @@ class Prior(Settings):
 
 @cache
 def load_prior(name: str) -> Prior:
-    """Load a prior of the package by its name.
-
-    Raises:
-        InputError: There is no such prior.
-        ConfigError: Its file is damaged.
-    """
+    """Load a prior of the package by its name."""
     if name not in PRIORS:
         raise InputError(f'prior "{name}": expected {" or ".join(PRIORS)}')
     with as_file(files("catenary.calibration") / "data" / f"{name}.json") as path:
@@ -183,9 +178,6 @@ def prior_of_features(prior: Prior, features: FeatureSet, X: Floats) -> PriorOfF
         prior: What is known of their weights.
         features: Of the fit.
         X: (N, F) rows of training, whose ranges the play states' widths are shares of.
-
-    Raises:
-        InputError: The prior knows nothing of a feature: only of positions, torques and play states.
     """
     ranges = {signal: float(np.ptp(X[:, k])) for k, signal in enumerate(features.signals)}
     owners, quantities = [], []

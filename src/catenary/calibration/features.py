@@ -132,18 +132,11 @@ class FeatureSet:
         """Return features of every row, (N, F); NaN on rows that lack `history` predecessors without a gap in time.
 
         Rows without a measurement (`ok` not set) are commands all the same and count as predecessors.
-
-        Raises:
-            InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
         return self.rows(log).X
 
     def rows(self, log: MotionLog) -> FeatureRows:
-        """Return `matrix`, and what leaps on the way.
-
-        Raises:
-            InputError: As for `matrix`.
-        """
+        """Return `matrix`, and what leaps on the way."""
         signals = self.signal_rows(log)
         X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
         leaping = np.zeros(len(log), dtype=bool)
@@ -157,11 +150,7 @@ class FeatureSet:
         return FeatureRows(X, leaping, self.spikes(memory))
 
     def signal_rows(self, log: MotionLog) -> Floats:
-        """Return the signals of every row, (N, S).
-
-        Raises:
-            InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
-        """
+        """Return the signals of every row, (N, S)."""
         known, columns = signals_of(log), []
         for name, expected in zip(self.signals, self.units, strict=True):
             if name not in known:
@@ -294,11 +283,7 @@ def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:
 
 
 def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
-    """Turn words into signals: a group (`q`, `tau`, `qd`) means all its joints, `all` every signal.
-
-    Raises:
-        InputError: No word, or one that names no group and no signal of the log.
-    """
+    """Turn words into signals: a group (`q`, `tau`, `qd`) means all its joints, `all` every signal."""
     known = tuple(signals_of(log))
     if not words:
         raise InputError(f"inputs: expected at least one of {', '.join(known)}")

@@ -126,11 +126,7 @@ class FitRun:
 
 
 def require_folds(options: FitOptions, run: FitRun) -> None:
-    """Refuse to choose a model by errors on folds that are not run.
-
-    Raises:
-        InputError: Such a run.
-    """
+    """Refuse to choose a model by errors on folds that are not run."""
     if options.kind == "auto" and not run.folds:
         raise InputError(
             "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"

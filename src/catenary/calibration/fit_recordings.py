@@ -51,10 +51,6 @@ def fit_logs(
 
     The model is fitted to all rows, or to those before the held-out part. Its error is estimated on contiguous
     blocks of time, each predicted by a model fitted to the others, and on the held-out part.
-
-    Raises:
-        DataError: Something is wrong with a recording that `run.accept` does not name.
-        InputError: No recording, recordings of different joints, unusable numbers, options that contradict each other.
     """
     run = run if run is not None else FitRun()
     if not logs:
@@ -131,11 +127,7 @@ class _Attempt:
 def _rows(
     logs: Sequence[MotionLog], features: FeatureSet, run: FitRun
 ) -> tuple[CalibrationData, CalibrationData | None, CalibrationData]:
-    """Return the rows that are fitted to, those held out, and all of them.
-
-    Raises:
-        InputError: Too few for the smallest fit.
-    """
+    """Return the rows that are fitted to, those held out, and all of them."""
     everything = calibration_data(logs, features, max_error=error_limits(run.max_error, logs[0]))
     data, late = everything, None
     if run.held_out is not None:

@@ -42,11 +42,7 @@ class Inputs:
 
 
 def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0) -> Inputs:
-    """Choose the features for recordings, looking only at what comes before their held-out last part.
-
-    Raises:
-        InputError: No recording, recordings of different joints, or an input or a joint that they do not have.
-    """
+    """Choose the features for recordings, looking only at what comes before their held-out last part."""
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     logs = in_one_order(logs)
@@ -101,9 +97,6 @@ def fit(
     """Fit a calibration model to rows of data.
 
     Joints with the same inputs are fitted together.
-
-    Raises:
-        InputError: Fewer rows than any fit needs, or rows of other features than the inputs'.
     """
     if data.features != inputs.features:
         raise InputError(

@@ -24,11 +24,7 @@ FARTHEST = 10.0  # times the distance from the middle of the valid range to its 
 
 @dataclass(frozen=True)
 class Intervals:
-    """Half-widths of intervals about calibrated positions.
-
-    Raises:
-        InputError: A level that is no share, half-widths that are negative, not finite or narrower outside.
-    """
+    """Half-widths of intervals about calibrated positions."""
 
     level: Annotated[float, Field(gt=0.0, lt=1.0)]  # share of errors that they are to hold, 0 to 1
     inside: StoredFloats  # (n,) half-width in the valid range [rad|m]
@@ -46,11 +42,7 @@ class Intervals:
 
 
 def check_level(level: float) -> None:
-    """Refuse a level that is no share.
-
-    Raises:
-        InputError: It is not between 0 and 1.
-    """
+    """Refuse a level that is no share."""
     if not 0.0 < level < 1.0:
         raise InputError(f"coverage: expected a share between 0 and 1, such as 0.9, got {level}")
 

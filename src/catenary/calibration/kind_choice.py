@@ -52,13 +52,7 @@ class JointChoice:
 
 
 def tried(options: FitOptions, features: int, rows: int) -> dict[str, FitOptions]:
-    """Return the options of every kind that is tried, the simplest first.
-
-    Args:
-        options: What was asked for; its kind is "auto".
-        features: How many a polynomial would take.
-        rows: Of the training data.
-    """
+    """Return the options of every kind that is tried, the simplest first."""
     found = {}
     terms = (features + 1) * (features + 2) // 2  # of second order
     for kind in SIMPLEST_FIRST:
@@ -73,9 +67,6 @@ def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...
 
     Args:
         validations: Of every kind, the simplest first, on the same rows.
-
-    Raises:
-        InputError: The kinds were tried on different rows.
     """
     first, *others = validations.values()
     if any(not np.array_equal(each.recording, first.recording) for each in others):
@@ -122,11 +113,7 @@ def joined(validations: Mapping[str, CrossValidation], choices: Sequence[JointCh
 
 
 def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoice]) -> CalibrationModel:
-    """Return a model that gives each joint what the model of its chosen kind gives it.
-
-    Raises:
-        InputError: The models are of different joints, or learn different targets.
-    """
+    """Return a model that gives each joint what the model of its chosen kind gives it."""
     taken = {choice.chosen: models[choice.chosen] for choice in choices}
     first = next(iter(taken.values()))
     if any(model.joint_names != first.joint_names for model in taken.values()):

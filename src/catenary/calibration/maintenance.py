@@ -45,10 +45,6 @@ def judge_recordings(
         max_error: (n,) [rad|m]; rows with larger errors are left out.
         learning: The model is to learn from them: they must not be short, nor the arm at rest.
         done: What was not done where they are refused.
-
-    Raises:
-        DataError: What was found in which recording, its likely cause, and the options that mend or accept it.
-        InputError: An unknown name to accept.
     """
     try:
         return verdict(
@@ -147,10 +143,6 @@ def refresh_with(
         accept: Findings about them to go on with, by name.
         max_error: Per joint, deg and mm; rows with larger errors are left out.
         sha256: Of the model's file; None for one in memory.
-
-    Raises:
-        DataError: Something is wrong with a recording that `accept` does not name.
-        InputError: A recording was trained on, lacks an input of the model, or is too short.
     """
     seen = {source["sha256"] for source in card["data"]} - {None}
     for log in logs:

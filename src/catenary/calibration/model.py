@@ -30,11 +30,7 @@ Card = dict[str, Any]  # everything a stranger must know before trusting a model
 
 @dataclass(frozen=True)
 class JointGroup:
-    """Joints that share their inputs, and what was fitted for them.
-
-    Raises:
-        InputError: Parts do not fit together.
-    """
+    """Joints that share their inputs, and what was fitted for them."""
 
     joints: Many[Annotated[int, Field(ge=0, lt=10_000)]]
     columns: StoredIntegers  # features that they take
@@ -84,9 +80,6 @@ class CalibrationModel:
     `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
     training data instead; so does a joint whose correction is beyond REACH times `largest`, or brings it more than
     `largest` beyond its limits, whatever made it so large: such a correction was never seen.
-
-    Raises:
-        InputError: Parts do not fit together, or a fixed offset is larger than `largest`.
     """
 
     __pydantic_config__ = IN_FILES
@@ -162,11 +155,7 @@ class CalibrationModel:
         return replace(self, largest=np.full(n, ANY), limits=None).correct(X, np.zeros((len(X), n)))[1]
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
-        """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range.
-
-        Raises:
-            InputError: X is not (N, F), or q_nominal not (N, n).
-        """
+        """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
         return self.correct(X, q_nominal)[0]
 
     def correct(
@@ -175,9 +164,6 @@ class CalibrationModel:
         """Return `correction`, `inside` and `interval` of features (N, F) and reported positions (N, n).
 
         `leaping` (N,) is that of FeatureSet.rows; without it no row leaps.
-
-        Raises:
-            InputError: X is not (N, F), or q_nominal not (N, n).
         """
         X = as_array("features", X, (None, len(self.features.names)), finite=False)
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
@@ -260,28 +246,16 @@ class CalibrationModel:
         ]
 
     def calibrate(self, log: MotionLog) -> Floats:
-        """Return calibrated joint positions of every row of a recording, (N, n) [rad|m], in the model's order.
-
-        Raises:
-            InputError: The recording is of other joints, or lacks an input.
-        """
+        """Return calibrated joint positions of every row of a recording, (N, n) [rad|m], in the model's order."""
         log = self.matched(log)
         return log.q_nominal + self.correction(self.features.matrix(log), log.q_nominal)
 
     def half_widths(self, log: MotionLog) -> Floats:
-        """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none.
-
-        Raises:
-            InputError: The recording is of other joints, or lacks an input.
-        """
+        """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none."""
         log = self.matched(log)
         X, leaping, _ = self.features.rows(log)
         return self.correct(X, log.q_nominal, leaping)[2]
 
     def matched(self, log: MotionLog) -> MotionLog:
-        """Return a recording with the model's joints in the model's order.
-
-        Raises:
-            InputError: It has other joints, or in other units; the message shows both.
-        """
+        """Return a recording with the model's joints in the model's order."""
         return log.in_order_of(self, of="the model is for")

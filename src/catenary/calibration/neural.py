@@ -128,13 +128,7 @@ class TrainedNetwork:
     """Layers of units; the last one is linear."""
 
     def __init__(self, widths: Sequence[int], activation: Activation, seed: int) -> None:
-        """Draw weights and biases uniformly [Glorot and Bengio 2010].
-
-        Args:
-            widths: Numbers of inputs, of units of each hidden layer, and of outputs.
-            activation: Of the hidden layers.
-            seed: Of the draw.
-        """
+        """Draw weights and biases uniformly [Glorot and Bengio 2010]."""
         self._activate, self._slopes = (
             (logistic_units, logistic_slopes) if activation == "logistic" else (tanh_units, tanh_slopes)
         )

@@ -50,10 +50,6 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         model: Of any kind.
         card: Its card.
         decimation: Steps between previous positions; 1 where the graph is stepped at the training rows' rate.
-
-    Raises:
-        MissingPackageError: onnx, an extra, is not installed.
-        InputError: Parts of the model do not fit together.
     """
     if decimation < 1:
         raise InputError(f"decimation: expected one or more steps, got {decimation}")
@@ -104,13 +100,7 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
 
 
 def save_onnx(model: CalibrationModel, card: Card, path: Path, *, decimation: int = 1) -> Any:
-    """Write `to_onnx` to a file, checked, whole or not at all; give the onnx.ModelProto.
-
-    Raises:
-        MissingPackageError: onnx, an extra, is not installed.
-        InputError: Parts of the model do not fit together.
-        FileFormatError: The file cannot be written.
-    """
+    """Write `to_onnx` to a file, checked, whole or not at all; give the onnx.ModelProto."""
     made = to_onnx(model, card, decimation=decimation)
     _import_onnx().checker.check_model(made, full_check=True)
     write_atomically(path, made.SerializeToString(deterministic=True))

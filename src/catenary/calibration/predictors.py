@@ -40,11 +40,7 @@ class Predictor(ABC):
         """Return the function that gives only some of the outputs, each to the bit as before."""
 
     def predict(self, X: Floats) -> Floats:
-        """Return outputs (N, m) for features (N, F).
-
-        Raises:
-            InputError: X has another shape.
-        """
+        """Return outputs (N, m) for features (N, F)."""
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))

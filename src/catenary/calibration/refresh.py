@@ -68,16 +68,9 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
     than the fixed offset with one, on blocks, for every joint of its group. Elsewhere the predictor is changed by the
     rows inside alone.
 
-    Args:
-        model: Of any kind, or of several.
-        data: Rows with the model's features.
-
     Returns:
         A model of the same structure. Its fixed offset moves with the correction; its intervals are the wider of the
         old ones and those of the errors that were left on blocks, or none where the rows are too few to tell.
-
-    Raises:
-        InputError: Other joints or features, or fewer than FEWEST_ROWS rows.
     """
     data.require_joints_of(model)
     if data.features != model.features:

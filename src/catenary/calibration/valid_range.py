@@ -17,9 +17,6 @@ class ValidRange:
 
     The first catches a joint beyond where it was, the second combinations that never occurred together:
     large steps where only small ones were seen, a torque on the wrong side of a motion.
-
-    Raises:
-        InputError: Arrays do not fit together, or hold NaN or infinity.
     """
 
     lower: StoredFloats  # (F,) in the features' units

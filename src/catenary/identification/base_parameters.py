@@ -162,9 +162,6 @@ def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL
     Args:
         model: The robot; it needs no inertia. Links declared massless have no parameters.
         gravity: (3,) free-fall acceleration that all data are taken in [m/s2]; None for directions that vary.
-
-    Raises:
-        InputError: Gravity has another shape, is not finite or zero.
     """
     parameters = Parameters(model, "static", actuated=False)
     rng = np.random.default_rng(0)

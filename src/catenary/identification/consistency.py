@@ -50,9 +50,6 @@ def consistent_fit(
         R: (b + 1, b + 1) triangle of the weighted [Y_b | tau].
         prior: (k,) parameters; of links with no mass there nothing is expected. None where nothing is known.
         weight: Of the prior, at least LEAST_PRIOR.
-
-    Raises:
-        InputError: The solver found no solution.
     """
     b, k = base.combination.shape
     scale = parameter_scale(base)
@@ -113,11 +110,7 @@ def trace_row(base: BaseParameters) -> Floats:
 
 
 def solve_program(quadratic: Any, linear: Floats, A: Any, right: Floats, cones: list[object]) -> Floats:
-    """Minimise 1/2 x' P x + q' x with b - A x in cones.
-
-    Raises:
-        InputError: The solver found no solution.
-    """
+    """Minimise 1/2 x' P x + q' x with b - A x in cones."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     program = sparse.csc_matrix(quadratic), linear, sparse.csc_matrix(A), right, cones

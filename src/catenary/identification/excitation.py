@@ -41,9 +41,6 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     """Choose poses to hold, each the best of twenty random ones beside those before it (greedy log-determinant).
 
     Nothing touches in them, and the robot can hold its weight; the ways from one to the next are not looked at.
-
-    Raises:
-        InputError: Fewer poses than show all base parameters, or none that is free.
     """
     model, room, g = limits.model, limits.room, limits.gravity
     base = shown_parameters(Parameters(model, "static"), room, g, rng)
@@ -150,10 +147,6 @@ def fourier_motion(
         harmonics: Three or more: with fewer nothing begins at rest.
         rate: Rows per second.
         trials: How many motions are looked at.
-
-    Raises:
-        LimitError: No motion that was tried keeps all limits.
-        InputError: A period, rate or number that is not positive, fewer than three harmonics, or no pose that is free.
     """
     if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * ROWS):
         raise InputError(
@@ -242,11 +235,7 @@ class _MotionSearch:
 
 
 def free_poses(limits: MotionLimits, rng: np.random.Generator) -> Floats:
-    """Return poses within the limits that can be rested in, (M, n), one or more.
-
-    Raises:
-        InputError: None was found; the message names what touches or is too heavy.
-    """
+    """Return poses within the limits that can be rested in, (M, n), one or more."""
     low, high = limits.room.inner()
     drawn = rng.uniform(low, high, (POSES, limits.model.n))
     free = limits.free_poses(drawn)

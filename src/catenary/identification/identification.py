@@ -93,9 +93,6 @@ class Identification:
 
         Returns:
             (n,) or (N, n) [Nm or N].
-
-        Raises:
-            InputError: Another shape, NaN, or a motion asked of what was identified from poses at rest.
         """
         motion, single = motion_rows(self.model, q, qd=qd, qdd=qdd)
         if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):
@@ -155,10 +152,6 @@ class Identification:
         """Return the robot with the identified inertia, friction, rotors and springs.
 
         Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
-
-        Raises:
-            MissingInertiaError: The fit was not physically consistent: base parameters are combinations of links',
-                and no inertia of any single link follows from them.
         """
         parameters, consistent = self.base.parameters, self._consistent()
         static = self.options.terms == "static"

@@ -63,14 +63,7 @@ def identification_card(
     notes: tuple[str, ...] = (),
     mends: Mapping[str, Sequence[str]] | None = None,
 ) -> Card:
-    """Describe an identification: everything a stranger must know before using its parameters.
-
-    Args:
-        result: What was identified.
-        data: The recordings that were fitted and tested, as plain data.
-        notes: What was decided on the way.
-        mends: How the recordings that were fitted were mended; see `MotionLog.settled`.
-    """
+    """Describe an identification: everything a stranger must know before using its parameters."""
     base = result.base
     return {
         "robot": result.model.name,

@@ -71,11 +71,6 @@ def judge(test: LogResidual, axes: Collection[int], telling: Collection[int]) ->
 
     holds: every axis is predicted. unclear: the axes that are not were moved too little, or where nothing was fitted.
     fails: an axis is hardly better than predicting no torque. drifted: otherwise, as when the arm or its load changed.
-
-    Args:
-        test: Residual on the recording.
-        axes: Those that are not predicted.
-        telling: Those of them whose motion can tell.
     """
     if not axes:
         return "holds"

@@ -32,12 +32,7 @@ SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of 
 
 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
-    """Return a recording with its joints in the robot's order, refused where its torques or positions cannot be it.
-
-    Raises:
-        InputError: Other joints or units, no torques, or positions that seem to be in other units; the message names
-            the recording, the joint and what it looks like.
-    """
+    """Return a recording with its joints in the robot's order, refused where its torques or positions cannot be it."""
     where = f'recording "{log.name}"'
     log = log.in_order_of(model, of=f'robot "{model.name}" has')
     if log.tau is None:
@@ -67,9 +62,6 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
         model: The robot.
         derivative: (N, n) derivative of the positions.
         qd: (N, n) recorded velocities, filtered in the same way.
-
-    Raises:
-        InputError: Another joint's velocity, or one in another unit or at another sampling rate.
     """
     own = derivative - derivative.mean(axis=0)
     given = qd - qd.mean(axis=0)
@@ -103,12 +95,7 @@ LEAST, MOST = 1.0, 30.0  # [m/s2] that gravity on a base can be; beyond it is in
 
 
 def base_of(log: MotionLog) -> tuple[Floats | None, Floats | None, Floats | None]:
-    """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, where a log has them.
-
-    Raises:
-        InputError: An axis is missing, values are not finite, gravity is none or in another unit, or the base turns
-            and there is no gravity.
-    """
+    """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, where a log has them."""
     found = {name: _vector(log, name) for name in UNITS}
     gravity = found["gravity"]
     if gravity is None and any(values is not None for values in found.values()):
@@ -211,10 +198,6 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     filtered velocity, and so are velocities of the position where none were recorded. A recording in which time goes
     back, or that has gaps, is several, each filtered and cut by itself; those shorter than the filter
     needs are left out. At rest nothing is filtered.
-
-    Raises:
-        InputError: Other joints than the robot's, no torques, no time, not rad, m and s by the look of it, or shorter
-            than the filter needs; the message names the recording and the joint.
     """
     log = checked_log(log, model)
     assert log.tau is not None  # for the type checker; checked_log refused
@@ -358,11 +341,7 @@ def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: S
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:
-    """Split a recording into every first and every second block of a length [s, or rows at rest].
-
-    Raises:
-        InputError: It has not two blocks.
-    """
+    """Split a recording into every first and every second block of a length [s, or rows at rest]."""
     held_out = np.floor((samples.time - samples.time[0]) / length).astype(np.int64) % 2 == 1
     if not held_out.any():
         raise InputError(

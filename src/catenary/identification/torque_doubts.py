@@ -176,11 +176,6 @@ def swapped_axes(
     """Return the pair of axes whose swapping back removes most of all axes' residual, or None, and the share left.
 
     Positions with velocities and torques are swapped, or torques alone.
-
-    Args:
-        result: What was identified.
-        samples: The recording.
-        refit: It is one that was fitted: parameters are fitted anew for every pair.
     """
     rows = _some_rows(samples)
     before = _misfit(result, rows, refit)

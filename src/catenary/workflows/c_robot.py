@@ -37,12 +37,7 @@ class CFunctions(NamedTuple):
 
 
 def c_gravity(model: RobotModel, name: str) -> CFunctions:
-    """Write `NAME_gravity`, `NAME_gravity_regressor` and `NAME_compact_regressor`, and the sines that all need.
-
-    Raises:
-        InputError: The robot's coupling is not finite.
-        MissingInertiaError: Links without mass.
-    """
+    """Write `NAME_gravity`, `NAME_gravity_regressor` and `NAME_compact_regressor`, and the sines that all need."""
     if not np.isfinite(model.coupling).all() or not np.isfinite(model.offset).all():
         raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
     gravity, regressor = gravity_line(model), gravity_regressor_line(model)
@@ -85,9 +80,6 @@ def c_motion(model: RobotModel, name: str, loads: ActuationLoads | None = None) 
 
     They come after `c_gravity` of the same name, whose sines they take. With `loads` there are friction, and rotors,
     springs and known torques, too.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
     """
     n, mass = model.n, mass_matrix_line(model)
     holding, motion = holding_line(model), inverse_dynamics_line(model)

@@ -83,10 +83,6 @@ def held_against(
         paths: The recordings.
         reading: Mapping of recordings of another make, and what to change of them.
         max_error: Per joint, deg and mm; as in the model's fit when None.
-
-    Raises:
-        FileFormatError: The model or a recording is missing or damaged.
-        InputError: A recording is of other joints.
     """
     model, card = load_model(model_path)
     check_card(card, str(model_path))
@@ -230,17 +226,7 @@ def _shape(tensor: Any) -> list[int | str]:
 def recordings_for(
     model: CalibrationModel | MotionLog, paths: Sequence[Path], reading: Reading | None = None
 ) -> list[MotionLog]:
-    """Read recordings that a model is held against; see `recording_for`.
-
-    Args:
-        model: The model, whose joints they then are of, in its order; or a recording that one will be fitted to.
-        paths: The recordings.
-        reading: Mapping of recordings of another make, and what to change of them.
-
-    Raises:
-        FileFormatError: A recording is missing or damaged.
-        InputError: There is none, or one has other joints.
-    """
+    """Read recordings that a model is held against; see `recording_for`."""
     if not paths:
         raise InputError("data: expected at least one recording, got none")
     logs = [recording_for(model, path, reading) for path in paths]

@@ -132,11 +132,7 @@ def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
 
 
 def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
-    """Return some rows of a recording.
-
-    Raises:
-        InputError: It has not so many.
-    """
+    """Return some rows of a recording."""
     first, last = rows
     if not 0 <= first < last <= len(log):
         raise InputError(f'recording "{log.name}": has rows 0 to {len(log)}, got {first}:{last}')

@@ -129,11 +129,7 @@ def simulated_arm(
 
 
 def with_gains(arm: SimulatedArm, kp: ArrayLike | None, kd: ArrayLike | None) -> SimulatedArm:
-    """Return an arm with other gains at its joints: one number for all, or (n,); its own where None.
-
-    Raises:
-        InputError: A gain is negative or not finite, or there are others than joints.
-    """
+    """Return an arm with other gains at its joints: one number for all, or (n,); its own where None."""
     chosen = []
     for name, own, given in zip(("kp", "kd"), arm.gains, (kp, kd), strict=True):
         values = own if given is None else as_array(name, given, () if np.ndim(given) == 0 else own.shape)
@@ -163,12 +159,6 @@ def rigid_arm(
         gains: Of its joints; gains_from_mass when None.
         motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
         hardware: Friction of its joints, none when None; its rotors are `motor_inertia`.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        MissingPackageError: MuJoCo is not installed.
-        InputError: A negative payload, or inertia of another shape.
-        LimitError: `start` is outside the joint limits.
     """
     model.require_inertia()
     n = model.n

@@ -157,11 +157,7 @@ def calibrate_robot(
 def _models(
     project: Project, robot: str | None, asked: FitOptions | None, run: FitRun
 ) -> Mapping[str, FitOptions]:
-    """Return the options of a project's models, before minutes of motion and fits.
-
-    Raises:
-        InputError: Options that contradict each other.
-    """
+    """Return the options of a project's models, before minutes of motion and fits."""
     asked = FitOptions(kind="auto") if asked is None else asked
     require_folds(asked, run)
     return models_for(robot, replace(asked, seed=project.settings.seed or 0))

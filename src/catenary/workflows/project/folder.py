@@ -300,11 +300,7 @@ def project_settings(folder: Path) -> ProjectSettings | None:
 
 
 def write(path: Path, content: Any) -> None:
-    """Write plain data as JSON, unless the file holds just that.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write plain data as JSON, unless the file holds just that."""
     data = _as_bytes(content)
     if path.is_symlink() or not path.is_file() or path.read_bytes() != data:
         write_atomically(path, data)

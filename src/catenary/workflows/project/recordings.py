@@ -152,12 +152,7 @@ class Imported:
 
 
 def read_imports(project: Project, paths: Sequence[Path], mapping: RecordingMapping) -> list[Imported]:
-    """Read recordings by a mapping, or what the project keeps of them; nothing is written.
-
-    Raises:
-        FileFormatError: A recording cannot be read.
-        InputError: There is none of that name, or what the mapping names is not in it.
-    """
+    """Read recordings by a mapping, or what the project keeps of them; nothing is written."""
     found = []
     for path in paths:
         if not path.exists():
