@@ -25,6 +25,7 @@ from catenary.workflows.calibration_model import (
     recordings_for,
     warnings_of,
 )
+from catenary.workflows.project.deploy import Deployment
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.recordings import (
@@ -36,7 +37,7 @@ from catenary.workflows.project.recordings import (
 )
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
-from catenary.workflows.project.state import DeploymentFile, read_state
+from catenary.workflows.project.state import read_state
 
 TRAIN, TEST = "train", "test"
 VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
@@ -336,7 +337,7 @@ def conclude(
     deployment = None
     if deployed is not None:
         deployment = read_state(
-            deployed, DeploymentFile, "delete it, and `catenary calibrate PROJECT` makes it again"
+            deployed, Deployment, "delete it, and `catenary calibrate PROJECT` makes it again"
         )
     page = project.folder / "report.html"
     best = results[RECOMMENDED]

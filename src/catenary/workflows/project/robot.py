@@ -78,7 +78,7 @@ class ProjectRobot(ABC):
     def deploy(
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
-        """Run a model in its 1 kHz loop along a trajectory, and return `Deployment.as_data`."""
+        """Run a model in its 1 kHz loop along a trajectory, and return its `Deployment` as plain data."""
 
 
 def arm_of(project: Project) -> Arm:
