@@ -100,7 +100,7 @@ refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
 
 prior: $(VENV)/.package
-	$(BIN)/python -m papers.prior.learn src/catenary/calibration/priors/data/simulated.json
+	$(BIN)/python -m papers.prior.learn src/catenary/calibration/data/simulated.json
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

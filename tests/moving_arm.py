@@ -7,7 +7,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.actuation_loads import actuation_columns
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.identification.options import actuation_of
+from catenary.identification.identify_options import actuation_of
 from catenary.plant import MotionLog
 from catenary.robots.actuation import actuation_terms
 from catenary.robots.model import RobotModel

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.neural import BEST, PAPER
 from catenary.plant import MotionLog
@@ -59,6 +60,6 @@ def short_training() -> Iterator[None]:
     paper = replace(PAPER, hidden=(20, 20), l2=1e-5, learning_rate=1e-2, epochs=60)
     best = replace(BEST, hidden=(20, 20), l2=(1e-4, 1e-3), epochs=15)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("catenary.calibration.fit.PAPER", paper)
-        patch.setattr("catenary.calibration.fit.BEST", best)
+        patch.setattr("catenary.calibration.fit_rows.PAPER", paper)
+        patch.setattr("catenary.calibration.fit_rows.BEST", best)
         yield

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from catenary import MotionLog
-from catenary.calibration.choice import SIMPLEST_FIRST, block_squares
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FOLDS, FitResult, FitRun, fit_logs
+from catenary.calibration.fit_options import FOLDS, FitOptions, FitRun
+from catenary.calibration.fit_recordings import FitResult, fit_logs
+from catenary.calibration.kind_choice import SIMPLEST_FIRST, block_squares
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from papers.beyond.intervals import DVRK_UNITS, LATER, RECORDINGS, TRAININGS

@@ -13,16 +13,15 @@ import numpy as np
 from catenary import CablePlant, GravityPD, JointState, MotionLog, Reference, random_sinusoids
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.control.gravity_pd import GravityHold
 from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
-from catenary.workflows.gravity.hold import hold
 from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.track import with_approach
+from catenary.workflows.gravity.trials import hold, with_approach
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond.bases import BASES, homed_level, put_on
 from papers.calibration.recordings import calibration_log, draws, fitted, unguarded

@@ -20,7 +20,8 @@ from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data, error_limits, sampling_rate
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit import PLAY_SHARES, SMALLEST_DATA, FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
+from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.workflows.identify import part_of

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.calibration.choice import tried
 from catenary.calibration.dataset import CalibrationData, calibration_data, error_limits
 from catenary.calibration.evaluate import CrossValidation, Spread, evaluate
-from catenary.calibration.fit import FitOptions, Inputs, choose_inputs, fit
-from catenary.calibration.fitting import FOLDS
+from catenary.calibration.fit_options import FOLDS, FitOptions
+from catenary.calibration.fit_rows import Inputs, choose_inputs, fit
+from catenary.calibration.kind_choice import tried
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.units import DISPLAY

@@ -15,8 +15,8 @@ from catenary import MotionLog
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
-from catenary.calibration.fit import PLAY_SHARES, FitOptions
-from catenary.calibration.fitting import FitRun, fit_logs
+from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
+from catenary.calibration.fit_recordings import fit_logs
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS

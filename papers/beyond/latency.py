@@ -12,7 +12,7 @@ import numpy as np
 
 from catenary import Corrector, random_sinusoids, record_simulated
 from catenary.calibration.features import signals_of
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.plant import MotionLog
 from papers.calibration.inputs import SIXTEEN

@@ -8,8 +8,9 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.arrays import Floats
-from catenary.calibration.fit import PLAY_SHARES, FitOptions, choose_inputs
-from catenary.calibration.regression import fit_linear
+from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
+from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.predictors import fit_linear
 
 WRIST = (3, 4, 5)
 # of J5 and J6, by which the cables of the two jaws move; that of the pitch moves with J5 alone

@@ -20,7 +20,7 @@ from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.dataset import error_limits
 from catenary.calibration.neural import BEST, fit_neural
-from catenary.calibration.regression import fit_linear
+from catenary.calibration.predictors import fit_linear
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.units import DISPLAY

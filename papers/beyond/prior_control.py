@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.calibration.fit import PLAY_SHARES, FitOptions
+from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 from catenary.reports.page import Table
 from papers.beyond.few_minutes import LINEAR, MODELS, curve_of, stages
 from papers.calibration.dvrk import JOINTS, RECORDINGS

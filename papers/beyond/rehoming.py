@@ -26,7 +26,7 @@ import numpy as np
 
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from catenary.workflows.robot.motion import move_to

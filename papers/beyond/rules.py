@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.calibration.choice import SIMPLEST_FIRST, choose
 from catenary.calibration.conformal import block_quantile, time_blocks
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import CrossValidation, evaluate
-from catenary.calibration.fit import FitOptions, fit
-from catenary.calibration.fitting import COVERAGE, FOLDS
+from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions
+from catenary.calibration.fit_rows import fit
+from catenary.calibration.kind_choice import SIMPLEST_FIRST, choose
 from catenary.reports.page import Table
 from papers.beyond.advice import WITHIN
 from papers.beyond.fifths import Fifths, as_validation, fifths_of, limits, log_of, rows_of

@@ -16,7 +16,7 @@ import numpy as np
 
 from catenary import random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.reports.page import Table
 from papers.beyond.bases import BASES, DIFFERENCE, GRAVITY, LEVEL_BASE, homed_level, put_on, with_gravity
 from papers.calibration.homings import outside

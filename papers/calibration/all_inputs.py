@@ -11,8 +11,7 @@ from sklearn.preprocessing import PolynomialFeatures
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.neural import PAPER, PAPER_LARGER, NetworkSettings
-from catenary.calibration.predictors import Network
-from catenary.calibration.regression import fit_polynomial
+from catenary.calibration.predictors import Network, fit_polynomial
 from catenary.calibration.valid_range import standardisation
 from papers.calibration.networks import network_model, parameters
 from papers.calibration.recordings import JOINTS, SETS, fitted, rows_of, unguarded

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit import PLAY_SHARES, FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.units import DISPLAY

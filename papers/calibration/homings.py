@@ -13,7 +13,7 @@ import numpy as np
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.recordings import (

@@ -7,7 +7,7 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.calibration.neural import NetworkSettings, fit_neural
 from catenary.calibration.predictors import Network

@@ -13,7 +13,8 @@ from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated, 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import ANY, CalibrationModel
 from catenary.calibration.valid_range import ValidRange
 from catenary.simulation.cable_parameters import CableArm

@@ -22,7 +22,7 @@ import numpy as np
 from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot

@@ -27,7 +27,7 @@ from catenary.trajectories.reference import InTurn, Rest, Trajectory
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.track import with_approach
+from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Plain
 from papers.gravity.raven_base import Z0, turned_base
 

@@ -33,7 +33,7 @@ from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.track import with_approach
+from catenary.workflows.gravity.trials import with_approach
 from papers.claims import mean_and_spread
 from papers.experiment import (
     Case,

@@ -26,7 +26,7 @@ from catenary.simulation.firmware import NOMINAL, grav_dir_of
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.gravity.track import with_approach
+from catenary.workflows.gravity.trials import with_approach
 from papers.claims import mean_and_spread
 from papers.experiment import (
     Case,

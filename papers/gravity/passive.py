@@ -29,9 +29,9 @@ from catenary.control.loop import GravitySource
 from catenary.reports.page import Table
 from catenary.spatial import LEVEL
 from catenary.workflows.gravity.controllers import make_hold
-from catenary.workflows.gravity.hold import hold
 from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
+from catenary.workflows.gravity.trials import hold
 from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
     Case,

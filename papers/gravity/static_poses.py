@@ -31,7 +31,7 @@ from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.track import with_approach
+from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Case, Outcomes, Result, Scope, run
 from papers.gravity.raven_base import SHOWN, turned_base
 from papers.gravity.tracking import gravity_source

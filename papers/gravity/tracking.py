@@ -34,7 +34,7 @@ from catenary.trajectories.reference import SampledTrajectory, Trajectory
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
-from catenary.workflows.gravity.track import track
+from catenary.workflows.gravity.trials import track
 from papers.experiment import Result, run
 from papers.gravity.events import TrueAttitude
 from papers.gravity.raven_base import ASIDE, SHOWN, rocking_base, turned_base

@@ -12,7 +12,7 @@ import numpy as np
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.evaluate import Evaluation, evaluate
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import DIRECTIONS, Direction

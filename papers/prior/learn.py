@@ -1,4 +1,4 @@
-"""Learn the prior of the package on simulated arms, from seeds: `make prior`; it rewrites priors/data/simulated.json.
+"""Learn the prior of the package on simulated arms, from seeds: `make prior`; it rewrites data/simulated.json.
 
 Each arm gives the first part of a recording, of a length of its own; its first and last joint are fitted with the prior
 so far, and a class's variance becomes the mean square of its weights, posterior uncertainty included
@@ -17,10 +17,10 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.fit import MEMORY_RIDGE, PLAY_SHARES, FitOptions, choose_inputs
-from catenary.calibration.priors.evidence import posterior
-from catenary.calibration.priors.prior import Prior, PriorOfFeatures, prior_of_features
-from catenary.calibration.regression import fit_linear
+from catenary.calibration.feature_prior import Prior, PriorOfFeatures, posterior, prior_of_features
+from catenary.calibration.fit_options import MEMORY_RIDGE, PLAY_SHARES, FitOptions
+from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.predictors import fit_linear
 from catenary.calibration.valid_range import standardisation
 from papers.prior.arms import drawn_arm
 

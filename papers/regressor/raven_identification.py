@@ -44,7 +44,7 @@ from catenary.control.loop_report import pd_share
 from catenary.errors import ExcitationError
 from catenary.gravity.compact_regressor import CompactRegressor
 from catenary.identification.base_parameters import gravity_base_parameters
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.simulated_arm import raven_arm

@@ -10,7 +10,7 @@ from catenary.arrays import Floats
 from catenary.errors import ExcitationError
 from catenary.gravity.estimator import EstimatedGravity, RecursiveGravityEstimator
 from catenary.identification.identification import identify_samples
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare
 from catenary.recording.logs import read_torque_log
 from catenary.spatial import LEVEL

@@ -4,18 +4,53 @@ import hashlib
 import io
 import os
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from stat import S_ISREG
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.arrays import Floats
 from catenary.documents import json_table
 from catenary.errors import FileFormatError
 from catenary.files import card_path, card_text, damage, written_whole
 
 SEAL = "arrays_sha256"  # in a card: of the arrays that it was written with
+
+
+class Stored:
+    """How an array of a dataclass stands in an archive: by its name in the plain data, with its numbers beside them."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic import PlainValidator, ValidationInfo
+
+        def read(name: Any, info: ValidationInfo) -> NDArray[Any]:
+            arrays: Mapping[str, NDArray[Any]] = info.context or {}
+            if not isinstance(name, str) or name not in arrays:
+                raise ValueError("expected the name of an array in the archive")
+            return arrays[name]
+
+        return handler.generate_schema(Annotated[Any, PlainValidator(read)])
+
+
+StoredFloats = Annotated[Floats, Stored()]
+StoredIntegers = Annotated[NDArray[np.int64], Stored()]
+
+
+def stored(record: Any, arrays: dict[str, NDArray[Any]], name: str = "") -> Any:
+    """Return a dataclass as plain data that `parse_settings` reads with `arrays` as its context; fill these."""
+    if isinstance(record, np.ndarray):
+        arrays[name] = record
+        return name
+    if is_dataclass(record):
+        record = {each.name: getattr(record, each.name) for each in fields(record)}
+    if isinstance(record, Mapping):
+        return {key: stored(value, arrays, f"{name}.{key}".lstrip(".")) for key, value in record.items()}
+    if isinstance(record, list | tuple):
+        return [stored(value, arrays, f"{name}.{k}") for k, value in enumerate(record)]
+    return record
 
 
 def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mapping[str, Any]) -> None:

@@ -27,7 +27,7 @@ from catenary.view.shown import Shown
 from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
-from catenary.workflows.gravity.track import with_approach
+from catenary.workflows.gravity.trials import with_approach
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

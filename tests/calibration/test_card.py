@@ -7,10 +7,11 @@ import pytest
 
 import catenary
 from catenary.calibration.card import model_card
-from catenary.calibration.choice import JointChoice, composed
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import Card
 from recordings import recording, short_training
 

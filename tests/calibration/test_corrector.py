@@ -10,7 +10,8 @@ from numpy.testing import assert_array_equal
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog

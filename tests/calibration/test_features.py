@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.calibration.arithmetic import run
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
-from catenary.calibration.kernels import run
 from catenary.errors import InputError
 from recordings import recording
 

@@ -9,9 +9,10 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit import PLAY_SHARES, FitOptions, choose_inputs, fit
-from catenary.calibration.fitting import FitRun, fit_logs
-from catenary.calibration.regression import fit_linear
+from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
+from catenary.calibration.fit_recordings import fit_logs
+from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.predictors import fit_linear
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from recordings import data_of, fitted, recording
@@ -137,7 +138,7 @@ def test_play_half_widths_do_not_look_at_the_held_out_part() -> None:
 def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
     monkeypatch.setattr(
-        "catenary.calibration.fit.fit_neural",
+        "catenary.calibration.fit_rows.fit_neural",
         lambda X, Y, *_, late, **__: seen.append(late) or fit_linear(X, Y),
     )
     fitted(log(rows=100), log(1, rows=50), kind="neural", preset="best")

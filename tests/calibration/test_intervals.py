@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.files import load_model, save_model
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitResult, FitRun, fit_logs
+from catenary.calibration.fit_options import FitOptions, FitRun
+from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import FARTHEST, Intervals
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.plant import JointState
 from oracles.calibration_models import random_model

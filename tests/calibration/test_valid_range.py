@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.kernels import run
+from catenary.calibration.arithmetic import run
 from catenary.calibration.valid_range import ValidRange, fit_valid_range
 
 MARGIN = 0.1

@@ -94,7 +94,7 @@ def _mcap() -> Reader:
 
 
 def _model() -> Reader:
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from tests.campaign.parts import archive_files
 
     return _of_files("model.npz", [archive_files._model()], load_model)

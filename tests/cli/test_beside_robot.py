@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.calibration.files import save_model
+from catenary.calibration.model_file import save_model
 from catenary.cli import beside_robot
 from catenary.cli.beside_robot import TerminalGuide
 from catenary.errors import TransportError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import simulated_arm
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import RECOMMENDED
 from catenary.workflows.project.lock import FolderLock

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.identification.files import load_identification
+from catenary.identification.identification_file import load_identification
 from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf

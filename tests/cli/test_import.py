@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.recording.logs import read_log
 from catenary.workflows.project import calibrate
 from command_line import catenary
@@ -69,7 +69,7 @@ def test_commands_take_the_source_with_its_mapping_as_they_take_the_log(bag: Pat
 def test_a_project_is_calibrated_from_bags(bag: Path, tmp_path: Path) -> None:
     from catenary.recording.foreign.mapping import mapping_of
     from catenary.workflows.project.folder import Project, ProjectSettings
-    from catenary.workflows.project.imported import keep_imports, read_imports
+    from catenary.workflows.project.recordings import keep_imports, read_imports
 
     project = Project(tmp_path / "project", ProjectSettings())
     mapping = mapping_of(MAP[1::2], units=UNITS[1])

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 import simulated_arm
-from catenary.calibration.files import load_model
+from catenary.calibration.model_file import load_model
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet

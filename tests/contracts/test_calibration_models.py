@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.choice import JointChoice, composed
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.files import load_model, save_model
+from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model_file import load_model, save_model
 from recordings import fitted, recording, short_training
 
 KINDS: dict[str, dict[str, Any]] = {

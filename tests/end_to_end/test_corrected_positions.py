@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import simulated_arm
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.files import load_model
+from catenary.calibration.model_file import load_model
 from catenary.recording.logs import read_log
 from catenary.robots.catalog import load_robot
 from catenary.workflows.c_header import c_header

@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import command_message, pose_message, pose_of
 from catenary.crtk.joints import model_joints

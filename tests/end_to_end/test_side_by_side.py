@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catenary.calibration.files import save_model
+from catenary.calibration.model_file import save_model
 from catenary.plant import MotionLog
 from meeting import Meeting
 from patience import until

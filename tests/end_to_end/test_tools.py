@@ -15,7 +15,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary import CrtkClient, MotionLog, forward_kinematics, gravity_torque, load_robot
-from catenary.calibration.files import save_model
+from catenary.calibration.model_file import save_model
 from catenary.crtk import network
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.names import find_topic

@@ -19,7 +19,7 @@ from catenary.identification.base_parameters import (
     gravity_base_parameters,
     random_configurations,
 )
-from catenary.identification.columns import Parameters
+from catenary.identification.parameters import Parameters
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.spatial import identity_pose

@@ -1,18 +1,89 @@
+"""Designed poses and motions: what they show, what they keep, and the errors to expect of them."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.collision.bodies import floor_at
+from catenary.collision.bodies import box_at, floor_at
 from catenary.collision.contacts import is_free
-from catenary.errors import InputError
-from catenary.identification.excitation import static_poses
+from catenary.errors import InputError, LimitError
+from catenary.identification.excitation import compare, expected, fourier_motion, static_poses, torque_noise
 from catenary.identification.motion_limits import MotionLimits, room_of
+from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
 from colliding_arm import PANDA, apart, capsule_arm
 
 LIMITS = MotionLimits(PANDA, room_of(PANDA), np.array(LEVEL))
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return fourier_motion(LIMITS, np.random.default_rng(0), trials=40)
+
+
+def test_a_motion_begins_and_ends_at_rest_in_one_pose(motion):
+    for end in (0, -1):
+        assert_allclose(motion.qd[end], 0.0, atol=1e-12)
+        assert_allclose(motion.qdd[end], 0.0, atol=1e-11)
+    assert_allclose(motion.q[0], motion.q[-1], atol=1e-12)
+
+
+def test_velocities_and_accelerations_are_derivatives(motion):
+    step = motion.time[1]
+    assert_allclose(motion.qd[1:-1], (motion.q[2:] - motion.q[:-2]) / (2 * step), atol=1e-3)  # (5 w h)^2 / 6
+    assert_allclose(motion.qdd[1:-1], (motion.qd[2:] - motion.qd[:-2]) / (2 * step), atol=1e-2)
+
+
+def test_more_trials_show_more(motion):
+    better = fourier_motion(LIMITS, np.random.default_rng(0), trials=200)
+    assert better.condition < motion.condition
+
+
+def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(motion):
+    assert motion.n_base == 64  # published by Gaz et al. 2019 with friction
+    assert motion.condition < 100.0
+
+
+def test_limits_may_be_narrower_than_the_robots():
+    narrow = replace(LIMITS, room=room_of(PANDA, velocity=np.full(7, 0.3)))
+    assert np.abs(fourier_motion(narrow, np.random.default_rng(0), trials=5).qd).max() <= 0.3
+
+
+def test_a_motion_above_a_floor_stays_there_and_shows_nearly_as_much():
+    scene = apart(capsule_arm(), [floor_at(0.1)])
+    kept = fourier_motion(replace(LIMITS, scene=scene), np.random.default_rng(0), trials=150)
+    free = fourier_motion(LIMITS, np.random.default_rng(0), trials=150)
+    assert kept.checked.clearance.is_kept
+    bounds = scene.lower_bounds(scene.place(kept.q))
+    assert bounds.min() >= 0.01
+    assert kept.checked.clearance.distance == pytest.approx(bounds.min(), abs=0.002)  # between fewer rows
+    assert scene.lower_bounds(scene.place(free.q)).min() < 0.0  # so that the floor is in the way at all
+    assert kept.condition < 2.0 * free.condition
+
+
+def test_no_motion_is_given_where_none_keeps_clear():
+    # free poses lie on both sides of walls that leave no room to move
+    walls = [
+        box_at(k, [0.35 * x, 0.35 * y, 0.5, 0.12, 0.12, 1.5])
+        for k, (x, y) in enumerate([(1, 1), (-1, 1), (1, -1), (-1, -1)])
+    ]
+    limits = replace(LIMITS, scene=apart(capsule_arm(radius=0.02), walls), margin=0.12)
+    with pytest.raises((LimitError, InputError), match=r"no motion found|in none of 300 poses"):
+        fourier_motion(limits, np.random.default_rng(0), trials=2)
+
+
+def test_a_robot_too_weak_for_its_weight_is_refused():
+    weak = replace(LIMITS, room=room_of(PANDA, effort=np.full(7, 1e-3)))
+    with pytest.raises(InputError, match="in none of 300 poses within the limits can its own weight be held"):
+        fourier_motion(weak, np.random.default_rng(0), trials=2)
+
+
+@pytest.mark.parametrize("wrong", [{"harmonics": 2}, {"period": -1.0}, {"rate": 1.0}, {"trials": 0}])
+def test_motions_that_cannot_be_are_refused(wrong):
+    with pytest.raises(InputError, match="fourier: expected"):
+        fourier_motion(LIMITS, np.random.default_rng(0), **wrong)
 
 
 def test_poses_stay_within_the_limits_and_follow_from_the_seed():
@@ -38,7 +109,7 @@ def test_poses_touch_nothing():
 
 
 def test_poses_are_refused_where_none_is_free(monkeypatch):
-    monkeypatch.setattr("catenary.identification.excitation.ATTEMPTS", 3)
+    monkeypatch.setattr("catenary.identification.excitation.POSE_ATTEMPTS", 3)
     limits = replace(LIMITS, scene=apart(capsule_arm(), [floor_at(1.5)]))
     with pytest.raises(InputError, match="none of 60 poses within the limits is free"):
         static_poses(limits, 15, np.random.default_rng(0))
@@ -47,3 +118,51 @@ def test_poses_are_refused_where_none_is_free(monkeypatch):
 def test_too_few_poses_are_refused():
     with pytest.raises(InputError, match=r"2 poses cannot show \d+ base parameters: expected 3 or more"):
         static_poses(LIMITS, 2, np.random.default_rng(0))
+
+
+PLANAR = load_robot("ur5e")
+PLANE_LIMITS = MotionLimits(
+    PLANAR, room_of(PLANAR, lower=np.full(6, -2.0), upper=np.full(6, 2.0)), np.array(LEVEL)
+)
+
+
+@pytest.fixture(scope="module")
+def design():
+    return fourier_motion(PLANE_LIMITS, np.random.default_rng(0), trials=60, rate=50.0)
+
+
+def test_expected_errors_are_the_spread_of_many_identifications(design):
+    rows = design.q[::5], design.qd[::5], design.qdd[::5]
+    noise = np.array([3.0, 2.0, 1.0, 0.5, 0.5, 0.2])
+    told = expected("designed", design.base, rows, PLANE_LIMITS.gravity, noise)
+    Y = design.base.regressor(*rows, PLANE_LIMITS.gravity) / noise[:, None]
+    Y = Y.reshape(-1, design.n_base)
+    rng = np.random.default_rng(1)
+    found = np.linalg.lstsq(Y, rng.normal(size=(len(Y), 2000)), rcond=None)[0]  # true parameters are zero
+    assert_allclose(found.std(axis=1), told.errors, rtol=0.1)  # of 2,000 draws: 1.6 %
+
+
+def test_a_designed_motion_is_expected_to_do_better_than_others(design):
+    found = compare(PLANE_LIMITS, design, torque_noise(PLANE_LIMITS, None), np.random.default_rng(0))
+    assert found.designed.condition == pytest.approx(design.condition)
+    assert found.designed.hidden == 0
+    assert found.random is not None
+    assert found.random.condition > design.condition
+    assert found.random.times(found.designed)[0] > 1.0
+    assert found.single is not None
+    assert found.single.hidden > 0  # what couples two joints shows in no motion of one
+    assert found.single.condition == np.inf
+
+
+def test_parameters_that_a_motion_does_not_show_are_not_told_an_error(design):
+    rest = np.tile(design.q[:1], (50, 1))
+    still = expected("rest", design.base, (rest, 0 * rest, 0 * rest), PLANE_LIMITS.gravity, np.ones(6))
+    assert still.hidden > 20
+
+
+def test_noise_is_a_hundredth_of_the_torque_limits_unless_given():
+    assert_allclose(torque_noise(PLANE_LIMITS, None), 0.01 * PLANAR.effort_limit)
+    assert_allclose(torque_noise(PLANE_LIMITS, 0.3), 0.3)
+    raven = load_robot("raven2")
+    limits = MotionLimits(raven, room_of(raven, velocity=[1, 1, 0.1]), np.array(LEVEL))
+    assert_allclose(torque_noise(limits, None), 1.0)

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.actuation_loads import known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.identification.course import presliding
+from catenary.identification.friction_history import presliding
 from catenary.identification.identification import identify
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.catalog import load_robot
 from moving_arm import LEVEL, recorded, sinusoids
 

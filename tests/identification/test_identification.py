@@ -11,9 +11,9 @@ from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.consistency import pseudo_inertia
 from catenary.identification.identification import identify
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
-from catenary.identification.swapped import swapped_axes
+from catenary.identification.torque_doubts import swapped_axes
 from catenary.robots.actuation import Actuation, KnownTorque, default_actuation
 from catenary.robots.catalog import load_robot
 from moving_arm import LEVEL, recorded, sinusoids

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from catenary.collision.bodies import floor_at
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError
-from catenary.identification.fourier import fourier_motion
+from catenary.identification.excitation import fourier_motion
 from catenary.identification.motion_limits import MotionLimits, room_of
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL

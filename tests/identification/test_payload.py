@@ -6,7 +6,7 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identification import identify
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload, payload_candidates, point_mass
 from catenary.identification.samples import prepare
 from catenary.robots.assembly import Coordinate, Link, assemble

@@ -15,8 +15,9 @@ from sklearn.preprocessing import StandardScaler
 
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import JointErrors, evaluate
-from catenary.calibration.fit import FitOptions, Inputs, choose_inputs, fit
-from catenary.calibration.fitting import fit_logs
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_recordings import fit_logs
+from catenary.calibration.fit_rows import Inputs, choose_inputs, fit
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 

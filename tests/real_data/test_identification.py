@@ -9,11 +9,11 @@ import pytest
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import ExcitationError, InputError
-from catenary.identification.doubts import torque_findings
 from catenary.identification.identification import Identification, identify, identify_samples
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
+from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_torque_log
 from catenary.robots.catalog import load_robot

@@ -9,8 +9,8 @@ import pytest
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
-from catenary.calibration.fit import PLAY_SHARES, FitOptions
-from catenary.calibration.fitting import FitResult, FitRun, fit_logs
+from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
+from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 

@@ -11,8 +11,8 @@ import pytest
 
 import simulated_arm
 from catenary.calibration.evaluate import Evaluation, evaluate
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitResult, FitRun
+from catenary.calibration.fit_options import FitOptions, FitRun
+from catenary.calibration.fit_recordings import FitResult
 from catenary.reports import calibration
 from catenary.reports.calibration import write_calibration_report
 from catenary.reports.error_tables import (
@@ -26,7 +26,7 @@ from catenary.reports.error_tables import (
 )
 from catenary.reports.joint_picture import joint_picture
 from catenary.reports.page import Picture, Table
-from catenary.workflows.fit import fit_calibration
+from catenary.workflows.calibration_model import fit_calibration
 
 NAME = "<b>J1</b> & co"
 Result = tuple[FitResult, Evaluation]

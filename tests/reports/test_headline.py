@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 
 import simulated_arm
 from catenary.calibration.evaluate import Evaluation, Spread
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitRun
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.reports.error_tables import error_table
 from catenary.reports.headline import MOST_JOINTS, JointGain, headline, recommendation
-from catenary.workflows.fit import fit_calibration
+from catenary.workflows.calibration_model import fit_calibration
 
 
 @pytest.fixture(scope="module")

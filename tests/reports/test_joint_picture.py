@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 import simulated_arm
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitRun
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.reports import joint_picture
 from catenary.reports.page import Picture
-from catenary.workflows.fit import fit_calibration
+from catenary.workflows.calibration_model import fit_calibration
 
 
 def drawn(

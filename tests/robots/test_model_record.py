@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.actuation_loads import known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import FileFormatError
-from catenary.identification.files import identification_card, save_identification
 from catenary.identification.identification import Identification, identify
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identification_file import identification_card, save_identification
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf_export import urdf_text
 from catenary.workflows.gravity.simulated_arm import simulated_arm

@@ -8,8 +8,8 @@ import pytest
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import fit_logs
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_recordings import fit_logs
 from catenary.plant import MotionLog
 from catenary.recording.foreign.mapping import Quantity, RecordingMapping
 from catenary.recording.foreign.read import Reading, read_recording

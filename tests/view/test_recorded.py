@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.calibration import calibration
-from catenary.calibration.files import load_model
+from catenary.calibration.model_file import load_model
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import MotionLog

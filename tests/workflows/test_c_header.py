@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.calibration.arithmetic import Step
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.files import save_model
 from catenary.calibration.intervals import Intervals
-from catenary.calibration.kernels import Step
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model_file import save_model
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.torque import gravity_torque

@@ -15,7 +15,7 @@ from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.backpropagation import Adam
+from catenary.calibration.neural import Adam
 from catenary.calibration.valid_range import standardisation
 from papers.calibration.peers.rows import Places, Rows
 

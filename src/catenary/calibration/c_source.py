@@ -1,8 +1,8 @@
 """Writes a calibration model as C99, which is C++ too: what `Corrector` does in a tick, without memory of its own.
 
-Each step of the tick becomes a call of a C function of the same name and arithmetic as the one in kernels.py, for one
-row; arrays become constants, working memory, or the state that the caller keeps. The C compiler must not be told
--ffast-math, which takes NaN for a number. Results agree with Python's to rounding.
+Each step of the tick becomes a call of a C function of the same name as the one in arithmetic.py, for one row; arrays
+become constants, working memory, or the state that the caller keeps. The C compiler must not be told -ffast-math, which
+takes NaN for a number. Results agree with Python's to rounding.
 """
 
 import inspect
@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.calibration.kernels import Step
-from catenary.calibration.leaps import CONFIRM, FADE, FAST, SEVERAL
+from catenary.calibration.arithmetic import Step
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.spike_filter import CONFIRM, FADE, FAST, SEVERAL
 from catenary.errors import InputError
 
 
@@ -215,9 +215,6 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz:
         model: The model.
         decimation: Ticks between the previous positions that it takes; see `Corrector`.
         rate_hz: Of the ticks; see `CalibrationModel.tick_steps`.
-
-    Raises:
-        InputError: A predictor takes a step that has no C.
     """
     n, memory = len(model.joint_names), model.features.memory(decimation)
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))

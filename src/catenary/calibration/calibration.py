@@ -8,6 +8,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,14 +18,21 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.evaluate import evaluate as evaluate_rows
-from catenary.calibration.files import load_model as read_model
-from catenary.calibration.files import save_model
-from catenary.calibration.fit import FitOptions, Kind, Preset
-from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
+from catenary.calibration.fit_options import (
+    COVERAGE,
+    FOLDS,
+    FitOptions,
+    FitRun,
+    Kind,
+    Preset,
+    Progress,
+    silent,
+)
+from catenary.calibration.fit_recordings import fit_logs
+from catenary.calibration.maintenance import judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card, Target
-from catenary.calibration.progress import Progress, silent
-from catenary.calibration.upkeep.judged import judge_recordings, mended_as_trained, trained_limits
-from catenary.calibration.upkeep.new_day import refresh_with
+from catenary.calibration.model_file import load_model as read_model
+from catenary.calibration.model_file import save_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
@@ -38,6 +46,14 @@ _log = logging.getLogger(__name__)
 Motion = ArrayLike | Recording | Sequence[Recording]
 
 
+class MotionArrays(TypedDict, total=False):
+    """What else of a motion is given as arrays, where its positions q_nominal (N, n) are one."""
+
+    tau: ArrayLike | None  # (N, n) joint torques [Nm|N]
+    qd: ArrayLike | None  # (N, n) joint velocities [rad/s|m/s]
+    time: ArrayLike | None  # (N,) [s]; where it steps back another motion begins
+
+
 @dataclass(frozen=True)
 class Calibration(CalibrationModel):
     """A fitted calibration model with its card: what it was fitted to, and its errors.
@@ -47,21 +63,12 @@ class Calibration(CalibrationModel):
 
     card: Card = field(default_factory=dict)
 
-    def predict(
-        self,
-        q_nominal: Motion,
-        *,
-        tau: ArrayLike | None = None,
-        qd: ArrayLike | None = None,
-        time: ArrayLike | None = None,
-    ) -> Floats:
+    def predict(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
         """Return where the joints really are.
 
         Args:
             q_nominal: (N, n) reported positions [rad|m], or recordings.
-            tau: (N, n) joint torques [Nm|N], if the model takes them; so for `qd` [rad/s|m/s].
-            qd: (N, n) joint velocities.
-            time: (N,) [s]; only its steps back count, where another motion begins.
+            arrays: What else the model takes, where positions are an array.
 
         Returns:
             (N, n) calibrated positions [rad|m]; outside the valid range the fixed offset is added.
@@ -70,46 +77,25 @@ class Calibration(CalibrationModel):
             InputError: Another number of joints, NaN, or an input of the model is missing.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = self._logs(q_nominal, tau=tau, qd=qd, time=time)
-        return np.concatenate([self.calibrate(log) for log in logs])
+        return np.concatenate([self.calibrate(log) for log in self._logs(q_nominal, **arrays)])
 
-    def predict_interval(
-        self,
-        q_nominal: Motion,
-        *,
-        tau: ArrayLike | None = None,
-        qd: ArrayLike | None = None,
-        time: ArrayLike | None = None,
-    ) -> Floats:
-        """Return half-widths of intervals about what `predict` gives.
-
-        Args:
-            q_nominal: As for `predict`; so are the others.
-            tau: Joint torques.
-            qd: Joint velocities.
-            time: [s].
+    def predict_interval(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
+        """Return half-widths of intervals about what `predict` gives; arguments and errors are its.
 
         Returns:
             (N, n) [rad|m]; a share of errors, `intervals.level`, is to lie within; wider outside the valid range,
             NaN where the model has no intervals.
-
-        Raises:
-            InputError: As for `predict`.
-            FileFormatError: A recording is missing or damaged.
         """
-        logs = self._logs(q_nominal, tau=tau, qd=qd, time=time)
-        return np.concatenate([self.half_widths(log) for log in logs])
+        return np.concatenate([self.half_widths(log) for log in self._logs(q_nominal, **arrays)])
 
     def evaluate(
         self,
         q_nominal: Motion,
         q_encoder: ArrayLike | None = None,
         *,
-        tau: ArrayLike | None = None,
-        qd: ArrayLike | None = None,
-        time: ArrayLike | None = None,
         window: float | None = None,
         accept: Sequence[str] = (),
+        **arrays: Unpack[MotionArrays],
     ) -> Evaluation:
         """Return errors before and after the model, on data that it should not have seen.
 
@@ -118,18 +104,16 @@ class Calibration(CalibrationModel):
         Args:
             q_nominal: As for `predict`.
             q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
-            tau: As for `predict`; so are `qd` and `time`.
-            qd: Joint velocities.
-            time: [s].
             window: Length of a time window [s]; a tenth of the data when None.
             accept: As for `fit`.
+            arrays: As for `predict`.
 
         Raises:
             DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
             InputError: As for `predict`, or nothing was measured.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = self._logs(q_nominal, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+        logs = self._logs(q_nominal, q_encoder, **arrays)
         limits = error_limits(trained_limits(self.card)[0], logs[0])
         data = calibration_data(logs, self.features, max_error=limits)
         judge_recordings(self, self.card, logs, accept=accept, max_error=limits)
@@ -140,27 +124,19 @@ class Calibration(CalibrationModel):
         q_nominal: Motion,
         q_encoder: ArrayLike | None = None,
         *,
-        tau: ArrayLike | None = None,
-        qd: ArrayLike | None = None,
-        time: ArrayLike | None = None,
         accept: Sequence[str] = (),
+        **arrays: Unpack[MotionArrays],
     ) -> "Calibration":
         """Return the model brought up to date with minutes of a new day; its card says what moved.
 
-        Args:
-            q_nominal: As for `evaluate`; so are the others.
-            q_encoder: True positions.
-            tau: Joint torques.
-            qd: Joint velocities.
-            time: [s].
-            accept: As for `fit`.
+        Arguments are those of `evaluate`.
 
         Raises:
             DataError: As for `evaluate`, or there is too little to learn from.
             InputError: As for `evaluate`, too few rows, or the model has learnt from the recording before.
             FileFormatError: A recording is missing or damaged.
         """
-        logs = self._logs(q_nominal, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+        logs = self._logs(q_nominal, q_encoder, **arrays)
         day = refresh_with(self, self.card, logs, accept=accept, max_error=trained_limits(self.card)[0])
         return _with_card(day.model, day.card)
 
@@ -168,9 +144,11 @@ class Calibration(CalibrationModel):
         """Return the model for a control loop; see `Corrector`."""
         return Corrector(self, rate_hz=rate_hz, decimation=decimation)
 
-    def _logs(self, motion: Motion, **quantities: ArrayLike | None) -> list[MotionLog]:
+    def _logs(
+        self, motion: Motion, q_encoder: ArrayLike | None = None, **arrays: Unpack[MotionArrays]
+    ) -> list[MotionLog]:
         """Return recordings with the model's joints, mended as its training data were, or arrays as they are."""
-        logs = _logs(motion, self.joint_names, self.joint_units, **quantities)
+        logs = _logs(motion, self.joint_names, self.joint_units, q_encoder, **arrays)
         if logs[0].name != ARRAYS:
             logs = [mended_as_trained(self, self.matched(log)) for log in logs]
         for note in [f"{log.name}: {n}" for log in logs for n in log.notes if n.startswith(AS_TRAINED)]:
@@ -202,9 +180,6 @@ def fit(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    tau: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    time: ArrayLike | None = None,
     model: Kind = "auto",
     preset: Preset | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
@@ -221,6 +196,7 @@ def fit(
     prior: str | None = None,
     accept: Sequence[str] = (),
     progress: Progress = silent,
+    **arrays: Unpack[MotionArrays],
 ) -> Calibration:
     """Fit a calibration model: what to add to the reported joint positions.
 
@@ -229,11 +205,8 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        tau: (N, n) joint torques [Nm|N]; taken as inputs when given.
-        qd: (N, n) joint velocities [rad/s|m/s]; taken when `inputs` says so.
-        time: (N,) [s]; needed by `history` in a control loop, whose rate must be known.
         model: "offset", "linear", "polynomial" or "neural"; "auto" chooses one of them for every joint, the simplest
-            that will do (choice.py).
+            that will do (kind_choice.py).
         preset: Of "neural": "paper" or "best", which is taken when None.
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         history: How many previous positions are inputs.
@@ -251,13 +224,15 @@ def fit(
             "simulated", what simulated robots have in common.
         accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
+        arrays: What else is known, where positions are an array: torques are taken as inputs, velocities when `inputs`
+            says so, time is needed by `history` in a control loop, whose rate must be known.
 
     Raises:
         DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
     """
-    logs = _logs(q_nominal, joint_names, units, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+    logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     options = FitOptions(
         kind=model,
         preset=preset,
@@ -287,22 +262,18 @@ def check_data(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    tau: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    time: ArrayLike | None = None,
     robot: str | None = None,
+    **arrays: Unpack[MotionArrays],
 ) -> tuple[Finding, ...]:
     """Return what is wrong with recordings, and what is worth knowing, before a model is made of them.
 
     Args:
         q_nominal: (N, n) reported positions [rad|m]; or recordings.
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement.
-        units: As for `fit`; so are `joint_names`, `tau`, `qd` and `time`.
+        units: "rad" or "m" per joint, as for `fit`.
         joint_names: Names of the joints.
-        tau: Joint torques.
-        qd: Joint velocities.
-        time: [s].
         robot: Catalogue name or file of the robot, whose limits positions are held against.
+        arrays: As for `fit`.
 
     Returns:
         Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
@@ -311,7 +282,7 @@ def check_data(
         InputError: Arrays that do not fit together.
         FileFormatError: A recording is missing or damaged.
     """
-    logs = _logs(q_nominal, joint_names, units, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+    logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     model = robot_of(logs, robot)
     return tuple(finding for log in logs for finding in findings_of(log, robot=model))
 
@@ -321,15 +292,13 @@ def evaluate(
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
     *,
-    tau: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    time: ArrayLike | None = None,
     window: float | None = None,
     accept: Sequence[str] = (),
+    **arrays: Unpack[MotionArrays],
 ) -> Evaluation:
     """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file."""
     loaded = model if isinstance(model, Calibration) else load_model(model)
-    return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window, accept=accept)
+    return loaded.evaluate(q_nominal, q_encoder, window=window, accept=accept, **arrays)
 
 
 def refresh(
@@ -337,14 +306,12 @@ def refresh(
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
     *,
-    tau: ArrayLike | None = None,
-    qd: ArrayLike | None = None,
-    time: ArrayLike | None = None,
     accept: Sequence[str] = (),
+    **arrays: Unpack[MotionArrays],
 ) -> Calibration:
     """Return a model brought up to date with minutes of a new day: `Calibration.refresh`, also of a model's file."""
     loaded = model if isinstance(model, Calibration) else load_model(model)
-    return loaded.refresh(q_nominal, q_encoder, tau=tau, qd=qd, time=time, accept=accept)
+    return loaded.refresh(q_nominal, q_encoder, accept=accept, **arrays)
 
 
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
@@ -357,9 +324,14 @@ def _logs(
     motion: Motion,
     joint_names: Sequence[str] | None,
     units: Sequence[str] | None,
-    **quantities: ArrayLike | None,
+    q_encoder: ArrayLike | None = None,
+    *,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
 ) -> list[MotionLog]:
     """Return recordings as logs; arrays become one."""
+    quantities = {"q_encoder": q_encoder, "tau": tau, "qd": qd, "time": time}
     recordings = [motion] if isinstance(motion, Recording) else motion
     if (
         isinstance(recordings, Sequence)

@@ -48,9 +48,6 @@ def estimate_intervals(errors: CrossValidation, *, level: float = 0.9) -> Interv
 
     Returns:
         The half-widths; None where there are too few rows for the level.
-
-    Raises:
-        InputError: The level is not between 0 and 1.
     """
     check_level(level)
     block = time_blocks(errors.recording, level=level)

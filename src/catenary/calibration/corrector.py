@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
+from catenary.calibration.arithmetic import Flags, blocks, bound, run
 from catenary.calibration.dataset import RATE_TOLERANCE
-from catenary.calibration.kernels import Flags, blocks, bound, run
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import UNUSED, Joints, JointState, places_of

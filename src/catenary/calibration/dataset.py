@@ -69,11 +69,7 @@ class CalibrationData:
         return first, last
 
     def require_joints_of(self, model: Jointed) -> None:
-        """Refuse rows of other joints than a model's, or in another order.
-
-        Raises:
-            InputError: The message shows both.
-        """
+        """Refuse rows of other joints than a model's, or in another order."""
         if (self.joint_names, self.joint_units) != (model.joint_names, model.joint_units):
             raise InputError(f"data: has joints {joints_text(self)}; the model is for {joints_text(model)}")
 
@@ -83,11 +79,7 @@ class CalibrationData:
         return replace(self, **{name: getattr(self, name)[mask] for name in columns})
 
     def split_by_time(self, held_out: float) -> tuple["CalibrationData", "CalibrationData"]:
-        """Return the first part of every recording and its last, whose share is `held_out`.
-
-        Raises:
-            InputError: The share is not between 0 and 1, or leaves a side empty.
-        """
+        """Return the first part of every recording and its last, whose share is `held_out`."""
         if not 0.0 < held_out < 1.0:
             raise InputError(f"held-out share: expected a number between 0 and 1, got {held_out}")
         late = self.position >= 1.0 - held_out
@@ -115,10 +107,6 @@ def calibration_data(
         logs: Recordings with q_encoder.
         features: What a model will take.
         max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
-
-    Raises:
-        InputError: No recording, no measurement, robots, joints or units that differ, an error limit of another
-            shape, no usable row.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
@@ -204,11 +192,7 @@ def _common_rate(logs: Sequence[MotionLog]) -> float | None:
 
 
 def in_one_order(logs: Sequence[MotionLog]) -> list[MotionLog]:
-    """Return recordings with the joints of each in the order of the first one's.
-
-    Raises:
-        InputError: They are of two robots, or of other joints or units.
-    """
+    """Return recordings with the joints of each in the order of the first one's."""
     for log in logs:
         a, b = logs[0].robot, log.robot
         if a is not None and b is not None and a != b:
@@ -217,11 +201,7 @@ def in_one_order(logs: Sequence[MotionLog]) -> list[MotionLog]:
 
 
 def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:
-    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm.
-
-    Raises:
-        InputError: Not one positive number per joint.
-    """
+    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm."""
     if max_error is None:
         return None
     if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):

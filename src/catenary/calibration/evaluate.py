@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.kernels import Flags
+from catenary.calibration.fit_options import Progress, part_of, silent
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
@@ -91,9 +91,6 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
         model: The model.
         data: Rows with the model's features.
         window: Length of a time window in s (rows, where there is no time); a tenth of the data when None.
-
-    Raises:
-        InputError: The data hold other joints or features or no row, or the window is not positive.
     """
     data.require_joints_of(model)
     if len(data) == 0:
@@ -170,9 +167,6 @@ def cross_validate(
         fit: Fits a model to rows.
         folds: At least 2.
         progress: Called with the share done.
-
-    Raises:
-        InputError: Fewer than 2 folds, or fewer rows than folds.
     """
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")

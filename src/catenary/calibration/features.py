@@ -3,18 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats
-from catenary.calibration.kernels import Flags, Integers, Step, run
-from catenary.calibration.leaps import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
+from catenary.calibration.arithmetic import Flags, Integers, Step, run
+from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
+from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.plant import MotionLog
 from catenary.units import TORQUE_UNIT
 
+Item = TypeVar("Item")
+Many = Annotated[tuple[Item, ...], Field(max_length=10_000)]  # of anything that a model has several of
+Positive = Annotated[float, Field(gt=0.0)]
 GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
@@ -57,16 +62,18 @@ class FeatureSet:
     The feature is y - x, which stays within -r and r.
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
-    and play states are those before it (leaps.find_leaps); any step is believed of a joint that `steps` does not name.
+    and play states are those before it (spike_filter.py); any step is believed of a joint that `steps` does not name.
     Rows of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
     """
 
-    signals: tuple[str, ...]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
-    units: tuple[str, ...]  # one per signal
-    history: int = 0
-    play: tuple[tuple[str, float], ...] = ()  # (position signal, half-width in its unit)
-    steps: tuple[tuple[str, float], ...] = ()  # (position signal, largest step to the next row in its unit)
-    period: float | None = None  # [s] between the rows of `steps`; None where rows have no time
+    __pydantic_config__ = IN_FILES
+
+    signals: Many[str]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
+    units: Many[str]  # one per signal
+    history: Annotated[int, Field(ge=0, le=1_000)] = 0
+    play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
+    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit)
+    period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
 
     def __post_init__(self) -> None:
         if not self.signals:
@@ -125,18 +132,11 @@ class FeatureSet:
         """Return features of every row, (N, F); NaN on rows that lack `history` predecessors without a gap in time.
 
         Rows without a measurement (`ok` not set) are commands all the same and count as predecessors.
-
-        Raises:
-            InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
         return self.rows(log).X
 
     def rows(self, log: MotionLog) -> FeatureRows:
-        """Return `matrix`, and what leaps on the way.
-
-        Raises:
-            InputError: As for `matrix`.
-        """
+        """Return `matrix`, and what leaps on the way."""
         signals = self.signal_rows(log)
         X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
         leaping = np.zeros(len(log), dtype=bool)
@@ -150,11 +150,7 @@ class FeatureSet:
         return FeatureRows(X, leaping, self.spikes(memory))
 
     def signal_rows(self, log: MotionLog) -> Floats:
-        """Return the signals of every row, (N, S).
-
-        Raises:
-            InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
-        """
+        """Return the signals of every row, (N, S)."""
         known, columns = signals_of(log), []
         for name, expected in zip(self.signals, self.units, strict=True):
             if name not in known:
@@ -287,11 +283,7 @@ def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:
 
 
 def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
-    """Turn words into signals: a group (`q`, `tau`, `qd`) means all its joints, `all` every signal.
-
-    Raises:
-        InputError: No word, or one that names no group and no signal of the log.
-    """
+    """Turn words into signals: a group (`q`, `tau`, `qd`) means all its joints, `all` every signal."""
     known = tuple(signals_of(log))
     if not words:
         raise InputError(f"inputs: expected at least one of {', '.join(known)}")

@@ -8,11 +8,14 @@ Where the numbers come from, and what they promise: conformal.py.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import Flags, Integers, Step
+from catenary.calibration.arithmetic import Flags, Integers, Step
+from catenary.cards import StoredFloats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 
@@ -21,15 +24,11 @@ FARTHEST = 10.0  # times the distance from the middle of the valid range to its 
 
 @dataclass(frozen=True)
 class Intervals:
-    """Half-widths of intervals about calibrated positions.
+    """Half-widths of intervals about calibrated positions."""
 
-    Raises:
-        InputError: A level that is no share, half-widths that are negative, not finite or narrower outside.
-    """
-
-    level: float  # share of errors that they are to hold, 0 to 1
-    inside: Floats  # (n,) half-width in the valid range [rad|m]
-    outside: Floats  # (n,) at its edge, about the fixed offset [rad|m]
+    level: Annotated[float, Field(gt=0.0, lt=1.0)]  # share of errors that they are to hold, 0 to 1
+    inside: StoredFloats  # (n,) half-width in the valid range [rad|m]
+    outside: StoredFloats  # (n,) at its edge, about the fixed offset [rad|m]
 
     def __post_init__(self) -> None:
         check_level(self.level)
@@ -43,11 +42,7 @@ class Intervals:
 
 
 def check_level(level: float) -> None:
-    """Refuse a level that is no share.
-
-    Raises:
-        InputError: It is not between 0 and 1.
-    """
+    """Refuse a level that is no share."""
     if not 0.0 < level < 1.0:
         raise InputError(f"coverage: expected a share between 0 and 1, such as 0.9, got {level}")
 

@@ -2,22 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration import kernels
-from catenary.calibration.features import FeatureSet, Memory
+from catenary.calibration import arithmetic
+from catenary.calibration.arithmetic import Flags, Step
+from catenary.calibration.features import FeatureSet, Many, Memory, Positive
 from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
-from catenary.calibration.kernels import Flags, Integers, Step
-from catenary.calibration.predictors import Predictor
-from catenary.calibration.trained_day.day import TrainedDay
+from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.valid_range import ValidRange
+from catenary.cards import StoredFloats, StoredIntegers
+from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.mend import MENDS
 
 Target = Literal["error", "position"]
+Unit = Annotated[str, Field(pattern="^(rad|m)$")]
+Mends = Annotated[Mapping[Annotated[str, Field(pattern=MENDS)], tuple[str, ...]], Field(max_length=50)]
 ANY = 1e300  # [rad|m] any correction, any position
 REACH = 2.0  # times the largest correction that training showed: the largest that is believed
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
@@ -25,17 +30,13 @@ Card = dict[str, Any]  # everything a stranger must know before trusting a model
 
 @dataclass(frozen=True)
 class JointGroup:
-    """Joints that share their inputs, and what was fitted for them.
+    """Joints that share their inputs, and what was fitted for them."""
 
-    Raises:
-        InputError: Parts do not fit together.
-    """
-
-    joints: tuple[int, ...]
-    columns: Integers  # features that they take
-    predictor: Predictor
+    joints: Many[Annotated[int, Field(ge=0, lt=10_000)]]
+    columns: StoredIntegers  # features that they take
+    predictor: AnyPredictor
     valid_range: ValidRange
-    watched: Integers  # features that the valid range looks at: those that can leave their range
+    watched: StoredIntegers  # features that the valid range looks at: those that can leave their range
 
     def __post_init__(self) -> None:
         for name in ("columns", "watched"):
@@ -63,9 +64,9 @@ class JointGroup:
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
         limits = (self.valid_range.lower, self.valid_range.upper, np.array([FARTHEST]))
         return [
-            Step(kernels.take, (X, self.columns), (taken,)),
-            Step(kernels.finite, (taken,), (known,)),
-            Step(kernels.take, (X, self.watched), (watched,)),
+            Step(arithmetic.take, (X, self.columns), (taken,)),
+            Step(arithmetic.finite, (taken,), (known,)),
+            Step(arithmetic.take, (X, self.watched), (watched,)),
             *self.valid_range.steps(watched, known),
             *([] if far is None else [Step(distance, (watched, *limits), (far,))]),
             *self.predictor.steps(taken, prediction),
@@ -79,26 +80,26 @@ class CalibrationModel:
     `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
     training data instead; so does a joint whose correction is beyond REACH times `largest`, or brings it more than
     `largest` beyond its limits, whatever made it so large: such a correction was never seen.
-
-    Raises:
-        InputError: Parts do not fit together, or a fixed offset is larger than `largest`.
     """
+
+    __pydantic_config__ = IN_FILES
 
     kind: str  # "offset", "linear", "polynomial", "neural", or "auto": each joint has its own
     preset: str | None
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
+    joint_names: Many[str]
+    joint_units: Many[Unit]
     features: FeatureSet
     target: Target  # what the predictors give: the joint error, or the joint position (end to end)
-    offset: Floats  # (n,) mean error of the training data [rad|m]
-    largest: Floats  # (n,) largest correction that training showed [rad|m]; see `fit.largest_shown`
-    groups: tuple[JointGroup, ...]
-    rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
+    offset: StoredFloats  # (n,) mean error of the training data [rad|m]
+    largest: StoredFloats  # (n,) largest correction that training showed [rad|m]; see `fit.largest_shown`
+    groups: Many[JointGroup]
+    rate_hz: Positive | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
-    priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
-    trained_day: TrainedDay | None = None  # what a watch compares with; None where that is not known
-    limits: Floats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
-    mends: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of its recordings: MotionLog.settled
+    priors: Many[str | None] = ()  # (n,) that joints' fits began at; empty where none did
+    limits: StoredFloats | None = (
+        None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
+    )
+    mends: Mends = field(default_factory=dict)  # of its recordings: MotionLog.settled
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
@@ -131,8 +132,6 @@ class CalibrationModel:
             object.__setattr__(self, "limits", as_array("limits", self.limits, (2, n)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
-        if self.trained_day is not None and len(self.trained_day.reach) != n:
-            raise InputError(f"model: expected a day of its {n} joints, got {len(self.trained_day.reach)}")
 
     @property
     def asked_of_reports(self) -> list[str]:
@@ -156,11 +155,7 @@ class CalibrationModel:
         return replace(self, largest=np.full(n, ANY), limits=None).correct(X, np.zeros((len(X), n)))[1]
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
-        """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range.
-
-        Raises:
-            InputError: X is not (N, F), or q_nominal not (N, n).
-        """
+        """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
         return self.correct(X, q_nominal)[0]
 
     def correct(
@@ -169,17 +164,14 @@ class CalibrationModel:
         """Return `correction`, `inside` and `interval` of features (N, F) and reported positions (N, n).
 
         `leaping` (N,) is that of FeatureSet.rows; without it no row leaps.
-
-        Raises:
-            InputError: X is not (N, F), or q_nominal not (N, n).
         """
         X = as_array("features", X, (None, len(self.features.names)), finite=False)
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
-        for rows in kernels.blocks(len(X)):
+        for rows in arithmetic.blocks(len(X)):
             outputs = (correction[rows], inside[rows], interval[rows])
-            kernels.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
+            arithmetic.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
 
     def steps(
@@ -213,9 +205,9 @@ class CalibrationModel:
             far = None if interval is None or self.intervals is None else np.empty(len(X))
             steps += group.steps(X, known, prediction, far)
             if self.target == "position":
-                steps.append(Step(kernels.errors_of_positions, (q, joints), (prediction,)))
+                steps.append(Step(arithmetic.errors_of_positions, (q, joints), (prediction,)))
             chosen_from = (prediction, known, q, joints, self.offset, *bounds)
-            steps.append(Step(kernels.choose, chosen_from, (correction, inside)))
+            steps.append(Step(arithmetic.choose, chosen_from, (correction, inside)))
             if far is not None and interval is not None and self.intervals is not None:
                 widths = (self.intervals.inside, self.intervals.outside)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
@@ -250,32 +242,20 @@ class CalibrationModel:
         return [
             *self.features.row_steps(signals, memory, X, np.full(len(q), slower), leaping),
             *self.steps(X, q, correction, inside, interval, leaping),
-            Step(kernels.total, (q, correction), (calibrated,)),
+            Step(arithmetic.total, (q, correction), (calibrated,)),
         ]
 
     def calibrate(self, log: MotionLog) -> Floats:
-        """Return calibrated joint positions of every row of a recording, (N, n) [rad|m], in the model's order.
-
-        Raises:
-            InputError: The recording is of other joints, or lacks an input.
-        """
+        """Return calibrated joint positions of every row of a recording, (N, n) [rad|m], in the model's order."""
         log = self.matched(log)
         return log.q_nominal + self.correction(self.features.matrix(log), log.q_nominal)
 
     def half_widths(self, log: MotionLog) -> Floats:
-        """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none.
-
-        Raises:
-            InputError: The recording is of other joints, or lacks an input.
-        """
+        """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none."""
         log = self.matched(log)
         X, leaping, _ = self.features.rows(log)
         return self.correct(X, log.q_nominal, leaping)[2]
 
     def matched(self, log: MotionLog) -> MotionLog:
-        """Return a recording with the model's joints in the model's order.
-
-        Raises:
-            InputError: It has other joints, or in other units; the message shows both.
-        """
+        """Return a recording with the model's joints in the model's order."""
         return log.in_order_of(self, of="the model is for")

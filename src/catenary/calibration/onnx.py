@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary import __version__
+from catenary.calibration.arithmetic import Step
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.kernels import Step
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, MissingPackageError
 from catenary.files import json_text, write_atomically
@@ -43,17 +43,13 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
 
     Before the first step `previous` and `play` are NaN: rows are outside the valid range until the history is full, and
     play states begin centred. So the graph, stepped, gives what `Corrector` gives, but for leaps
-    of a joint, which its play states follow: keep them out (leaps.py). The metadata `catenary` names
+    of a joint, which its play states follow: keep them out (spike_filter.py). The metadata `catenary` names
     signals, units and joints as JSON; `card` is the model card.
 
     Args:
         model: Of any kind.
         card: Its card.
         decimation: Steps between previous positions; 1 where the graph is stepped at the training rows' rate.
-
-    Raises:
-        MissingPackageError: onnx, an extra, is not installed.
-        InputError: Parts of the model do not fit together.
     """
     if decimation < 1:
         raise InputError(f"decimation: expected one or more steps, got {decimation}")
@@ -104,13 +100,7 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
 
 
 def save_onnx(model: CalibrationModel, card: Card, path: Path, *, decimation: int = 1) -> Any:
-    """Write `to_onnx` to a file, checked, whole or not at all; give the onnx.ModelProto.
-
-    Raises:
-        MissingPackageError: onnx, an extra, is not installed.
-        InputError: Parts of the model do not fit together.
-        FileFormatError: The file cannot be written.
-    """
+    """Write `to_onnx` to a file, checked, whole or not at all; give the onnx.ModelProto."""
     made = to_onnx(model, card, decimation=decimation)
     _import_onnx().checker.check_model(made, full_check=True)
     write_atomically(path, made.SerializeToString(deterministic=True))
@@ -220,7 +210,7 @@ def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
 
 
 def _written(graph: _Graph, step: Step) -> str:
-    """Write a step of kernels.py for any number of rows; return the tensor that its output then is."""
+    """Write a step of arithmetic.py for any number of rows; return the tensor that its output then is."""
     given, add = [graph.tensor(array) for array in step.inputs], graph.add
     before = graph.names.get(id(step.outputs[0]), "")  # what a step in place goes on from
     match step.function.__name__:

@@ -1,20 +1,23 @@
-"""Fitted functions of features: a constant, a linear function, a polynomial of second order, a network.
+"""Fitted functions of features: a constant, a linear function, a polynomial of second order, a network; regression.
 
-They are NumPy arrays with names, and the compiled steps that evaluate them; how they are fitted is in regression.py and
-neural.py. Arrays that do not fit together, or hold NaN or infinity, are refused when a predictor is made.
+They are NumPy arrays with names, and the compiled steps that evaluate them; networks are trained in neural.py. Arrays
+that do not fit together, or hold NaN or infinity, are refused when a predictor is made.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import ClassVar, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration import kernels
-from catenary.calibration.kernels import Step
+from catenary.calibration import arithmetic
+from catenary.calibration.arithmetic import Step
+from catenary.calibration.valid_range import standardisation
+from catenary.cards import StoredFloats
 from catenary.errors import InputError
 
 Activation = Literal["logistic", "tanh"]
@@ -22,8 +25,6 @@ Activation = Literal["logistic", "tanh"]
 
 class Predictor(ABC):
     """A fitted function of features (N, F) to (N, m)."""
-
-    kind: ClassVar[str]
 
     @property
     @abstractmethod
@@ -39,16 +40,12 @@ class Predictor(ABC):
         """Return the function that gives only some of the outputs, each to the bit as before."""
 
     def predict(self, X: Floats) -> Floats:
-        """Return outputs (N, m) for features (N, F).
-
-        Raises:
-            InputError: X has another shape.
-        """
+        """Return outputs (N, m) for features (N, F)."""
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))
-        for rows in kernels.blocks(len(X)):
-            kernels.run(self.steps(X[rows], Y[rows]))
+        for rows in arithmetic.blocks(len(X)):
+            arithmetic.run(self.steps(X[rows], Y[rows]))
         return Y
 
     def _keep(self, shapes: Mapping[str, tuple[int | None, ...]]) -> None:
@@ -60,8 +57,8 @@ class Predictor(ABC):
 class Constant(Predictor):
     """y = value for any features."""
 
-    kind: ClassVar[str] = "constant"
-    value: Floats  # (m,)
+    value: StoredFloats  # (m,)
+    kind: Literal["constant"] = "constant"
 
     def __post_init__(self) -> None:
         self._keep({"value": (None,)})
@@ -71,7 +68,7 @@ class Constant(Predictor):
         return None, len(self.value)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        return [Step(kernels.repeat, (self.value,), (Y,))]
+        return [Step(arithmetic.repeat, (self.value,), (Y,))]
 
     def of(self, outputs: Sequence[int]) -> "Constant":  # noqa: D102
         return Constant(self.value[list(outputs)])
@@ -81,9 +78,9 @@ class Constant(Predictor):
 class Linear(Predictor):
     """y = X @ weights + bias."""
 
-    kind: ClassVar[str] = "linear"
-    weights: Floats  # (F, m) in units of y per unit of the feature
-    bias: Floats  # (m,)
+    weights: StoredFloats  # (F, m) in units of y per unit of the feature
+    bias: StoredFloats  # (m,)
+    kind: Literal["linear"] = "linear"
 
     def __post_init__(self) -> None:
         self._keep({"weights": (None, None), "bias": (np.shape(self.weights)[-1],)})
@@ -93,7 +90,7 @@ class Linear(Predictor):
         return len(self.weights), len(self.bias)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        return [Step(kernels.dense, (X, self.weights, self.bias), (Y,))]
+        return [Step(arithmetic.dense, (X, self.weights, self.bias), (Y,))]
 
     def of(self, outputs: Sequence[int]) -> "Linear":  # noqa: D102
         return Linear(self.weights[:, list(outputs)], self.bias[list(outputs)])
@@ -103,12 +100,12 @@ class Linear(Predictor):
 class Quadratic(Predictor):
     """y = bias + z @ linear + sum_ij z_i z_j quadratic_ij, z = (x - mean) / scale, i <= j row by row."""
 
-    kind: ClassVar[str] = "quadratic"
-    mean: Floats  # (F,)
-    scale: Floats  # (F,)
-    linear: Floats  # (F, m)
-    quadratic: Floats  # (F (F + 1) / 2, m), pairs (0, 0), (0, 1), ..., (1, 1), ...
-    bias: Floats  # (m,)
+    mean: StoredFloats  # (F,)
+    scale: StoredFloats  # (F,)
+    linear: StoredFloats  # (F, m)
+    quadratic: StoredFloats  # (F (F + 1) / 2, m), pairs (0, 0), (0, 1), ..., (1, 1), ...
+    bias: StoredFloats  # (m,)
+    kind: Literal["quadratic"] = "quadratic"
 
     def __post_init__(self) -> None:
         inputs, m = len(self.mean), len(self.bias)
@@ -124,9 +121,9 @@ class Quadratic(Predictor):
         weights = np.vstack([self.linear, self.quadratic])
         Z, P = np.empty(X.shape), np.empty((len(X), len(weights)))
         return [
-            Step(kernels.standardise, (X, self.mean, self.scale), (Z,)),
-            Step(kernels.monomials, (Z,), (P,)),
-            Step(kernels.dense, (P, weights, self.bias), (Y,)),
+            Step(arithmetic.standardise, (X, self.mean, self.scale), (Z,)),
+            Step(arithmetic.monomials, (Z,), (P,)),
+            Step(arithmetic.dense, (P, weights, self.bias), (Y,)),
         ]
 
     def of(self, outputs: Sequence[int]) -> "Quadratic":  # noqa: D102
@@ -140,15 +137,15 @@ class Quadratic(Predictor):
 class Network(Predictor):
     """y = out_mean + out_scale * layers(z) + skip(x), z = (x - mean) / scale; the last layer is linear."""
 
-    kind: ClassVar[str] = "network"
-    mean: Floats  # (F,)
-    scale: Floats  # (F,)
-    weights: tuple[Floats, ...]  # (F, h1), (h1, h2), ..., (h, m)
-    biases: tuple[Floats, ...]
+    mean: StoredFloats  # (F,)
+    scale: StoredFloats  # (F,)
+    weights: tuple[StoredFloats, ...]  # (F, h1), (h1, h2), ..., (h, m)
+    biases: tuple[StoredFloats, ...]
     activation: Activation
-    out_mean: Floats  # (m,)
-    out_scale: Floats  # (m,)
+    out_mean: StoredFloats  # (m,)
+    out_scale: StoredFloats  # (m,)
     skip: Linear | None = None  # a linear model that the network corrects
+    kind: Literal["network"] = "network"
 
     def __post_init__(self) -> None:
         if self.activation not in get_args(Activation) or not self.weights:
@@ -174,17 +171,17 @@ class Network(Predictor):
         return len(self.mean), len(self.out_mean)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        activate = kernels.tanh if self.activation == "tanh" else kernels.logistic
+        activate = arithmetic.tanh if self.activation == "tanh" else arithmetic.logistic
         layer = np.empty(X.shape)
-        steps = [Step(kernels.standardise, (X, self.mean, self.scale), (layer,))]
+        steps = [Step(arithmetic.standardise, (X, self.mean, self.scale), (layer,))]
         for weights, bias in zip(self.weights, self.biases, strict=True):
             below, layer = layer, np.empty((len(X), len(bias)))
-            steps += [Step(kernels.dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
+            steps += [Step(arithmetic.dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
         of_layers, of_skip = (Y, Y) if self.skip is None else (np.empty(Y.shape), np.empty(Y.shape))
         # the last layer is linear
-        steps[-1:] = [Step(kernels.rescale, (layer, self.out_scale, self.out_mean), (of_layers,))]
+        steps[-1:] = [Step(arithmetic.rescale, (layer, self.out_scale, self.out_mean), (of_layers,))]
         if self.skip is not None:
-            steps += [*self.skip.steps(X, of_skip), Step(kernels.total, (of_layers, of_skip), (Y,))]
+            steps += [*self.skip.steps(X, of_skip), Step(arithmetic.total, (of_layers, of_skip), (Y,))]
         return steps
 
     def of(self, outputs: Sequence[int]) -> "Network":  # noqa: D102
@@ -197,3 +194,50 @@ class Network(Predictor):
             out_scale=self.out_scale[taken],
             skip=None if self.skip is None else self.skip.of(outputs),
         )
+
+
+AnyPredictor = Annotated[Constant | Linear | Quadratic | Network, Field(discriminator="kind")]
+
+
+def fit_offset(Y: Floats) -> Constant:
+    """Fit the mean of Y (N, m): the paper's baseline, the average bias over the training data."""
+    return Constant(Y.mean(axis=0))
+
+
+def fit_linear(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Linear:
+    """Fit Y (N, m) as a linear function of the features X (N, F).
+
+    Minimises ||Y - X W - b||^2 + ridge ||W||^2 on standardised X. Where the data do not determine W
+    (a joint that never moved), the smallest W is taken; the valid range keeps it from being asked there.
+    """
+    mean, scale = standardisation(X)
+    weights, bias = _least_squares((X - mean) / scale, Y, ridge)
+    weights /= scale[:, None]
+    return Linear(weights, bias - mean @ weights)
+
+
+def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:
+    """Fit Y (N, m) as a second-order polynomial of the features X (N, F).
+
+    Ordinary least squares as in the paper when `ridge` is 0; otherwise ridge regression on the standardised
+    monomials, which features with memory need: 42 features have 945 monomials.
+    """
+    from sklearn.preprocessing import PolynomialFeatures
+
+    mean, scale = standardisation(X)
+    monomials = PolynomialFeatures(2, include_bias=False).fit_transform((X - mean) / scale)
+    middle, spread = standardisation(monomials)
+    weights, bias = _least_squares((monomials - middle) / spread, Y, ridge)
+    weights /= spread[:, None]
+    n = X.shape[1]
+    return Quadratic(mean, scale, weights[:n], weights[n:], bias - middle @ weights)
+
+
+def _least_squares(Z: Floats, Y: Floats, ridge: float) -> tuple[Floats, Floats]:
+    """Return weights (F, m) and bias (m,) of a regression on standardised features."""
+    from sklearn.linear_model import LinearRegression, Ridge
+
+    regression = Ridge(alpha=ridge) if ridge > 0.0 else LinearRegression()
+    fitted = regression.fit(Z, Y)
+    weights = np.asarray(fitted.coef_, dtype=float).reshape(Y.shape[1], -1).T
+    return np.array(weights, order="C"), np.asarray(fitted.intercept_, dtype=float).reshape(-1)

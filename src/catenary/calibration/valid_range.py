@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import Flags, Step, between, dense, standardise
+from catenary.calibration.arithmetic import Flags, Step, between, dense, standardise
+from catenary.cards import StoredFloats
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 
@@ -16,17 +17,14 @@ class ValidRange:
 
     The first catches a joint beyond where it was, the second combinations that never occurred together:
     large steps where only small ones were seen, a torque on the wrong side of a motion.
-
-    Raises:
-        InputError: Arrays do not fit together, or hold NaN or infinity.
     """
 
-    lower: Floats  # (F,) in the features' units
-    upper: Floats  # (F,)
-    mean: Floats  # (F,)
-    axes: Floats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
-    axis_lower: Floats  # (F,)
-    axis_upper: Floats  # (F,)
+    lower: StoredFloats  # (F,) in the features' units
+    upper: StoredFloats  # (F,)
+    mean: StoredFloats  # (F,)
+    axes: StoredFloats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
+    axis_lower: StoredFloats  # (F,)
+    axis_upper: StoredFloats  # (F,)
 
     def __post_init__(self) -> None:
         width = len(self.lower)

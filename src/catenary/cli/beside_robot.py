@@ -138,7 +138,7 @@ def deploy_beside(
     as_json: bool,
 ) -> None:
     """Correct a robot's messages as they come, and publish them corrected."""
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from catenary.crtk.node_name import node_name
     from catenary.nodes.deploy import CalibratedTopics, reader_of
 
@@ -175,9 +175,9 @@ _OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": 
 
 
 def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", seconds: float) -> None:
-    """Run a deployed model, and say what changes: the robot's silence, its faults, stale inputs, signs of drift."""
+    """Run a deployed model, and say what changes: the robot's silence, its faults, stale inputs."""
     transport = client.transport
-    end, said, told = transport.steady() + seconds * 1e9, dict[str, str](), 0
+    end, said = transport.steady() + seconds * 1e9, dict[str, str]()
     while (left := (end - transport.steady()) * 1e-9) > 0.0:
         topics.run(min(0.5, left))
         now = {
@@ -194,9 +194,6 @@ def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", secon
                     )
                 )
         said = now
-        for flag in topics.drift_flags[told:]:
-            announce(f"drift? {flag.reason}")
-        told = len(topics.drift_flags)
 
 
 def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bool) -> None:
@@ -216,4 +213,3 @@ def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bo
     shares = zip(report.joint_names, report.outside, strict=True)
     rows = [[name, f"{100.0 * share:.1f} %"] for name, share in shares]
     print_table("Messages outside the valid range", ["joint", "share"], rows)
-    print_notes(report.watch.in_words)

@@ -152,7 +152,8 @@ def deploy(
     if project is None:
         raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
     seconds = 20.0 if seconds is None else seconds
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
+    from catenary.config import plain_data
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot
@@ -170,18 +171,15 @@ def deploy(
     with step_progress(f"{seconds:g} s at 1 kHz"):
         result = deploy_on_robot(plant, loaded, motion, real_time=real_time)
     if as_json:
-        print_json(result.as_data())
+        print_json(plain_data(result))
         return
     print(result.loop)
-    columns = (result.joint_names, result.units, result.raw_rmse, result.rmse)
-    rows = [[name, unit, f"{raw:.3f}", f"{rmse:.3f}"] for name, unit, raw, rmse in zip(*columns, strict=True)]
+    rows = [[each.name, each.unit, f"{each.raw_rmse:.3f}", f"{each.rmse:.3f}"] for each in result.joints]
     header = ["joint", "unit", "reported", "corrected"]
-    if result.coverage is not None and result.level is not None:
-        header.append(f"within intervals ({result.level:.0%} asked)")
-        rows = [[*row, f"{share:.0%}"] for row, share in zip(rows, result.coverage, strict=True)]
+    if result.coverage_asked is not None:
+        header.append(f"within intervals ({result.coverage_asked:.0%} asked)")
+        rows = [[*row, f"{each.coverage:.0%}"] for row, each in zip(rows, result.joints, strict=True)]
     print_table("RMSE while the loop ran", header, rows)
-    if result.watch is not None:
-        print_notes(result.watch.in_words)
 
 
 def calibrate(

@@ -145,7 +145,7 @@ class Conditions:
         """Return a simulated unit on the base as a source of gravity; None where gravity is as it truly is."""
         if not (self.simulated_imu or self.sensor_bias is not None or sensing != SensingOptions()):
             return None
-        from catenary.workflows.gravity.base_sensor import base_sensor
+        from catenary.workflows.gravity.simulated_arm import base_sensor
 
         bias = (0.0, 0.0, 0.0) if self.sensor_bias is None else numbers("--sensor-bias", self.sensor_bias, 3)
         sensor, told = base_sensor(

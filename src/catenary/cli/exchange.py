@@ -119,7 +119,7 @@ def _c(
     forces: dict[str, tuple[float, ...]],
     as_json: bool,
 ) -> None:
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from catenary.dynamics.actuation_loads import joint_friction
     from catenary.workflows.c_header import c_header, write_header
 
@@ -140,7 +140,7 @@ def _c(
 
 
 def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
-    from catenary.workflows.onnx_file import export_onnx
+    from catenary.workflows.calibration_model import export_onnx
 
     summary = export_onnx(model, out, rate_hz=rate_hz)
     if as_json:
@@ -157,13 +157,13 @@ def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
 def _mcap(
     log: Path, out: Path, robot: str | None, model: Path | None, as_json: bool, *, as_trained: bool
 ) -> None:
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from catenary.recording.foreign.read import Reading
     from catenary.robots.catalog import load_robot
     from catenary.robots.shapes import load_geometry
     from catenary.view.mcap_file import write_mcap
     from catenary.view.recorded import recorded_arm
-    from catenary.workflows.model_recordings import recording_for
+    from catenary.workflows.calibration_model import recording_for
 
     calibration = None if model is None else load_model(model)[0]
     recording = recording_for(calibration, log, Reading(as_trained=as_trained))

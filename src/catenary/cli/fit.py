@@ -28,8 +28,8 @@ from catenary.files import card_path
 
 if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation
-    from catenary.calibration.fit import FitOptions
-    from catenary.calibration.fitting import FitResult, FitRun
+    from catenary.calibration.fit_options import FitOptions, FitRun
+    from catenary.calibration.fit_recordings import FitResult
     from catenary.robots.model import RobotModel
 
 Recordings = Annotated[
@@ -133,7 +133,7 @@ class ModelOptions:
         Args:
             seed: Of a network's training.
         """
-        from catenary.calibration.fit import PLAY_SHARES, FitOptions
+        from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 
         return FitOptions(
             kind=self.model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
@@ -154,7 +154,7 @@ class ModelOptions:
             accept: Findings about the data to go on with, by name.
             robot: Its name.
         """
-        from catenary.calibration.fitting import FitRun
+        from catenary.calibration.fit_options import FitRun
 
         return FitRun(
             robot=robot,
@@ -184,9 +184,9 @@ def fit(
 
     Example: catenary fit run1.npz --out arm.npz
     """
-    from catenary.calibration.files import save_model
+    from catenary.calibration.model_file import save_model
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.fit import fit_calibration
+    from catenary.workflows.calibration_model import fit_calibration
 
     options = fitting.options(seed)
     arm = None if robot is None else load_robot(robot)
@@ -240,7 +240,7 @@ def evaluate(
     from catenary.reports.calibration import write_calibration_report
     from catenary.reports.error_tables import error_table, window_table
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.fit import evaluate_calibration, evaluation_summary
+    from catenary.workflows.calibration_model import evaluate_calibration, evaluation_summary
 
     refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     arm = None if robot is None else load_robot(robot)
@@ -273,7 +273,7 @@ def evaluate(
 
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
     from catenary.reports.error_tables import error_table, spread_table
-    from catenary.workflows.fit import warnings_of
+    from catenary.workflows.calibration_model import warnings_of
 
     print_notes(result.notes)
     for choice in result.choices:
@@ -295,7 +295,7 @@ def _print_coverage(evaluation: "Evaluation") -> None:
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
-    from catenary.workflows.fit import interval_summary, warnings_of
+    from catenary.workflows.calibration_model import interval_summary, warnings_of
 
     held_out = result.held_out
     return {

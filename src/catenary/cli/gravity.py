@@ -156,7 +156,7 @@ def track(
 
     from catenary.workflows.gravity.controllers import make_controller
     from catenary.workflows.gravity.motions import make_motion
-    from catenary.workflows.gravity.track import track as run
+    from catenary.workflows.gravity.trials import track as run
 
     refuse_outputs({"--report": (report, PAGE)})
     if controller in ("inertia", "computed-torque") and (conditions.kp or conditions.kd):
@@ -200,8 +200,8 @@ def hold(
     Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
     from catenary.workflows.gravity.controllers import make_hold
-    from catenary.workflows.gravity.hold import hold as run
     from catenary.workflows.gravity.motions import HOLD_START, start_pose
+    from catenary.workflows.gravity.trials import hold as run
 
     refuse_outputs({"--report": (report, PAGE)})
     arm = conditions.arm(robot, description)

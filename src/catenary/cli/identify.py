@@ -111,8 +111,8 @@ def identify(
 
     Example: catenary identify psm_one.npz --robot dvrk_psm_motors --test another_day.npz --out psm.npz
     """
-    from catenary.identification.files import save_identification
-    from catenary.identification.options import FRICTION_PARTS, IdentifyOptions
+    from catenary.identification.identification_file import save_identification
+    from catenary.identification.identify_options import FRICTION_PARTS, IdentifyOptions
     from catenary.reports.identification import absolute_table, excitation_facts, mass_table, residual_table
     from catenary.workflows.identify import identify_files
 
@@ -176,7 +176,7 @@ def identify(
 
 def gravity_vector(text: str | None, reading: str | None) -> tuple[float, float, float]:
     """Return the gravity that --gravity or --imu-reading gives, level when neither does."""
-    from catenary.identification.options import NOMINAL_GRAVITY
+    from catenary.identification.identify_options import NOMINAL_GRAVITY
 
     if reading is not None:
         if text is not None:
@@ -218,7 +218,7 @@ def payload(
 
     Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
     """
-    from catenary.workflows.payload import payload_of_files
+    from catenary.workflows.identify import payload_of_files
 
     place = None if at is None else (at[0], at[1:])
     result = payload_of_files(

@@ -64,8 +64,8 @@ def monitor(
     source = gravity.source(robot.ros)
     with ExitStack() as stack:
         if log is not None:
-            from catenary.calibration.files import load_model
-            from catenary.workflows.model_recordings import recording_for
+            from catenary.calibration.model_file import load_model
+            from catenary.workflows.calibration_model import recording_for
             from catenary.workflows.robot.watch import watch_log
 
             loaded = None if model is None else load_model(model)[0]

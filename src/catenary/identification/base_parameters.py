@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.errors import InputError
-from catenary.identification.columns import FIRST_MOMENTS, Parameters
+from catenary.identification.parameters import FIRST_MOMENTS, Parameters
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
@@ -162,9 +162,6 @@ def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL
     Args:
         model: The robot; it needs no inertia. Links declared massless have no parameters.
         gravity: (3,) free-fall acceleration that all data are taken in [m/s2]; None for directions that vary.
-
-    Raises:
-        InputError: Gravity has another shape, is not finite or zero.
     """
     parameters = Parameters(model, "static", actuated=False)
     rng = np.random.default_rng(0)

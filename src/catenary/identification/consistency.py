@@ -1,12 +1,17 @@
-"""Least squares over parameters that bodies can have: a semidefinite program.
+"""Parameters that bodies can have: least squares over them, drawn to a robot file's masses, and what it leaves open.
 
 A link's ten parameters are those of some distribution of mass if and only if its pseudo-inertia
 J = [[1/2 tr(I) 1 - I, m c], [m c^T, m]] (4 x 4) is positive semidefinite (Wensing, Kim, Slotine, "Linear matrix
 inequalities for physically consistent inertial parameter identification", RA-L 3(1), 2018). Friction, rotors and
 springs cannot be negative. At rest only mass and first moment show: the centre of mass lies within REACH of the frame.
 All these sets are convex; clarabel solves the program.
+
+On a level base an upright first axis feels no gravity, and no torque tells the first moments about it. Dynamics bound
+them all the same: bodies have |m c|^2 <= m I, and the inertia about the axis is known. So the least and the most are
+found among physically consistent parameters that give the same torques, with links at most HEAVIEST times as heavy.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import clarabel
@@ -14,9 +19,14 @@ import numpy as np
 from scipy import sparse
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK
+from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
 from catenary.errors import InputError
-from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.base_parameters import BaseParameters, random_configurations
+from catenary.identification.least_squares import joined, triangles
+from catenary.identification.parameters import FIRST_MOMENTS, Parameters
+from catenary.identification.samples import Samples, folds_of
+from catenary.robots.model import Unseen
+from catenary.spatial import STANDARD_GRAVITY
 
 LENGTH = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
 LEAST = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
@@ -40,9 +50,6 @@ def consistent_fit(
         R: (b + 1, b + 1) triangle of the weighted [Y_b | tau].
         prior: (k,) parameters; of links with no mass there nothing is expected. None where nothing is known.
         weight: Of the prior, at least LEAST_PRIOR.
-
-    Raises:
-        InputError: The solver found no solution.
     """
     b, k = base.combination.shape
     scale = parameter_scale(base)
@@ -103,11 +110,7 @@ def trace_row(base: BaseParameters) -> Floats:
 
 
 def solve_program(quadratic: Any, linear: Floats, A: Any, right: Floats, cones: list[object]) -> Floats:
-    """Minimise 1/2 x' P x + q' x with b - A x in cones.
-
-    Raises:
-        InputError: The solver found no solution.
-    """
+    """Minimise 1/2 x' P x + q' x with b - A x in cones."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     program = sparse.csc_matrix(quadratic), linear, sparse.csc_matrix(A), right, cones
@@ -178,3 +181,116 @@ def _pseudo_inertia_map() -> Floats:
 def _triangle(J: Floats) -> Floats:
     """Return the upper triangle by columns, off-diagonal entries times sqrt 2: the solver's order and inner product."""
     return np.array([J[r, c] * (1.0 if r == c else np.sqrt(2.0)) for c in range(4) for r in range(c + 1)])
+
+
+WEIGHTS = (LEAST_PRIOR, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # that held-out blocks choose among
+BETTER = 1e-3  # least that a stronger prior takes from the sum over axes of log residual
+
+
+def prior_of(parameters: Parameters) -> Floats | None:
+    """Return the parameters (k,) that the robot's file gives its links, zero where it gives none; None if nowhere."""
+    model = parameters.model
+    unknown = {*model.missing_inertia, *(model.missing_tensor if parameters.terms == "full" else ())}
+    own = link_parameters(model.tree).reshape(-1, PER_LINK)
+    prior = np.zeros(len(parameters.names))
+    for place, link in enumerate(parameters.links):
+        if model.link_names[link] not in unknown:
+            prior[parameters.link_columns(place)] = own[link, : parameters.per_link]
+    return prior if prior.any() else None
+
+
+def weight_of_prior(
+    base: BaseParameters, gravity: Floats, samples: Sequence[Samples], weights: Floats, prior: Floats
+) -> float:
+    """Return the weight of a prior with which blocks that were not fitted are predicted best."""
+    reduced = [triangles(base, gravity, fold) for fold in folds_of(samples) if fold]
+    if len(reduced) < 2:
+        return LEAST_PRIOR
+    best, least = LEAST_PRIOR, np.inf
+    for weight in WEIGHTS:
+        squares = np.zeros(len(weights))
+        for f, held_out in enumerate(reduced):
+            R = joined([part for k, part in enumerate(reduced) if k != f]).stacked(weights)
+            beta = base.combination @ consistent_fit(base, R, prior, weight)
+            squares += held_out.residual_rms(beta) ** 2 * held_out.rows
+        score = float(np.log(np.maximum(squares, 1e-300)).sum())
+        if score < least - BETTER:
+            best, least = weight, score
+    return best
+
+
+HEAVIEST = 2.0  # times the mass of all links as identified
+FELT = 1e-6  # of the largest torque per unit: less is not felt
+ROWS = 60
+
+
+def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
+    """Return what the base parameters leave open that gravity from another direction would show.
+
+    Args:
+        base: Base parameters of recordings under one gravity.
+        phi: (k,) parameters of bodies that were fitted.
+    """
+    parameters = base.parameters
+    rng = np.random.default_rng(0)
+    q = random_configurations(parameters.model, ROWS, rng)
+    rest, directions = np.zeros_like(q), rng.normal(size=(ROWS, 3))
+    gravity = STANDARD_GRAVITY * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    scale = parameter_scale(base)
+    Y = parameters.regressor(q, rest, rest, gravity).reshape(-1, len(phi)) * scale
+    links = len(parameters.links) * parameters.per_link
+    Y[:, links:] = 0.0  # springs and constants are as they are on any base
+    C = base.combination * scale
+    _, values, Vt = np.linalg.svd(C)
+    hidden = Vt[int((values > 1e-9 * values[0]).sum()) :].T
+    felt = Y @ hidden
+    _, sizes, directions_of = np.linalg.svd(felt, full_matrices=False)
+    count = int((sizes > FELT * np.linalg.norm(Y, 2)).sum())
+    if count == 0:
+        return ()
+    D = hidden @ directions_of[:count].T
+    columns = _counted_in(D, parameters.per_link, links)
+    D = D @ np.linalg.inv(D[columns])
+    along = np.linalg.pinv(Y @ D) @ Y  # what any change of parameters has of each
+    out = []
+    for j, column in enumerate(columns):
+        change = np.zeros((len(parameters.model.link_names), FIRST_MOMENTS))
+        for place, link in enumerate(parameters.links):
+            first = place * parameters.per_link
+            change[link] = (D[:, j] * scale)[first : first + FIRST_MOMENTS] / scale[column]
+        low, high = (_farthest(base, phi / scale, sign * along[j]) * sign for sign in (-1.0, 1.0))
+        unit = float(scale[column])
+        out.append(Unseen(parameters.names[column], change, min(0.0, low * unit), max(0.0, high * unit)))
+    return tuple(out)
+
+
+def _counted_in(D: Floats, per_link: int, links: int) -> list[int]:
+    """Return as many first moments and masses as there are directions, which tell them apart best."""
+    from scipy.linalg import qr
+
+    eligible = [c for c in range(links) if c % per_link < FIRST_MOMENTS]
+    nearest = np.linspace(1.0, 0.99, len(eligible))  # of equals, the link next to the base
+    pivots = qr((D[eligible] * nearest[:, None]).T, mode="r", pivoting=True)[1][: D.shape[1]]
+    return sorted(eligible[int(p)] for p in pivots)
+
+
+def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:
+    """Return how far scaled parameters of bodies can go from a point along a row, torques staying as they are."""
+    parameters, scale = base.parameters, parameter_scale(base)
+    k = len(at)
+    mass = np.zeros((1, k))
+    mass[0, [parameters.link_columns(place).start for place in range(len(parameters.links))]] = 1.0
+    C = base.combination * scale
+    C = C / np.linalg.norm(C, axis=1, keepdims=True)
+    bounded, limits, cones = consistent_cones(base)
+    try:
+        found = solve_program(
+            np.zeros((k, k)),
+            -along,
+            np.vstack([C, mass, bounded]),
+            np.concatenate([C @ at, HEAVIEST * mass @ at, limits]),
+            [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones],
+        )
+    except InputError:  # the point lies on the border of what is possible: nothing can be said
+        return 0.0
+    return float(along @ (found - at))

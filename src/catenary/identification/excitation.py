@@ -1,19 +1,20 @@
-"""Motions and poses that show a robot's parameters: small condition number of the regressor, within the limits."""
+"""Poses and Fourier motions that show a robot's parameters within its limits, and the errors to expect of them."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import InputError
+from catenary.collision.contacts import require_free_pose
+from catenary.errors import InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
-from catenary.identification.columns import Parameters
-from catenary.identification.fourier_series import FourierSeries
+from catenary.identification.fourier_series import FourierSeries, series_at_rest
+from catenary.identification.identify_options import Terms
 from catenary.identification.motion_limits import CheckedMotion, MotionLimits, Room
-from catenary.identification.options import Terms
+from catenary.identification.parameters import Parameters
 
 CANDIDATES = 20  # poses to choose each static one from
-ATTEMPTS = 100  # at finding one that is free
+POSE_ATTEMPTS = 100  # at finding one that is free
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,6 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     """Choose poses to hold, each the best of twenty random ones beside those before it (greedy log-determinant).
 
     Nothing touches in them, and the robot can hold its weight; the ways from one to the next are not looked at.
-
-    Raises:
-        InputError: Fewer poses than show all base parameters, or none that is free.
     """
     model, room, g = limits.model, limits.room, limits.gravity
     base = shown_parameters(Parameters(model, "static"), room, g, rng)
@@ -81,12 +79,12 @@ def _candidates(limits: MotionLimits, low: Floats, high: Floats, rng: np.random.
     """Draw poses that are free; where few are, as many as were found."""
     if not limits.is_narrow:
         return rng.uniform(low, high, (CANDIDATES, limits.model.n))
-    for _ in range(ATTEMPTS):
+    for _ in range(POSE_ATTEMPTS):
         free = limits.free_poses(rng.uniform(low, high, (CANDIDATES, limits.model.n)))
         if len(free):
             return free
     raise InputError(
-        f'robot "{limits.model.name}": none of {ATTEMPTS * CANDIDATES} poses within the limits is free'
+        f'robot "{limits.model.name}": none of {POSE_ATTEMPTS * CANDIDATES} poses within the limits is free'
     )
 
 
@@ -107,3 +105,319 @@ def condition_of(base: BaseParameters, q: Floats, qd: Floats, qdd: Floats, gravi
     Y = base.regressor(q, qd, qdd, gravity).reshape(-1, base.count)
     size = np.linalg.norm(Y, axis=0)
     return float(np.linalg.cond(Y / np.where(size > 0.0, size, 1.0)))
+
+
+ROWS = 120  # of a motion whose condition is looked at
+POSES = 300  # drawn within the limits, from which motions take their centres
+SHRUNK = 0.75  # what is left of a motion's amplitude where it did not keep a limit
+SHRINKS = 8  # times at most
+KEPT = 0.98  # of the limits of velocity and acceleration
+
+
+@dataclass(frozen=True)
+class _Draw:
+    """What is searched: coefficients (2, harmonics, n), shares of the largest amplitude, places of the centre (n,)."""
+
+    coefficients: Floats
+    share: Floats
+    place: Floats  # 0 to 1 of the room that the amplitude leaves
+
+
+def fourier_motion(
+    limits: MotionLimits,
+    rng: np.random.Generator,
+    *,
+    period: float = 10.0,
+    harmonics: int = 5,
+    rate: float = 200.0,
+    trials: int = 300,
+) -> Excitation:
+    """Design one period of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
+
+    Coefficients by random search from the best of `trials`, a third of them anywhere, the others around the best so
+    far. Each joint is scaled to the larger part of its range that its velocity limit allows; the share of it, and the
+    place of its centre, are part of the search. Motions drawn anywhere are shrunk until they keep torques,
+    accelerations and distances; around the best, what shows more is taken if it keeps them. At last the best is checked
+    at every instant; where it fails, the best before it is.
+
+    Args:
+        limits: What to keep, of which robot; it needs no inertia.
+        rng: Source of the coefficients.
+        period: [s].
+        harmonics: Three or more: with fewer nothing begins at rest.
+        rate: Rows per second.
+        trials: How many motions are looked at.
+    """
+    if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * ROWS):
+        raise InputError(
+            f"fourier: expected a period and a rate of {2 * ROWS} rows at least, three or more harmonics and one "
+            f"or more trials; got {period:g} s, {rate:g} Hz, {harmonics} harmonics, {trials} trials"
+        )
+    base = shown_parameters(Parameters(limits.model, "full"), limits.room, limits.gravity, rng)
+    search = _MotionSearch(limits, base, period, rng)
+    for trial in range(trials):
+        if not search.best or trial < trials // 3:
+            search.anywhere(harmonics)
+        else:
+            search.around(0.5 * (1.0 - trial / trials) + 0.05)
+    series, checked = search.proven()
+    time = np.arange(round(period * rate) + 1) / rate
+    q, qd, qdd = series.sample(time)
+    condition = condition_of(base, q, qd, qdd, limits.gravity)
+    return Excitation(time, q, qd, qdd, condition, base, "full", series, checked)
+
+
+class _MotionSearch:
+    """Motions that seemed to keep all limits, each better than the one before it."""
+
+    def __init__(
+        self, limits: MotionLimits, base: BaseParameters, period: float, rng: np.random.Generator
+    ) -> None:
+        self.limits, self.base, self.period, self.rng = limits, base, period, rng
+        self.best: list[tuple[float, _Draw, FourierSeries]] = []
+        self.times = np.arange(ROWS) * period / ROWS
+        self.centres = free_poses(limits, rng) if limits.is_narrow else None
+
+    def anywhere(self, harmonics: int) -> None:
+        """Try a motion that has nothing to do with those before it."""
+        n = self.limits.model.n
+        draw = _Draw(self.rng.normal(size=(2, harmonics, n)), self.rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
+        if self.centres is None:
+            self._take(
+                draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
+            )
+            return
+        if self.best:  # what shows less at its full size is not worth shrinking
+            full = scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
+            if self._condition(full) > self.best[-1][0]:
+                return
+        centre = self.centres[self.rng.integers(len(self.centres))]
+        found = shrunk_motion(draw.coefficients, draw.share, centre, self.period, self.limits)
+        if found is not None:
+            series, share, place = found
+            self._take(_Draw(draw.coefficients, share, place), series)
+
+    def around(self, step: float) -> None:
+        """Try a motion near the best so far."""
+        _, last, _ = self.best[-1]
+        n = self.limits.model.n
+        # of one joint, or several, or all: where something is near, few can move at a time
+        moved = step * (self.rng.permutation(n) < self.rng.integers(1, n + 1))
+        draw = _Draw(
+            last.coefficients + moved * self.rng.normal(size=last.coefficients.shape),
+            np.clip(last.share + 0.3 * moved * self.rng.normal(size=n), 0.1, 1.0),
+            np.clip(last.place + 0.3 * moved * self.rng.normal(size=n), 0.0, 1.0),
+        )
+        self._take(
+            draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
+        )
+
+    def proven(self) -> tuple[FourierSeries, CheckedMotion]:
+        """Return the best motion that keeps all limits at every instant."""
+        fault = "no motion that was tried keeps all limits"
+        for _, _, series in reversed(self.best):
+            checked = self.limits.check(series)
+            if checked.fault is None:
+                return series, checked
+            fault = checked.fault
+        raise LimitError(
+            f'robot "{self.limits.model.name}": no motion found that keeps all limits: {fault}; more trials, a '
+            "longer period or a smaller margin may find one"
+        )
+
+    def _condition(self, series: FourierSeries) -> float:
+        return condition_of(self.base, *series.sample(self.times), self.limits.gravity)
+
+    def _take(self, draw: _Draw, series: FourierSeries) -> None:
+        condition = self._condition(series)
+        if (not self.best or condition < self.best[-1][0]) and self.limits.seem_kept(series):
+            self.best.append((condition, draw, series))
+
+
+def free_poses(limits: MotionLimits, rng: np.random.Generator) -> Floats:
+    """Return poses within the limits that can be rested in, (M, n), one or more."""
+    low, high = limits.room.inner()
+    drawn = rng.uniform(low, high, (POSES, limits.model.n))
+    free = limits.free_poses(drawn)
+    if not len(free):
+        if limits.scene is not None:
+            require_free_pose(limits.scene, drawn, limits.margin)
+        raise InputError(
+            f'robot "{limits.model.name}": in none of {POSES} poses within the limits can its own weight be held, '
+            "with distances of more than the margin"
+        )
+    return free
+
+
+def scaled_motion(
+    coefficients: Floats, share: Floats, place: Floats, period: float, room: Room
+) -> FourierSeries:
+    """Return the motion of some coefficients whose joints go over `share` of what room and velocity allow.
+
+    `place` tells where, 0 at the lower end of the room that the motion leaves, 1 at the upper.
+    """
+    unit, reach, middle = _unit(coefficients, period)
+    low, high = room.inner()
+    largest = _largest(unit, reach, room)
+    left = (high - low) - share * largest * reach
+    centre = low + 0.5 * share * largest * reach + place * left - share * largest * middle
+    scaled = unit.scaled(share * largest)
+    return FourierSeries(scaled.a, scaled.b, centre, period)
+
+
+def shrunk_motion(
+    coefficients: Floats, share: Floats, centre: Floats, period: float, limits: MotionLimits
+) -> tuple[FourierSeries, Floats, Floats] | None:
+    """Return the motion about a centre, its amplitudes shrunk until it keeps all limits, with its shares and places.
+
+    None where it does not at a tenth of them.
+    """
+    unit, reach, _ = _unit(coefficients, period)
+    low, high = limits.room.inner()
+    largest = _largest(unit, reach, limits.room)
+    for _ in range(SHRINKS):
+        span = share * largest * reach
+        left = np.maximum((high - low) - span, 1e-12)
+        place = np.clip((centre - 0.5 * span - low) / left, 0.0, 1.0)
+        series = scaled_motion(coefficients, share, place, period, limits.room)
+        if limits.seem_kept(series):
+            return series, share, place
+        share = share * SHRUNK
+    return None
+
+
+def _unit(coefficients: Floats, period: float) -> tuple[FourierSeries, Floats, Floats]:
+    """Return the unscaled motion, what its joints reach over, and the middle of that."""
+    unit = series_at_rest(coefficients, period)
+    q, _, _ = unit.sample(unit.grid())
+    # between two instants of the grid it reaches less than a per cent further
+    return unit, np.ptp(q, axis=0) * 1.01, 0.5 * (q.max(axis=0) + q.min(axis=0))
+
+
+def _largest(unit: FourierSeries, reach: Floats, room: Room) -> Floats:
+    """Return the largest amplitudes (n,) that position, velocity and acceleration allow."""
+    low, high = room.inner()
+    fastest = np.abs(unit.sample(unit.grid())[1]).max(axis=0)
+    allowed = np.minimum((high - low) / reach, KEPT * room.velocity / fastest)
+    return np.asarray(np.minimum(allowed, KEPT * room.acceleration / unit.acceleration_bound))
+
+
+RANDOM = 10  # motions, of which the middle one is told
+HIDDEN = 1e-7  # of the largest singular value: directions that a motion does not show
+PARTLY = 1e-6  # of a parameter along such a direction: it is not shown
+NOISE = 0.01  # of the torque limit, where none is given
+ATTEMPTS = 20  # at a random motion that keeps all limits
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What one motion shows."""
+
+    motion: str  # designed, random, single joints
+    condition: float  # of the regressor, columns scaled to length one; inf where parameters are not shown
+    errors: Floats  # (b,) standard errors in the parameters' units; inf of what is not shown
+
+    @property
+    def hidden(self) -> int:
+        """How many base parameters it does not show."""
+        return int(np.isinf(self.errors).sum())
+
+    def times(self, other: "Expected") -> tuple[float, float]:
+        """Return how many times as large its errors are as another's: geometric mean, and of the worst parameter."""
+        with np.errstate(invalid="ignore"):
+            ratio = self.errors / other.errors
+        ratio = np.where(np.isnan(ratio), np.inf, ratio)
+        return float(np.exp(np.log(ratio).mean())), float(ratio.max())
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A designed motion beside others of equal length, rows and limits."""
+
+    base: BaseParameters
+    noise: Floats  # (n,) standard deviation of the torques' noise, from row to row independent [Nm or N]
+    designed: Expected
+    random: Expected | None  # the one with the middle condition; None where none kept the limits
+    single: Expected | None
+
+
+def torque_noise(limits: MotionLimits, given: float | None) -> Floats:
+    """Return the noise of the torques (n,): as given, or a hundredth of their limits, or 1 where there are none."""
+    if given is not None:
+        return np.full(limits.model.n, given)
+    effort = limits.model.effort_limit
+    return np.where(np.isfinite(effort), NOISE * np.where(np.isfinite(effort), effort, 1.0), 1.0)
+
+
+def compare(limits: MotionLimits, design: Excitation, noise: Floats, rng: np.random.Generator) -> Comparison:
+    """Compare a designed motion with random ones, and with one joint moving after the other.
+
+    All last as long, have as many rows, and keep the same limits: random ones are Fourier motions as the search draws
+    them, shrunk until they do.
+    """
+    assert design.series is not None
+    base = design.base
+    rows = design.q, design.qd, design.qdd
+    designed = expected("designed", base, rows, limits.gravity, noise)
+    period, harmonics = design.series.period, len(design.series.a)
+    centres = free_poses(limits, rng)
+    random = []
+    for _ in range(ATTEMPTS):
+        coefficients = rng.normal(size=(2, harmonics, limits.model.n))
+        found = shrunk_motion(
+            coefficients,
+            rng.uniform(0.6, 1.0, limits.model.n),
+            centres[rng.integers(len(centres))],
+            period,
+            limits,
+        )
+        if found is not None:
+            rows = found[0].sample(design.time)
+            random.append(expected("random", base, rows, limits.gravity, noise))
+        if len(random) == RANDOM:
+            break
+    random.sort(key=lambda one: one.condition)
+    turns = _one_after_another(limits, design, centres[0], rng)
+    single = None if turns is None else expected("single joints", base, turns, limits.gravity, noise)
+    return Comparison(base, noise, designed, random[len(random) // 2] if random else None, single)
+
+
+def expected(
+    motion: str, base: BaseParameters, rows: tuple[Floats, Floats, Floats], gravity: Floats, noise: Floats
+) -> Expected:
+    """Return the condition and the standard errors of the base parameters that least squares has of some rows.
+
+    cov = (sum_rows Y' W Y)^-1 with W = diag(1 / noise^2).
+    """
+    Y = base.regressor(*rows, gravity)
+    weighed = (Y / noise[:, None]).reshape(-1, base.count)
+    plain = Y.reshape(-1, base.count)
+    size, unit = np.linalg.norm(weighed, axis=0), np.linalg.norm(plain, axis=0)
+    condition = float(np.linalg.cond(plain / np.where(unit > 0.0, unit, 1.0)))
+    _, s, V = np.linalg.svd(weighed / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    seen = s > HIDDEN * s[0]
+    blind = np.zeros(base.count) if seen.all() else np.linalg.norm(V[~seen], axis=0)
+    errors = np.sqrt(((V[seen] / s[seen, None]) ** 2).sum(axis=0)) / np.where(size > 0.0, size, 1.0)
+    hidden = (blind > PARTLY) | (size == 0.0)
+    return Expected(motion, np.inf if hidden.any() else condition, np.where(hidden, np.inf, errors))
+
+
+def _one_after_another(
+    limits: MotionLimits, design: Excitation, pose: Floats, rng: np.random.Generator
+) -> tuple[Floats, Floats, Floats] | None:
+    """Return rows in which one joint moves after the other, the others resting in a pose, over equal times."""
+    assert design.series is not None
+    n, harmonics = limits.model.n, len(design.series.a)
+    period = design.series.period / n
+    parts: list[tuple[Floats, Floats, Floats]] = []
+    moving = np.minimum((design.time / period).astype(np.int64), n - 1)
+    for joint in range(n):
+        share = np.zeros(n)
+        share[joint] = 1.0
+        found = shrunk_motion(rng.normal(size=(2, harmonics, n)), share, pose, period, limits)
+        if found is None:
+            return None
+        series: FourierSeries = found[0]
+        parts.append(series.sample(design.time[moving == joint] - joint * period))
+    q, qd, qdd = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return q, qd, qdd

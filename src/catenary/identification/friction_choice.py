@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.dynamics.actuation_loads import term_load
+from catenary.config import IN_FILES
 from catenary.identification.base_parameters import BaseParameters
-from catenary.identification.folds import FOLDS, fold_of_rows
-from catenary.identification.samples import Samples
+from catenary.identification.parameters import recorded_load
+from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.actuation import Actuation, ActuationTerm, Friction
 
 Extra = tuple[str, int]  # kind, and which friction
@@ -32,6 +32,8 @@ MOST_ROWS = 20_000  # that are looked at
 @dataclass(frozen=True)
 class FrictionPart:
     """A part that was added to a friction, and what it took away."""
+
+    __pydantic_config__ = IN_FILES
 
     friction: str
     kind: str
@@ -152,7 +154,7 @@ def _candidates(
         if friction.stribeck is None and "stribeck" in kinds:
             for rung, share in enumerate(SPEEDS):
                 add("stribeck", place, friction, share * speed, rung)
-        if friction.presliding is None and "presliding" in kinds and samples[0].course is not None:
+        if friction.presliding is None and "presliding" in kinds and samples[0].history is not None:
             for rung, share in enumerate(DISTANCES):
                 add("presliding", place, friction, share * travel, rung)
     return candidates, terms
@@ -173,7 +175,7 @@ def _products(
     every = max(1, sum(len(part) for part in samples) // MOST_ROWS)
     for part in samples:
         fold = fold_of_rows(part)
-        loads = np.column_stack([_load(term, part, coulomb_velocity) for term in terms])
+        loads = np.column_stack([recorded_load(term, part, coulomb_velocity) for term in terms])
         for rows, Y in base.chunks(part, gravity):
             for f in range(FOLDS):
                 here: NDArray[np.int64] = np.flatnonzero(fold[rows] == f)[::every]
@@ -183,17 +185,6 @@ def _products(
                     products[f, i] += A.T @ A
     weighted = np.einsum("i,fijk->fjk", weights**2, products)
     return _Products(products, weighted.sum(axis=0) - weighted)
-
-
-def _load(term: ActuationTerm, samples: Samples, coulomb_velocity: float) -> Floats:
-    c = term.combination
-    if samples.course is None or not samples.course.remembers(term):
-        return term_load(term, samples.q, samples.qd, samples.qdd, coulomb_velocity, samples.carried)
-    load = samples.course.load(term, coulomb_velocity)
-    if term.kind == "load":
-        assert samples.carried is not None  # whoever chooses among loads has computed it
-        load = load * np.abs(samples.carried @ c) / (c @ c)
-    return load
 
 
 def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats | None:

@@ -12,9 +12,15 @@ from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import CHUNK, Base, BaseParameters, base_parameters
-from catenary.identification.columns import Parameters
-from catenary.identification.consistency import LEAST_PRIOR, consistent_fit
+from catenary.identification.consistency import (
+    LEAST_PRIOR,
+    consistent_fit,
+    prior_of,
+    unseen_of,
+    weight_of_prior,
+)
 from catenary.identification.friction_choice import FrictionPart, choose_friction
+from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
 from catenary.identification.least_squares import (
     Triangles,
     covariance,
@@ -23,12 +29,17 @@ from catenary.identification.least_squares import (
     triangles,
     weigh,
 )
-from catenary.identification.options import IdentifyOptions, actuation_of, filter_of
-from catenary.identification.prior import prior_of, weight_of_prior
-from catenary.identification.reasons import MovedRange, motion_of, reason_of
-from catenary.identification.residuals import LogResidual, judge, residual, unpredicted
+from catenary.identification.parameters import Parameters
+from catenary.identification.residuals import (
+    LogResidual,
+    MovedRange,
+    judge,
+    motion_of,
+    reason_of,
+    residual,
+    unpredicted,
+)
 from catenary.identification.samples import Samples, alternate_blocks, prepare
-from catenary.identification.unseen import unseen_of
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 
@@ -82,9 +93,6 @@ class Identification:
 
         Returns:
             (n,) or (N, n) [Nm or N].
-
-        Raises:
-            InputError: Another shape, NaN, or a motion asked of what was identified from poses at rest.
         """
         motion, single = motion_rows(self.model, q, qd=qd, qdd=qdd)
         if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):
@@ -135,7 +143,7 @@ class Identification:
         )
 
     def predict_samples(self, samples: Samples) -> Floats:
-        """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its course."""
+        """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its history."""
         gravity = np.array(self.options.gravity)
         heard = carrying(self.base, self.beta, [samples], gravity)[0]
         return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard, gravity)])
@@ -144,10 +152,6 @@ class Identification:
         """Return the robot with the identified inertia, friction, rotors and springs.
 
         Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
-
-        Raises:
-            MissingInertiaError: The fit was not physically consistent: base parameters are combinations of links',
-                and no inertia of any single link follows from them.
         """
         parameters, consistent = self.base.parameters, self._consistent()
         static = self.options.terms == "static"

@@ -60,9 +60,6 @@ def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) 
 
     range: one over the range of its torque; spread: over its standard deviation; residual: over the RMS of its
     residual, found by fitting twice more.
-
-    Raises:
-        InputError: No axis has any torque.
     """
     tau = np.concatenate([part.tau for part in samples])
     n = tau.shape[1]

@@ -46,12 +46,7 @@ def room_of(
     acceleration: ArrayLike | None = None,
     effort: ArrayLike | None = None,
 ) -> Room:
-    """Return the limits to stay within: the robot's own, or narrower ones (n,) [rad, m, rad/s, m/s, ..., Nm, N].
-
-    Raises:
-        InputError: A limit of position or velocity that neither the robot nor the caller gives, or one beyond the
-            robot's.
-    """
+    """Return the limits to stay within: the robot's own, or narrower ones (n,) [rad, m, rad/s, m/s, ..., Nm, N]."""
     limits: tuple[tuple[str, ArrayLike], ...] = (
         ("lower", model.lower if lower is None else lower),
         ("upper", model.upper if upper is None else upper),

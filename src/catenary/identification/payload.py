@@ -18,8 +18,8 @@ from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.load_location import likely, location_text, probabilities, telling_joint
 from catenary.identification.identification import Identification
+from catenary.identification.identify_options import filter_of
 from catenary.identification.least_squares import one_over
-from catenary.identification.options import filter_of
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 

@@ -1,15 +1,24 @@
-"""How far torques are from what a model says, per axis, and what that says about the model."""
+"""How far torques are from what a model says, per axis; what that says about the model, and why.
 
-from collections.abc import Collection
+A joint that hardly moves, or moves where it was not identified, tells nothing of whether the arm has changed. Of one
+that does, the residual is explained in turn by a constant, by friction, by torques that are all larger or smaller, and
+by rows of torque and motion out of step; what explains most is named.
+"""
+
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Listed
+from catenary.config import IN_FILES
 from catenary.identification.samples import Samples
+from catenary.robots.model import RobotModel
+from catenary.units import TORQUE_UNIT
 
+Axes = Annotated[Floats, Listed(null=np.nan)]
 Verdict = Literal["holds", "unclear", "drifted", "fails"]
 HOLDS = 2.0  # times the training residual
 FAILS = 0.9  # of the torque itself: hardly better than predicting nothing
@@ -20,11 +29,13 @@ SMALL = 0.1  # relative residuals below this are never called drift
 class LogResidual:
     """Residual of one recording: RMS(measured - predicted), and relative to RMS(measured)."""
 
+    __pydantic_config__ = IN_FILES
+
     log: str
     rows: int
-    rms: Floats  # (n,) [Nm or N]
-    relative_rms: Floats  # (n,) NaN on an axis without torque
-    relative_rms_period: Floats | None  # (n,) over the first period after the cut
+    relative_rms: Axes  # (n,) NaN on an axis without torque
+    relative_rms_period: Axes | None  # (n,) over the first period after the cut
+    rms: Axes  # (n,) [Nm or N]
     verdict: Verdict | None = None  # none is given on the recordings that were fitted
     reasons: tuple[str, ...] = ()  # why it is not "holds", for each axis that is not predicted
 
@@ -35,9 +46,9 @@ def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResi
     return LogResidual(
         samples.name,
         len(samples),
-        rms(error),
         relative(error, samples.tau),
         None if period is None else relative(error[:period], samples.tau[:period]),
+        rms(error),
     )
 
 
@@ -60,11 +71,6 @@ def judge(test: LogResidual, axes: Collection[int], telling: Collection[int]) ->
 
     holds: every axis is predicted. unclear: the axes that are not were moved too little, or where nothing was fitted.
     fails: an axis is hardly better than predicting no torque. drifted: otherwise, as when the arm or its load changed.
-
-    Args:
-        test: Residual on the recording.
-        axes: Those that are not predicted.
-        telling: Those of them whose motion can tell.
     """
     if not axes:
         return "holds"
@@ -84,3 +90,126 @@ def relative(error: Floats, of: Floats) -> Floats:
     size = rms(of)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(size > 0.0, rms(error) / size, np.nan)
+
+
+LITTLE = 0.1  # of the speed, or of the travel, that it was identified with
+BEYOND = 0.1  # of that travel, outside of which a joint was not identified
+THERE = 0.5  # of the squared residual on rows outside it
+EXPLAINED = 0.4  # of the squared residual that a shape takes away
+LAGS = 0.1  # [s] by which torques may be late
+
+
+@dataclass(frozen=True, eq=False)
+class MovedRange:
+    """How recordings moved, per joint (n,): between which positions, and how fast (RMS)."""
+
+    __pydantic_config__ = IN_FILES
+
+    low: Annotated[Floats, Listed()]
+    high: Annotated[Floats, Listed()]
+    speed: Annotated[Floats, Listed()]
+
+
+class Reason(NamedTuple):
+    """Why one axis is not predicted."""
+
+    says: str
+    tells_nothing: bool  # of the arm: it was moved too little, or elsewhere
+
+
+def motion_of(samples: Sequence[Samples]) -> MovedRange:
+    """Return how recordings moved."""
+    q = np.concatenate([part.q for part in samples])
+    qd = np.concatenate([part.qd for part in samples])
+    return MovedRange(q.min(axis=0), q.max(axis=0), np.sqrt(np.mean(qd**2, axis=0)))
+
+
+def reason_of(
+    model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None
+) -> Reason:
+    """Return why an axis of a recording is not predicted.
+
+    Args:
+        model: The robot.
+        axis: Which.
+        samples: The recording.
+        predicted: (N, n) what was predicted of its torques.
+        seen: How the recordings moved that were fitted, if known.
+    """
+    name, unit = model.joint_names[axis], model.joint_units[axis]
+    left = samples.tau[:, axis] - predicted[:, axis]
+    if seen is not None and (moved := _motion_reason(name, unit, axis, samples, left, seen)) is not None:
+        return Reason(moved, tells_nothing=True)
+    share, says = max(_shapes(name, unit, axis, samples, predicted, left))
+    if share < EXPLAINED:
+        return Reason(f"what is left of {name} has no shape of a constant, friction, scale or lag", False)
+    return Reason(says, False)
+
+
+def _motion_reason(
+    name: str, unit: str, axis: int, samples: Samples, left: Floats, seen: MovedRange
+) -> str | None:
+    q = samples.q[:, axis]
+    travel = float(seen.high[axis] - seen.low[axis])
+    speed = float(np.sqrt(np.mean(samples.qd[:, axis] ** 2)))
+    if seen.speed[axis] > 0.0 and (speed < LITTLE * seen.speed[axis] or np.ptp(q) < LITTLE * travel):
+        return (
+            f"too little motion in joint {name}: {np.ptp(q):.2g} {unit} at {speed:.2g} {unit}/s, identified over "
+            f"{travel:.2g} at {seen.speed[axis]:.2g}"
+        )
+    outside = (q < seen.low[axis] - BEYOND * travel) | (q > seen.high[axis] + BEYOND * travel)
+    if left[outside] @ left[outside] > THERE * (left @ left):
+        return (
+            f"joint {name} moves from {q.min():.3g} to {q.max():.3g} {unit}, and was identified from "
+            f"{seen.low[axis]:.3g} to {seen.high[axis]:.3g}"
+        )
+    return None
+
+
+def _shapes(
+    name: str, unit: str, axis: int, samples: Samples, predicted: Floats, left: Floats
+) -> list[tuple[float, str]]:
+    """Return shapes that a residual may have: the share of it that each explains, and how that is said."""
+    torque, qd, own = TORQUE_UNIT[unit], samples.qd[:, axis], predicted[:, axis]
+    size = float(left @ left)
+    constant = float(left.mean())
+    shapes = [
+        (
+            len(left) * constant**2 / size,
+            f"the constant of {name} is {constant:+.2g} {torque} from what it was",
+        )
+    ]
+    varying = left - constant
+
+    def share(columns: Floats) -> tuple[float, Floats]:
+        columns = columns - columns.mean(axis=0)
+        factors = np.asarray(np.linalg.lstsq(columns, varying, rcond=1e-9)[0], dtype=np.float64)
+        rest = varying - columns @ factors
+        return (size - float(rest @ rest)) / size - shapes[0][0], factors
+
+    if qd.any():
+        part, (coulomb, viscous) = share(np.column_stack([np.sign(qd), qd]))
+        change = float(np.mean(np.abs(coulomb * np.sign(qd) + viscous * qd))) * np.sign(
+            coulomb + viscous * np.abs(qd).mean()
+        )
+        shapes.append((part, f"friction of {name} differs: {change:+.2g} {torque} in the mean"))
+    if np.ptp(own) > 0.0:
+        part, (factor,) = share(own[:, None])
+        shapes.append((part, f"torques of {name} are {1.0 + factor:.2g} times those identified"))
+    if samples.history is not None and len(samples) > 10:
+        shapes.append(_late(name, samples, own, left, size))
+    return shapes
+
+
+def _late(name: str, samples: Samples, own: Floats, left: Floats, size: float) -> tuple[float, str]:
+    step = float(np.median(np.diff(samples.time)))
+    tau, most = own + left, max(1, min(round(LAGS / step), len(own) // 4))
+    best, at = size, 0
+    for lag in range(-most, most + 1):
+        early, late = (tau, own) if lag >= 0 else (own, tau)
+        rest = early[abs(lag) :] - late[: len(late) - abs(lag)]
+        here = float(rest @ rest) * len(tau) / len(rest)
+        if here < best:
+            best, at = here, lag
+    word = "late" if at > 0 else "early"
+    return 1.0 - best / size, f"torques of {name} come {abs(at) * step * 1000:.0f} ms too {word}"

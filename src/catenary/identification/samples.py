@@ -1,4 +1,10 @@
-"""From a recording to filtered positions, velocities, accelerations and torques."""
+"""From a recording to filtered positions, velocities, accelerations and torques, checked to be of the robot.
+
+Gravity and the base's turning are signals of a recording, row by row. `gravity:x`, `:y`, `:z` [m/s2] is free fall less
+the acceleration of the base's origin, in base axes, as an accelerometer there reads it, negated. `base_rate:x` ...
+[rad/s] is the base's angular velocity, `base_acceleration:x` ... [rad/s2] its derivative; where that is missing it is
+computed from the rate.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +18,128 @@ from catenary.arrays import Floats
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.errors import InputError
-from catenary.identification.base_signals import base_of, smoothed_base
-from catenary.identification.course import Course
-from catenary.identification.log_checks import check_rates, checked_log
-from catenary.identification.options import IdentifyOptions, actuation_of, filter_of
+from catenary.identification.friction_history import FrictionHistory
+from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
 from catenary.plant import MotionLog
 from catenary.robots.actuation import SignalFilter
 from catenary.robots.model import RobotModel
+
+LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a coordinate without limits is no rad and no m
+MARGIN = 0.25  # of its range by which a coordinate may leave its limits
+FAITHFUL = 0.5  # least correlation of a velocity with the derivative of its position
+MOVING = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
+SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
+
+
+def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
+    """Return a recording with its joints in the robot's order, refused where its torques or positions cannot be it."""
+    where = f'recording "{log.name}"'
+    log = log.in_order_of(model, of=f'robot "{model.name}" has')
+    if log.tau is None:
+        raise InputError(f"{where}: has no torques (`tau`), which dynamics are identified from")
+    for i, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
+        q = log.q_nominal[:, i]
+        low, high = model.lower[i], model.upper[i]
+        if np.isfinite(high - low):
+            slack = MARGIN * (high - low)
+            low, high = low - slack, high + slack
+        else:
+            low, high = -LARGEST[unit], LARGEST[unit]
+        if float(np.min(q)) < low or float(np.max(q)) > high:
+            wrong = "degrees" if unit == "rad" else "mm"
+            raise InputError(
+                f"{where}: joint {name} goes from {np.min(q):.4g} to {np.max(q):.4g}, expected {unit} between "
+                f"{low:.4g} and {high:.4g}: is it in {wrong}, or another joint's?"
+            )
+    return log
+
+
+def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> None:
+    """Refuse velocities that are not those of the positions.
+
+    Args:
+        where: Opens the message.
+        model: The robot.
+        derivative: (N, n) derivative of the positions.
+        qd: (N, n) recorded velocities, filtered in the same way.
+    """
+    own = derivative - derivative.mean(axis=0)
+    given = qd - qd.mean(axis=0)
+    size, given_size = np.linalg.norm(own, axis=0), np.linalg.norm(given, axis=0)
+    least = np.array([MOVING[unit] for unit in model.joint_units]) * np.sqrt(len(qd))
+    moving = (size > least) & (given_size > 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = own.T @ given / size[:, None] / given_size
+    for i in np.flatnonzero(moving):
+        name = model.joint_names[i]
+        if correlation[i, i] < FAITHFUL:
+            others = np.where(moving, correlation[:, i], -1.0)
+            best = int(np.argmax(others))
+            follows = f"; it follows joint {model.joint_names[best]}: swapped axes?"
+            hint = follows if others[best] > 0.9 else ""
+            raise InputError(
+                f"{where}: the velocity of joint {name} is not the derivative of its position "
+                f"(correlation {correlation[i, i]:.2f}){hint}"
+            )
+        slope = float(own[:, i] @ given[:, i] / size[i] ** 2)
+        if not SLOPES[0] < slope < SLOPES[1]:
+            degrees = abs(slope / np.rad2deg(1.0) - 1.0) < 0.3
+            hint = "degrees per second?" if degrees else "another unit, or another sampling rate than stated?"
+            raise InputError(
+                f"{where}: the velocity of joint {name} is {slope:.3g} times the derivative of its position: {hint}"
+            )
+
+
+UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
+LEAST, MOST = 1.0, 30.0  # [m/s2] that gravity on a base can be; beyond it is in another unit
+
+
+def base_of(log: MotionLog) -> tuple[Floats | None, Floats | None, Floats | None]:
+    """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, where a log has them."""
+    found = {name: _vector(log, name) for name in UNITS}
+    gravity = found["gravity"]
+    if gravity is None and any(values is not None for values in found.values()):
+        raise InputError(
+            f'recording "{log.name}": has rates of the base and no gravity:x, gravity:y, gravity:z'
+        )
+    if gravity is not None:
+        size = float(np.median(np.linalg.norm(gravity, axis=1)))
+        if not LEAST < size < MOST:
+            raise InputError(
+                f'recording "{log.name}": gravity has a size of {size:.3g}, expected m/s2, about 9.8; is it in g?'
+            )
+    return gravity, found["base_rate"], found["base_acceleration"]
+
+
+def smoothed_base(
+    log: MotionLog, filtered: Sequence[Floats], step: float
+) -> tuple[Floats | None, Floats | None]:
+    """Return gravity (N, 3) and the base's rates (N, 2, 3) from the filtered signals of `base_of` that there are."""
+    names = [name for name, values in zip(UNITS, base_of(log), strict=True) if values is not None]
+    signals = dict(zip(names, filtered, strict=True))
+    if "base_rate" not in signals and "base_acceleration" not in signals:
+        return signals.get("gravity"), None
+    rate = signals.get("base_rate")
+    if rate is None:
+        raise InputError(f'recording "{log.name}": has base_acceleration and no base_rate')
+    turning = signals.get("base_acceleration", np.gradient(rate, step, axis=0))
+    return signals["gravity"], np.stack([rate, turning], axis=1)
+
+
+def _vector(log: MotionLog, name: str) -> Floats | None:
+    columns = [log.signals.get(f"{name}:{axis}") for axis in "xyz"]
+    missing = [axis for axis, column in zip("xyz", columns, strict=True) if column is None]
+    if len(missing) == 3:
+        return None
+    if missing:
+        raise InputError(f'recording "{log.name}": {name}:{missing[0]} is missing beside its other axes')
+    values: Floats = np.column_stack([column for column in columns if column is not None])
+    if not np.isfinite(values).all():
+        raise InputError(
+            f'recording "{log.name}": {name} is not finite at row {np.argwhere(~np.isfinite(values))[0, 0]}'
+        )
+    return values
+
 
 EVERY = slice(None)
 IRREGULAR = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
@@ -42,7 +163,7 @@ class Samples:
     base: Floats | None = (
         None  # (N, 2, 3) angular velocity and acceleration of the base [rad/s, rad/s2], likewise
     )
-    course: Course | None = None  # of the motion that friction remembers; none at rest
+    history: FrictionHistory | None = None  # of the motion that friction remembers; none at rest
     carried: Floats | None = None  # (N, n) what the links ask, that load-dependent friction grows with
     notes: tuple[str, ...] = ()  # on gaps in time, and rows that were left out or made
 
@@ -55,8 +176,8 @@ class Samples:
         chosen: dict[str, Any] = {
             key: values[which] for key in keys if (values := getattr(self, key)) is not None
         }
-        if self.course is not None:
-            chosen["course"] = self.course.rows(which)
+        if self.history is not None:
+            chosen["history"] = self.history.rows(which)
         return replace(self, name=name, **chosen)
 
     def gravity_rows(self, otherwise: Floats, part: slice = EVERY) -> Floats:
@@ -77,10 +198,6 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     filtered velocity, and so are velocities of the position where none were recorded. A recording in which time goes
     back, or that has gaps, is several, each filtered and cut by itself; those shorter than the filter
     needs are left out. At rest nothing is filtered.
-
-    Raises:
-        InputError: Other joints than the robot's, no torques, no time, not rad, m and s by the look of it, or shorter
-            than the filter needs; the message names the recording and the joint.
     """
     log = checked_log(log, model)
     assert log.tau is not None  # for the type checker; checked_log refused
@@ -123,10 +240,12 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     )
     known = known_torque(actuation, q)
     rate = 1.0 / float(np.median(np.diff(time)))
-    course = Course(tuple((part.q, part.qd) for part in parts), cut, parts[0].sections, np.arange(len(q)))
+    history = FrictionHistory(
+        tuple((part.q, part.qd) for part in parts), cut, parts[0].sections, np.arange(len(q))
+    )
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
     return Samples(
-        log.name, q, qd, qdd, tau - known, known, time, independent, gravity=gravity, base=base, course=course,
+        log.name, q, qd, qdd, tau - known, known, time, independent, gravity=gravity, base=base, history=history,
         notes=_told(log, len(stretches), parts, gaps, len(q)),
     )  # fmt: skip
 
@@ -222,11 +341,7 @@ def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: S
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:
-    """Split a recording into every first and every second block of a length [s, or rows at rest].
-
-    Raises:
-        InputError: It has not two blocks.
-    """
+    """Split a recording into every first and every second block of a length [s, or rows at rest]."""
     held_out = np.floor((samples.time - samples.time[0]) / length).astype(np.int64) % 2 == 1
     if not held_out.any():
         raise InputError(
@@ -234,3 +349,22 @@ def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]
             f"of {length:g}"
         )
     return samples.rows(~held_out, samples.name), samples.rows(held_out, f"{samples.name} (held-out blocks)")
+
+
+FOLDS = 5
+TURNS = 2  # blocks of each recording in every fold
+
+
+def fold_of_rows(samples: Samples, folds: int = FOLDS) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+    """Return which fold each row is in (N,): blocks of time, one fold after the other, and once more around."""
+    block = np.arange(len(samples)) * (folds * TURNS) // max(len(samples), 1)
+    return np.asarray(block % folds, dtype=np.int64)
+
+
+def folds_of(samples: Sequence[Samples], folds: int = FOLDS) -> list[list[Samples]]:
+    """Return the recordings' rows by fold; a fold may lack a recording that is too short."""
+    out: list[list[Samples]] = []
+    for f in range(folds):
+        parts = [part.rows(fold_of_rows(part, folds) == f, part.name) for part in samples]
+        out.append([part for part in parts if len(part)])
+    return out

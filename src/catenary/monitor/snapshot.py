@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.calibration.upkeep.watch import WatchResult
 from catenary.plant import OperatingState
 
 NEAR_LIMIT = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
@@ -47,8 +46,6 @@ class Snapshot(NamedTuple):
     tip_from_encoders: float | None = None  # [m] from where external encoders say that it is
     calibrated_from_encoders: float | None = None  # [m] the same, by calibrated joints
 
-    drift: WatchResult | None = None  # signs that the model no longer holds, and what shows none
-
     def warnings(self) -> list[str]:
         """Return what deserves a warning, the worst first."""
         found: list[str] = []
@@ -64,8 +61,6 @@ class Snapshot(NamedTuple):
         if self.inside is not None and not self.inside.all():
             names = [name for name, ok in zip(self.joint_names, self.inside, strict=True) if not ok]
             found.append(f"outside the model's valid range: {', '.join(names)}")
-        if self.drift is not None:
-            found += [f"drift? {flag.reason}" for flag in self.drift.flags]
         near = self._near_limits()
         if near:
             found.append(f"near a limit: {', '.join(near)}")
@@ -106,7 +101,6 @@ class Snapshot(NamedTuple):
             "tip_error": self.tip_error,
             "tip_from_encoders": self.tip_from_encoders,
             "calibrated_tip_from_encoders": self.calibrated_from_encoders,
-            "drift": None if self.drift is None else self.drift.as_data(),
             "warnings": self.warnings(),
         }
 

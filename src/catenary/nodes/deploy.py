@@ -23,7 +23,6 @@ import numpy as np
 
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.upkeep.watch import DriftFlag, DriftWatch, WatchResult
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received
@@ -31,7 +30,6 @@ from catenary.crtk.joints import model_joints
 from catenary.crtk.latest import ImuTopic
 from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, Dialect, calibrated_namespace
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.registration import registration_heard
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages
@@ -64,7 +62,6 @@ class WireReport:
     outside: tuple[float, ...]  # share of published messages outside the valid range, per joint of the model
     joint_names: tuple[str, ...]
     leaps: dict[str, int]  # by input: positions that play states did not follow
-    watch: WatchResult  # signs of drift that need no encoder
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
@@ -85,7 +82,6 @@ class WireReport:
             "latency_us": None if self.latency is None else self.latency.in_us(),
             "longest_silence_s": self.longest_silence,
             "outside_valid_range": dict(zip(self.joint_names, self.outside, strict=True)),
-            "watch": self.watch.as_data(),
         }
 
 
@@ -124,7 +120,6 @@ class CalibratedTopics:
             positioning=weight,
             with_intervals=() if model.intervals is None else model.joint_names,
         )
-        self._watch, self._is_registered = DriftWatch(model, client.joint_names, client.joint_units), False
         n = len(client.joint_names)
         self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         rest = np.zeros(n)
@@ -193,7 +188,6 @@ class CalibratedTopics:
             outside=tuple((self._outside / max(1, self._published)).tolist()),
             joint_names=self._model.joint_names,
             leaps=self._corrector.leaps,
-            watch=self._watch.result(),
         )
 
     def close(self) -> None:
@@ -217,7 +211,6 @@ class CalibratedTopics:
         if not self._is_homed():
             self._not_homed += 1
             self._corrector.reset()
-            self._is_registered = False
             return
         try:
             state = self._client.state_of(received.message)
@@ -230,7 +223,6 @@ class CalibratedTopics:
         first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
         self._stamps = (first, stamp, count + 1)
         self._corrector.correct_state(state, self._out, self._inside, self._interval)
-        self._watch_for_drift(state)
         if not is_newest and now() - received.time > LATE * SECOND:
             self._late += 1
             return
@@ -240,19 +232,6 @@ class CalibratedTopics:
         self._publisher.publish(stamp, self._out, self._interval, state, is_valid=is_valid)
         self._published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
-
-    @property
-    def drift_flags(self) -> tuple[DriftFlag, ...]:
-        """Signs of drift that were seen so far."""
-        return self._watch.flags
-
-    def _watch_for_drift(self, state: JointState) -> None:
-        if not self._is_registered:  # homed since the last message, or the first of all
-            shift = registration_heard(self._client)
-            if shift is not None:
-                self._watch.registered(state.time, shift)
-                self._is_registered = True
-        self._watch.update(state.time, state.q, state.tau, self._inside)
 
     def _is_homed(self) -> bool:
         try:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.plant import MotionLog
 from catenary.transmission.cable_coupling import joints_of
 
 # motor turning per joint motion [rad/rad], [rad/rad], [rad/m] [raven2 source: transmission ratios]
@@ -39,11 +38,3 @@ def shift_of(offsets: ArrayLike, ratio: ArrayLike | None = None, coupling: Array
     winding = -np.asarray(offsets, dtype=float) / COUNTS_PER_RADIAN / turns
     joints = joints_of(np.asarray(coupling), (winding[..., 0], winding[..., 1], winding[..., 2]))
     return np.stack(joints, axis=-1)
-
-
-def registrations(log: MotionLog) -> Floats | None:
-    """Return `shift_of` on every row of a motion log, (N, 3); None of other joints, or without the offsets' columns."""
-    names = [f"{OFFSETS}{axis}" for axis in RATIO]
-    if log.joint_names != tuple(RATIO) or not all(name in log.signals for name in names):
-        return None
-    return shift_of(np.column_stack([log.signals[name] for name in names]))

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from catenary.calibration.choice import JointChoice
 from catenary.calibration.evaluate import Evaluation, Spread
+from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
 from catenary.reports.arm_picture import arm_picture

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from catenary.calibration.choice import CLOSE
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, Spread
+from catenary.calibration.kind_choice import CLOSE
 from catenary.reports.tip import TipErrors
 
 MOST_JOINTS = 6  # that a sentence can name with their numbers

@@ -7,8 +7,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.files import json_text
-from catenary.identification.files import Card
 from catenary.identification.identification import Identification
+from catenary.identification.identification_file import Card
 from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
 from catenary.reports.page import (

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import blocks
 from catenary.calibration.evaluate import Evaluation, rms
-from catenary.calibration.kernels import blocks
 from catenary.calibration.model import CalibrationModel
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError

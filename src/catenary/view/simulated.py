@@ -8,8 +8,8 @@ from typing import cast
 import numpy as np
 
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.files import load_model
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model_file import load_model
 from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import LoopReport
 from catenary.control.pd import SplitController

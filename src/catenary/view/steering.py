@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import Flags
+from catenary.calibration.arithmetic import Flags
 from catenary.control.loop import Fade, StateCorrector
 from catenary.control.pd import SplitController
 from catenary.plant import JointState

@@ -17,8 +17,7 @@ from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.sensors import InjectedFault
 from catenary.view.controls import Value
-from catenary.workflows.gravity.base_sensor import base_sensor
-from catenary.workflows.gravity.simulated_arm import SimulatedArm
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor
 
 NOISY = 0.5  # [m/s2] standard deviation of an axis of a reading
 # of the sensor, by what the page calls them

@@ -8,14 +8,14 @@ from zipfile import is_zipfile
 import numpy as np
 
 from catenary.archives import read_arrays
-from catenary.calibration.card_schema import check_card
+from catenary.calibration.card import check_card
 from catenary.calibration.dataset import error_limits
-from catenary.calibration.files import load_model
 from catenary.calibration.model import Card
+from catenary.calibration.model_file import load_model
 from catenary.errors import FileFormatError, InputError
 from catenary.files import card_path, card_text, table_ending
-from catenary.identification.files import load_identification
 from catenary.identification.identification import Identification
+from catenary.identification.identification_file import load_identification
 from catenary.identification.residuals import LogResidual
 from catenary.plant import MotionLog
 from catenary.recording.foreign.read import Reading, read_recording, read_torque_recording

@@ -7,10 +7,10 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.errors import ExcitationError, InputError
-from catenary.identification.doubts import torque_findings
 from catenary.identification.identification import Identification, identify_samples
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare
+from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding

@@ -14,9 +14,15 @@ from catenary.collision.contacts import POSES, without_constant_contacts
 from catenary.collision.scene import Names, scene_of
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.identification.excitation import Excitation, static_poses
-from catenary.identification.expected_errors import Comparison, Expected, compare, torque_noise
-from catenary.identification.fourier import fourier_motion
+from catenary.identification.excitation import (
+    Comparison,
+    Excitation,
+    Expected,
+    compare,
+    fourier_motion,
+    static_poses,
+    torque_noise,
+)
 from catenary.identification.motion_limits import MotionLimits, Room
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel

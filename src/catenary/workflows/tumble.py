@@ -117,12 +117,7 @@ class StillBase:
 
 
 def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude], StillReading]:
-    """Return a function that reads a simulated sensor in an attitude, as if a person held it so.
-
-    Args:
-        model: The sensor; by hand it is held by its own axes, mounted it is turned as its mounting says.
-        seed: Of its noise.
-    """
+    """Return a function that reads a simulated sensor in an attitude, as if a person held it so."""
 
     def read(attitude: Attitude) -> StillReading:
         up = np.array(attitude.up, dtype=float)

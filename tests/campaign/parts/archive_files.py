@@ -69,7 +69,7 @@ def _model() -> bytes:
 
 
 def _load_model(path: Path) -> None:
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
 
     load_model(path)
 

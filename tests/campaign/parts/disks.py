@@ -134,8 +134,7 @@ def pipeline(seed: int, folder: Path) -> None:
     import shutil
     import warnings
 
-    from catenary.calibration.fit import FitOptions
-    from catenary.calibration.fitting import FitRun
+    from catenary.calibration.fit_options import FitOptions, FitRun
     from catenary.recording.raven_csv import write_raven_csv
     from catenary.workflows.project import calibrate
     from catenary.workflows.project.folder import Project, ProjectSettings

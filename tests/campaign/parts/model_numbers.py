@@ -68,7 +68,7 @@ def _other(rng: np.random.Generator, value: float) -> float:
 
 def numbers(seed: int, folder: Path) -> None:
     """Change one number of a model."""
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from catenary.cards import SEAL, sha256_of_arrays
     from catenary.errors import CatenaryError
 

@@ -164,8 +164,8 @@ STATES: dict[str, Any] = {
     },
     "deployment.json": {
         "simulated": True, "ticks": 100, "rate_hz": 1000.0, "compute_us": TIMES, "jitter_us": TIMES, "correction_us": TIMES,
-        "overruns": 0, "real_time_priority": False, "leaps": {},
-        "joints": [{"name": "J1", "unit": "deg", "raw_rmse": 0.1, "rmse": 0.1, "outside_valid_range": 0.0}],
+        "overruns": 0, "real_time_priority": False, "leaps": {}, "coverage_asked": None,
+        "joints": [{"name": "J1", "unit": "deg", "raw_rmse": 0.1, "rmse": 0.1, "outside_valid_range": 0.0, "coverage": None}],
     },
     "train.synchronised.json": {
         "topics": [{"topic": "/ravenstate", "messages": 5, "rate": 30.0, "longest_gap": 0.1}],
@@ -178,9 +178,10 @@ STATES: dict[str, Any] = {
 def project_case(seed: int, folder: Path) -> None:
     """Spoil one of a project's files, and read it as the commands do."""
     from catenary.reports.project import _deployment_blocks
+    from catenary.workflows.project.deploy import Deployment
     from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
     from catenary.workflows.project.recordings import _noted
-    from catenary.workflows.project.state import DeploymentFile, ExtractionFile, HomeFile, read_state
+    from catenary.workflows.project.state import ExtractionFile, HomeFile, read_state
 
     rng = random.Random(seed)
     name = rng.choice(list(STATES))
@@ -189,7 +190,7 @@ def project_case(seed: int, folder: Path) -> None:
     if name == "home.json":
         read_state(path, HomeFile, "again")
     elif name == "deployment.json":
-        _deployment_blocks(read_state(path, DeploymentFile, "again"), "simulation", "recommended")
+        _deployment_blocks(read_state(path, Deployment, "again"), "simulation", "recommended")
     elif name == "train.synchronised.json":
         read_state(path, ExtractionFile, "again")
     else:
@@ -213,9 +214,9 @@ def _arrays(kind: str) -> dict[str, Any]:
         q = np.cumsum(np.random.default_rng(1).normal(scale=0.01, size=(400, 3)), axis=0)
         catenary.fit(q, q + 0.01 * np.sin(q), units=("rad", "rad", "m"), model="linear").save(path)
     else:
-        from catenary.identification.files import identification_card, save_identification
         from catenary.identification.identification import identify
-        from catenary.identification.options import IdentifyOptions
+        from catenary.identification.identification_file import identification_card, save_identification
+        from catenary.identification.identify_options import IdentifyOptions
         from catenary.robots.catalog import load_robot
         from moving_arm import recorded
 
@@ -232,7 +233,7 @@ def _inside_case(kind: str) -> Callable[[int, Path], None]:
     def case(seed: int, folder: Path) -> None:
         import numpy as np
 
-        from catenary.identification.files import load_identification
+        from catenary.identification.identification_file import load_identification
         from catenary.workflows.check import check_file
 
         rng = random.Random(seed)

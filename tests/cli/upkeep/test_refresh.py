@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.files import load_model
+from catenary.calibration.model_file import load_model
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log, write_parquet

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary import JointState, MotionLog, Reference, gravity_torque, load_robot
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.plant import AT_REST
 from catenary.workflows.gravity.simulated_arm import rigid_arm
 from papers.beyond import calibration_and_gravity as experiment

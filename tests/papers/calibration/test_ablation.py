@@ -2,7 +2,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from catenary import MotionLog
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from papers.calibration import ablation
 from papers.calibration.ablation import ALL, BOTH, FEATURES, FURTHER, MODELS, POSITIONS, SHUFFLED, TORQUES
 from papers.calibration.recordings import fitted

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit import choose_inputs
+from catenary.calibration.fit_rows import choose_inputs
 from papers.calibration import dvrk
 from papers.calibration.peers.rows import rows_of_log
 from papers.experiment import Outcomes, Scope

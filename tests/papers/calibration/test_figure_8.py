@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.calibration.regression import fit_polynomial
+from catenary.calibration.predictors import fit_polynomial
 from papers.calibration import published
 from papers.calibration.all_inputs import LARGER, all_inputs, principal, sizes
 from papers.calibration.figure_8 import EXPERIMENT, cases

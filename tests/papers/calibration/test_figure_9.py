@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from catenary import MotionLog
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from papers.calibration import figure_9
 from papers.calibration.homings import (
     BASELINE,

@@ -5,7 +5,8 @@ import pytest
 
 from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.predictors import Linear, Network
 from papers.calibration.inputs import ALL_138, SIXTEEN

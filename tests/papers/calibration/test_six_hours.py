@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary import MotionLog
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import Target
 from catenary.dynamics.kinematics import jacobian
 from catenary.robots.catalog import load_robot

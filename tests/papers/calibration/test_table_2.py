@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.neural import PAPER
 from catenary.calibration.predictors import Network
 from papers.calibration import published

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.calibration.priors.prior import Prior, load_prior
+from catenary.calibration.feature_prior import Prior, load_prior
 from papers.prior.arms import drawn_arm
 from papers.prior.learn import SEED, arm, first_prior, learn, main, over_ridge
 

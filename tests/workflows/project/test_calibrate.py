@@ -4,8 +4,7 @@ from pathlib import Path
 import pytest
 
 import simulated_arm
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitRun
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.errors import CatenaryError, InputError
 from catenary.reports.project import with_inputs
 from catenary.workflows.project import calibrate, simulated_robot

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,8 +7,8 @@ from numpy.testing import assert_allclose
 
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.model import CalibrationModel
+from catenary.config import parse_settings, plain_data
 from catenary.errors import InputError, LimitError, NotReadyError
-from catenary.files import json_text
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.plant_state import restore_plant
@@ -48,21 +49,24 @@ def test_error_in_the_loop_is_the_evaluations(deployment, recorded, model) -> No
     log = record_simulated(plant_of(recorded), motion(), "same", np.random.default_rng(0))
     joints = evaluate(model, data_of(log, kind="linear", inputs=POSITIONS)).joints
     # other ticks of the same motion, and the firmware's position at the end of a tick in place of its start
-    assert_allclose(deployment.raw_rmse, [joint.raw_rmse for joint in joints], rtol=0.05)
-    assert_allclose(deployment.rmse, [joint.rmse for joint in joints], rtol=0.1)
+    assert_allclose(
+        [each.raw_rmse for each in deployment.joints], [joint.raw_rmse for joint in joints], rtol=0.05
+    )
+    assert_allclose([each.rmse for each in deployment.joints], [joint.rmse for joint in joints], rtol=0.1)
 
 
 def test_the_correction_takes_no_longer_than_the_ticks_that_it_is_part_of(deployment: Deployment) -> None:
-    whole = deployment.loop.compute
+    part, whole = deployment.correction_us, deployment.compute_us
+    assert part is not None
     assert whole is not None
     # the correction of each tick is within it, so is every quantile; histogram bins are 1 % wide
-    assert all(0.0 < part <= 1.02 * tick for part, tick in zip(deployment.correction, whole, strict=True))
+    assert all(0.0 < vars(part)[key] <= 1.02 * most for key, most in vars(whole).items())
 
 
 def test_the_model_helps_while_the_loop_runs(deployment: Deployment) -> None:
-    assert (np.array(deployment.rmse) < 0.5 * np.array(deployment.raw_rmse)).all()
-    assert deployment.loop.ticks == pytest.approx(1000.0 * SECONDS, abs=1)
-    assert '"simulated": true' in json_text(deployment.as_data())
+    assert all(joint.rmse < 0.5 * joint.raw_rmse for joint in deployment.joints)
+    assert deployment.ticks == pytest.approx(1000.0 * SECONDS, abs=1)
+    assert parse_settings(plain_data(deployment), Deployment, "file") == replace(deployment, loop=None)
 
 
 def test_what_does_not_fit_is_refused_before_anything_moves(recorded: Path, model: CalibrationModel) -> None:

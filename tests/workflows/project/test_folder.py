@@ -1,6 +1,6 @@
 import json
 import os
-from dataclasses import replace
+from dataclasses import asdict, replace
 from math import inf, nan
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 
 from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
+from catenary.files import json_text
+from catenary.workflows.project.deploy import Deployment
 from catenary.workflows.project.folder import (
     STEPS,
     Project,
@@ -15,7 +17,7 @@ from catenary.workflows.project.folder import (
     project_settings,
     write,
 )
-from catenary.workflows.project.state import DeploymentFile, ExtractionFile, HomeFile, read_state
+from catenary.workflows.project.state import ExtractionFile, HomeFile, read_state
 
 
 class Work:
@@ -110,7 +112,7 @@ def test_damaged_steps_are_refused(project: Project, content: bytes) -> None:
         reopened(project)
 
 
-SOUND = b'{"robot": "raven2", "base_tilt_deg": [0.0, 0.0], "sparsities": [0.5], "test_minutes": 20}'
+SOUND = json_text(asdict(ProjectSettings())).encode()
 UNEVEN = b'{"base_tilt_deg": 3, "sparsities": []}'
 
 
@@ -121,6 +123,7 @@ UNEVEN = b'{"base_tilt_deg": 3, "sparsities": []}'
         b"[]",
         b"{}",
         UNEVEN,
+        SOUND.replace(b"raven2", b"raven3"),
         b'{"color": "red"}',
         b"\xff",
         SOUND.replace(b"raven2", b'raven2", "robot": "x'),
@@ -329,7 +332,7 @@ HOME = '{"simulated": true, "joint_names": ["J1"], "believed": [0.1], "external_
         (HomeFile, "[]"),
         (HomeFile, HOME.replace('"J1"', "1," * 2_000 + "1")),
         (HomeFile, "[" + "0," * 2**20 + "0]"),
-        (DeploymentFile, '{"ticks": -1}'),
+        (Deployment, '{"ticks": -1}'),
         (ExtractionFile, '{"topics": [3], "rows": 1, "problems": []}'),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit_options import FitOptions
 from catenary.errors import InputError
 from catenary.recording.logs import read_log
 from catenary.recording.topics import PSM_JOINTS

@@ -172,14 +172,14 @@ def _recording(
     what: str | None, log: Path | None, model: Path | None, foreign: MappingOptions, *, as_trained: bool
 ) -> _Titled:
     """Return a recording of a robot, or a project's."""
-    from catenary.calibration.files import load_model
+    from catenary.calibration.model_file import load_model
     from catenary.recording.foreign.read import Reading
     from catenary.robots.catalog import load_robot
     from catenary.view.described import shapes_of
     from catenary.view.project import shown_project
     from catenary.view.recorded import recorded_arm
     from catenary.view.replay import Replay
-    from catenary.workflows.model_recordings import recording_for
+    from catenary.workflows.calibration_model import recording_for
 
     robot, path = what, log or Path()
     if what is not None and _is_project(what):

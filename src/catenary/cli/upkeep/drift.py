@@ -33,9 +33,9 @@ def drift(
 
     Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """
-    from catenary.calibration.upkeep.drift import since_in_words
+    from catenary.calibration.drift import since_in_words
     from catenary.reports.drift import drift_table, write_drift_report
-    from catenary.workflows.drift import drift_of_model, drift_summary
+    from catenary.workflows.calibration_model import drift_of_model, drift_summary
 
     refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     found, notes = drift_of_model(

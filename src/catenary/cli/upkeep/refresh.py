@@ -31,8 +31,8 @@ def refresh(
 
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz
     """
-    from catenary.calibration.files import save_model
-    from catenary.workflows.refresh import refresh_calibration
+    from catenary.calibration.model_file import save_model
+    from catenary.workflows.calibration_model import refresh_calibration
 
     outputs = {"--out": (out, MODEL), "the card of --out": (card_path(out), None)}
     refuse_outputs(outputs, [model, *data])

@@ -102,9 +102,6 @@ def poses_along(
         q: (n,) where the others stand [rad|m].
         max_velocity: (n,) on the way from one to the next [rad/s|m/s]; GENTLE_VELOCITY when None.
         max_acceleration: (n,) [rad/s2|m/s2]; GENTLE_ACCELERATION when None.
-
-    Raises:
-        InputError: Something of another shape or not finite.
     """
     n = len(limits.joint_names)
     rows = np.tile(as_array("q", q, (n,)), (len(as_array("positions", positions, (None,))), 1))

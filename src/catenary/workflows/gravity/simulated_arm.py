@@ -1,4 +1,4 @@
-"""A simulated arm with all that a controller of it needs: plant, model, gains, limits."""
+"""A simulated arm with all that a controller of it needs: plant, model, gains, limits, the sensor on its base."""
 
 import logging
 from collections.abc import Callable
@@ -23,6 +23,8 @@ from catenary.plant import Plant
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.robots.model import Massless, RobotModel
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
 from catenary.simulation.cable_plant import CablePlant
@@ -30,6 +32,7 @@ from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.records import POSITIONING
+from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 
 _log = logging.getLogger(__name__)
 
@@ -126,11 +129,7 @@ def simulated_arm(
 
 
 def with_gains(arm: SimulatedArm, kp: ArrayLike | None, kd: ArrayLike | None) -> SimulatedArm:
-    """Return an arm with other gains at its joints: one number for all, or (n,); its own where None.
-
-    Raises:
-        InputError: A gain is negative or not finite, or there are others than joints.
-    """
+    """Return an arm with other gains at its joints: one number for all, or (n,); its own where None."""
     chosen = []
     for name, own, given in zip(("kp", "kd"), arm.gains, (kp, kd), strict=True):
         values = own if given is None else as_array(name, given, () if np.ndim(given) == 0 else own.shape)
@@ -160,12 +159,6 @@ def rigid_arm(
         gains: Of its joints; gains_from_mass when None.
         motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
         hardware: Friction of its joints, none when None; its rotors are `motor_inertia`.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-        MissingPackageError: MuJoCo is not installed.
-        InputError: A negative payload, or inertia of another shape.
-        LimitError: `start` is outside the joint limits.
     """
     model.require_inertia()
     n = model.n
@@ -228,3 +221,40 @@ def raven_motor_inertia(arm: CableArm) -> Floats:
     n = POSITIONING
     firmware = arm.firmware
     return reflected_inertia(arm.cable.rotor_inertia, np.abs(firmware.ratio[:n]), firmware.coupling)
+
+
+def base_sensor(
+    base: MovingBase,
+    *,
+    start: float = 0.0,
+    bias: ArrayLike = (0.0, 0.0, 0.0),
+    noise: float | None = None,
+    fault: InjectedFault | None = None,
+    seed: int = 0,
+) -> tuple[SimulatedSensor, Mounting]:
+    """Put a cheap inertial unit, 200 Hz, at the origin of a base; return it and the mounting that is told of it.
+
+    Args:
+        base: What the arm stands on.
+        start: Time of its first sample [s]; the plant's.
+        bias: (3,) of its accelerometer, of which the mounting knows nothing [m/s2]: what a calibration left.
+        noise: Standard deviation of an axis of a reading [m/s2]; an MPU-6050's when None.
+        fault: What goes wrong with it.
+        seed: Of its noise.
+
+    Raises:
+        InputError: A bias that is no vector, or negative noise.
+    """
+    model = SensorModel()
+    if noise is not None:
+        if not 0.0 <= noise < np.inf:
+            raise InputError(f"sensor noise: expected 0 or more m/s2, got {noise}")
+        # white up to half the sampling rate
+        model = replace(model, noise=noise / float(np.sqrt(0.5 * model.rate_hz)))
+    told = model.mounting
+    true = replace(told, bias=as_array("sensor bias", bias, (3,)))
+    faults = () if fault is None else (fault,)
+    sensor = SimulatedSensor(
+        base, Mailbox(), replace(model, mounting=true), faults=faults, seed=seed, start=start
+    )
+    return sensor, told

@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from catenary import __version__
-from catenary.calibration.choice import JointChoice
 from catenary.calibration.dataset import error_limits, in_one_order
 from catenary.calibration.evaluate import Evaluation
-from catenary.calibration.files import load_model, save_model
-from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitRun, require_folds
-from catenary.calibration.progress import Progress, silent
+from catenary.calibration.fit_options import FitOptions, FitRun, Progress, require_folds, silent
+from catenary.calibration.kind_choice import JointChoice
+from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
 from catenary.recording.foreign.read import Reading, read_logs
@@ -21,15 +19,25 @@ from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import robot_of, verdict
 from catenary.verdict.shared import require_apart
-from catenary.workflows.fit import evaluate_calibration, fit_calibration, warnings_of
-from catenary.workflows.model_recordings import recordings_for
+from catenary.workflows.calibration_model import (
+    evaluate_calibration,
+    fit_calibration,
+    recordings_for,
+    warnings_of,
+)
+from catenary.workflows.project.deploy import Deployment
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.imported import Imported, keep_imports, read_imports
 from catenary.workflows.project.kinds import kind_of
-from catenary.workflows.project.recordings import extract_recording, motion_log_path
+from catenary.workflows.project.recordings import (
+    Imported,
+    extract_recording,
+    keep_imports,
+    motion_log_path,
+    read_imports,
+)
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
-from catenary.workflows.project.state import DeploymentFile, read_state
+from catenary.workflows.project.state import read_state
 
 TRAIN, TEST = "train", "test"
 VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
@@ -150,11 +158,7 @@ def calibrate_robot(
 def _models(
     project: Project, robot: str | None, asked: FitOptions | None, run: FitRun
 ) -> Mapping[str, FitOptions]:
-    """Return the options of a project's models, before minutes of motion and fits.
-
-    Raises:
-        InputError: Options that contradict each other.
-    """
+    """Return the options of a project's models, before minutes of motion and fits."""
     asked = FitOptions(kind="auto") if asked is None else asked
     require_folds(asked, run)
     return models_for(robot, replace(asked, seed=project.settings.seed or 0))
@@ -333,7 +337,7 @@ def conclude(
     deployment = None
     if deployed is not None:
         deployment = read_state(
-            deployed, DeploymentFile, "delete it, and `catenary calibrate PROJECT` makes it again"
+            deployed, Deployment, "delete it, and `catenary calibrate PROJECT` makes it again"
         )
     page = project.folder / "report.html"
     best = results[RECOMMENDED]

@@ -2,84 +2,70 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from math import nan
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.evaluate import rms
-from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
+from catenary.config import IN_FILES
 from catenary.control.loop import Tick, run_loop
-from catenary.control.loop_report import LoopReport
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.registration import registration_of
 from catenary.plant import JointState
 from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.trajectories.reference import Embedded, Trajectory
 from catenary.units import DISPLAY
 from catenary.workflows.robot.motion import check_motion, move_to
 
+Known = float | None  # None where the encoders said nothing
+
+
+@dataclass(frozen=True)
+class Microseconds:
+    """Durations of a loop."""
+
+    median: Known
+    p99: Known
+    p999: Known
+    max: Known
+
+
+@dataclass(frozen=True)
+class DeployedJoint:
+    """Errors of a joint of the model against its true position, in deg or mm."""
+
+    name: str
+    unit: str
+    raw_rmse: Known
+    rmse: Known
+    outside_valid_range: Known  # share of ticks
+    coverage: Known  # share of errors within the model's intervals; None without any
+
 
 @dataclass(frozen=True)
 class Deployment:
-    """Loop report of a deployed model, and its errors against the joints' true positions."""
+    """What a deployed model did in a loop, as deployment.json holds it."""
 
-    loop: LoopReport
-    joint_names: tuple[str, ...]  # of the model
-    units: tuple[str, ...]  # deg or mm
-    raw_rmse: tuple[float, ...]
-    rmse: tuple[float, ...]
-    outside: tuple[float, ...]  # share of ticks outside the valid range
-    correction: Timing  # [s] of the model's part of each tick
-    simulated: bool = True
-    leaps: dict[str, int] = field(default_factory=dict)  # by input: positions that play states did not follow
-    coverage: tuple[float, ...] | None = (
-        None  # share of errors within the model's intervals; None without any
-    )
-    level: float | None = None  # that they are to hold
-    watch: WatchResult | None = None  # signs of drift that need no encoder
+    __pydantic_config__ = IN_FILES
 
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data: times in microseconds, errors in deg and mm."""
-        compute, jitter = self.loop.compute, self.loop.jitter
-        return {
-            "simulated": self.simulated,
-            "ticks": self.loop.ticks,
-            "rate_hz": self.loop.rate_hz,
-            "compute_us": None if compute is None else compute.in_us(),
-            "jitter_us": None if jitter is None else jitter.in_us(),
-            "correction_us": self.correction.in_us(),
-            "overruns": self.loop.overruns,
-            "real_time_priority": self.loop.has_priority,
-            "leaps": self.leaps,
-            "coverage_asked": self.level,
-            "watch": None if self.watch is None else self.watch.as_data(),
-            "joints": [
-                {
-                    "name": name,
-                    "unit": unit,
-                    "raw_rmse": raw,
-                    "rmse": rmse,
-                    "outside_valid_range": outside,
-                    "coverage": held,
-                }
-                for name, unit, raw, rmse, outside, held in zip(
-                    self.joint_names,
-                    self.units,
-                    self.raw_rmse,
-                    self.rmse,
-                    self.outside,
-                    self.coverage or [None] * len(self.joint_names),
-                    strict=True,
-                )
-            ],
-        }
+    simulated: bool
+    ticks: Annotated[int, Field(ge=0)]
+    rate_hz: float
+    compute_us: Microseconds | None
+    jitter_us: Microseconds | None
+    correction_us: Microseconds | None  # of the model's part of each tick
+    overruns: Annotated[int, Field(ge=0)] | None  # None where nobody kept time
+    real_time_priority: bool
+    leaps: dict[str, int]  # by input: positions that play states did not follow
+    coverage_asked: float | None  # by the model's intervals
+    joints: tuple[DeployedJoint, ...]
+    loop: Annotated[Any, Field(exclude=True)] = None  # its LoopReport, where it has just run
 
 
 def deploy_on_robot(
@@ -111,46 +97,48 @@ def deploy_on_robot(
     motion = Embedded(trajectory, places, plant.setpoint_js().q)
     true: list[Floats] = []
     ticks: list[Tick] = []
-    watch = DriftWatch(model, plant.joint_names, plant.joint_units)
-    registration = registration_of(plant)
-    if registration is not None:
-        watch.registered(plant.measured_js().time, registration)
 
     def observe(tick: Tick) -> None:  # light: it is part of the loop
-        watch.update(tick.state.time, tick.q_nominal, tick.state.tau, tick.inside)
         true.append(plant.external_encoders())
         ticks.append(tick)
 
     report = run_loop(plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time)
-    leaps = corrector.corrector.leaps
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     known = np.array(true)
     half_widths = np.array([tick.state.q_interval[places] for tick in ticks]) * scale
     rows = np.isfinite(known).all(axis=1)
     before = (known - np.array([tick.q_nominal[places] for tick in ticks]))[rows] * scale
     after = (known - np.array([tick.state.q[places] for tick in ticks]))[rows] * scale
+    held = np.abs(after) <= half_widths[rows]
+    deployed = tuple(
+        DeployedJoint(
+            name,
+            DISPLAY[unit][0],
+            rms(before[:, k]) if rows.any() else None,
+            rms(after[:, k]) if rows.any() else None,
+            (report.outside_valid_range or ())[places[k]],
+            None if model.intervals is None or not rows.any() else float(np.mean(held[:, k])),
+        )
+        for k, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
+    )
     return Deployment(
-        loop=report,
-        joint_names=model.joint_names,
-        units=tuple(DISPLAY[unit][0] for unit in model.joint_units),
-        raw_rmse=tuple(rms(column) if len(column) else nan for column in before.T),
-        rmse=tuple(rms(column) if len(column) else nan for column in after.T),
-        outside=tuple((report.outside_valid_range or ())[place] for place in places),
-        correction=corrector.timing(),
         simulated=plant.simulated,
-        leaps=leaps,
-        coverage=_coverage(after, half_widths[rows]) if model.intervals is not None else None,
-        level=None if model.intervals is None else model.intervals.level,
-        watch=watch.result(),
+        ticks=report.ticks,
+        rate_hz=report.rate_hz,
+        compute_us=_in_us(report.compute),
+        jitter_us=_in_us(report.jitter),
+        correction_us=_in_us(corrector.timing()),
+        overruns=report.overruns,
+        real_time_priority=report.has_priority,
+        leaps=corrector.corrector.leaps,
+        coverage_asked=None if model.intervals is None else model.intervals.level,
+        joints=deployed,
+        loop=report,
     )
 
 
-def _coverage(errors: Floats, half_widths: Floats) -> tuple[float, ...]:
-    """Return the share of errors (N, n) within their intervals, per joint; NaN where no truth is known."""
-    return tuple(
-        float(np.mean(np.abs(e) <= w)) if len(e) else nan
-        for e, w in zip(errors.T, half_widths.T, strict=True)
-    )
+def _in_us(timing: Timing | None) -> Microseconds | None:
+    return None if timing is None else Microseconds(**timing.in_us())
 
 
 class TimedCorrector:
@@ -174,6 +162,6 @@ class TimedCorrector:
             self._durations.add(time.perf_counter() - begin)
         self._started = True
 
-    def timing(self) -> Timing:
-        """Return how long it took; NaN when there were no ticks."""
-        return self._durations.timing() or Timing(nan, nan, nan, nan)
+    def timing(self) -> Timing | None:
+        """Return how long it took; None when there were no ticks."""
+        return self._durations.timing()

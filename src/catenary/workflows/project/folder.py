@@ -8,12 +8,14 @@ One process at a time writes; what only reads needs no lock, and nothing is writ
 import contextlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
+
+from pydantic import Field
 
 from catenary import __version__
-from catenary.config import parse_settings
+from catenary.config import IN_FILES, parse_settings
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sweep_partial, write_atomically
 from catenary.recording.synchronise import state_columns
@@ -22,7 +24,7 @@ from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 from catenary.workflows.project.lock import LOCK, FolderLock
 from catenary.workflows.project.outputs import describe, hold, missing
-from catenary.workflows.project.state import SettingsFile, StepsFile, WrittenFiles, read_state
+from catenary.workflows.project.state import StepsFile, WrittenFiles, read_state
 
 SETTINGS, STEPS = "settings.json", "steps.json"
 ROBOTS = ("raven2", "dvrk_psm")
@@ -33,11 +35,13 @@ LONGEST_TEST = 48.0 * 60.0  # [min]
 
 @dataclass(frozen=True)
 class ProjectSettings:
-    """Settings of a project; changing one repeats every step that depends on it."""
+    """Settings of a project, as settings.json holds them; changing one repeats every step that depends on it."""
+
+    __pydantic_config__ = IN_FILES
 
     robot: str = "raven2"
     side: str = "left"
-    seed: int | None = None  # of a simulated robot; None for the nominal one
+    seed: Annotated[int, Field(ge=0)] | None = None  # of a simulated robot; None for the nominal one
     base_tilt_deg: tuple[float, float] = (0.0, 0.0)  # roll, pitch
     payload_kg: float = 0.0
     direction: str = "J2-J3"
@@ -292,19 +296,19 @@ def project_settings(folder: Path) -> ProjectSettings | None:
     if not path.is_file():
         return None
     remedy = "delete it, and give the settings again: `catenary calibrate PROJECT` with its options"
-    content = read_state(path, SettingsFile, remedy)
     try:
-        return ProjectSettings(**SettingsFile(**content).model_dump())
-    except InputError as error:
-        raise ConfigError(damage(path, f"not the settings of a project: {error}", remedy)) from error
+        content = read_state(path, ProjectSettings, remedy)
+    except ConfigError as error:
+        said = str(error).replace("file: Value error, ", "not the settings of a project: ")
+        raise ConfigError(said) from error
+    lacking = ", ".join(each.name for each in fields(ProjectSettings) if each.name not in content)
+    if lacking:
+        raise ConfigError(damage(path, f"keys are missing: {lacking}", remedy))
+    return parse_settings(content, ProjectSettings, str(path))
 
 
 def write(path: Path, content: Any) -> None:
-    """Write plain data as JSON, unless the file holds just that.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write plain data as JSON, unless the file holds just that."""
     data = _as_bytes(content)
     if path.is_symlink() or not path.is_file() or path.read_bytes() != data:
         write_atomically(path, data)

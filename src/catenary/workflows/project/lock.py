@@ -36,12 +36,7 @@ class FolderLock:
         return self._descriptor is not None
 
     def take(self) -> None:
-        """Lock the folder; what a process that is gone has left is taken over.
-
-        Raises:
-            InUseError: Another process holds it.
-            FileFormatError: The folder cannot be written in.
-        """
+        """Lock the folder; what a process that is gone has left is taken over."""
         try:
             flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
             descriptor = os.open(self.path, flags, 0o666)
@@ -63,11 +58,7 @@ class FolderLock:
         self._descriptor = descriptor
 
     def check(self) -> None:
-        """Refuse to go on without the lock's file: another process may have made, and locked, a new one.
-
-        Raises:
-            InUseError: It was deleted or replaced.
-        """
+        """Refuse to go on without the lock's file: another process may have made, and locked, a new one."""
         try:
             is_ours = self._descriptor is not None and os.path.samestat(
                 os.fstat(self._descriptor), self.path.lstat()

@@ -13,13 +13,6 @@ def describe(folder: Path, outputs: Sequence[Path]) -> dict[str, dict[str, Any]]
     """Return `size`, `mtime_ns` and `sha256` of every file of a step, by its path below the project's folder.
 
     Their bytes are then on the disk (fsync), so that what is noted as done survives a power cut.
-
-    Args:
-        folder: Of the project.
-        outputs: Files, or folders with all that is in them.
-
-    Raises:
-        FileFormatError: One cannot be read.
     """
     described = {}
     for output in outputs:

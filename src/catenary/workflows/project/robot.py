@@ -8,8 +8,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from catenary.calibration.fit_options import Progress, silent
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.progress import Progress, silent
 from catenary.recording.topics import Arm
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.folder import Project
@@ -78,7 +78,7 @@ class ProjectRobot(ABC):
     def deploy(
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
-        """Run a model in its 1 kHz loop along a trajectory, and return `Deployment.as_data`."""
+        """Run a model in its 1 kHz loop along a trajectory, and return its `Deployment` as plain data."""
 
 
 def arm_of(project: Project) -> Arm:

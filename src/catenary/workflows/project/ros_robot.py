@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from catenary.calibration.model import CalibrationModel
+from catenary.config import plain_data
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import NotReadyError
@@ -98,7 +99,7 @@ class RosRobot(ProjectRobot):
             with at_rest_afterwards(client):
                 self._enable(client)
                 found = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
-        return found.as_data()
+        return dict(plain_data(found))
 
     def _connected(self, project: Project) -> CrtkClient:
         return kind_of(project.settings).client(self._transport, simulated=self._simulated)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from catenary.calibration.model import CalibrationModel
+from catenary.config import plain_data
 from catenary.errors import ConfigError, FileFormatError
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
@@ -98,7 +99,7 @@ class SimulatedRobot(ProjectRobot):
         plant = make_plant(project.settings)
         restore_plant(plant, left_at(project, after))
         plant.state_command("enable")
-        return deploy_on_robot(plant, model, trajectory, real_time=True).as_data()
+        return dict(plain_data(deploy_on_robot(plant, model, trajectory, real_time=True)))
 
 
 def left_at(project: Project, step: str) -> Path:

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, JsonValue
 
-from catenary.config import Recorded, Settings, parse_settings
+from catenary.config import Recorded, parse_settings
 from catenary.documents import json_value, read_bounded
 from catenary.errors import ConfigError, FileFormatError
 from catenary.files import damage
@@ -13,25 +13,6 @@ from catenary.files import damage
 MOST_STATE = 2**20  # [B]; steps.json of a hundred recordings has some 50 kB
 Few = Field(max_length=1_000)  # joints
 Count = Annotated[int, Field(ge=0)]
-
-
-class SettingsFile(Settings):
-    """settings.json; `ProjectSettings` knows what of it a robot or a motion can have."""
-
-    robot: str = "raven2"
-    side: str = "left"
-    seed: Count | None = None
-    base_tilt_deg: tuple[float, float]
-    payload_kg: float = 0.0
-    direction: str = "J2-J3"
-    sparsities: tuple[float, ...]
-    test_minutes: float = 20.0
-    state_rate_hz: float = 30.0
-    connection: str = "simulation"
-    form: str = "generator"
-    namespace: str = "/PSM1"
-    train_minutes: float = 20.0
-    columns: tuple[str, ...] = ()
 
 
 class WrittenFile(Recorded):
@@ -72,38 +53,6 @@ class HomeFile(Recorded):
     external_encoders: Annotated[tuple[float | None, ...], Few] | None = None
 
 
-class DeployedTimes(Recorded):
-    """Durations of a loop in microseconds."""
-
-    median: float | None
-    p99: float | None
-    p999: float | None
-    max: float | None
-
-
-class DeployedJoint(Recorded):
-    """Errors of a joint; null where the encoders said nothing."""
-
-    name: str
-    unit: str
-    raw_rmse: float | None
-    rmse: float | None
-    outside_valid_range: float | None
-
-
-class DeploymentFile(Recorded):
-    """deployment.json."""
-
-    ticks: Count
-    rate_hz: float
-    compute_us: DeployedTimes | None
-    jitter_us: DeployedTimes | None
-    correction_us: DeployedTimes | None
-    overruns: Count | None  # null where nobody kept time
-    real_time_priority: bool
-    joints: tuple[DeployedJoint, ...]
-
-
 class ExtractedTopic(Recorded):
     """A topic that was extracted; rates are null of a single message."""
 
@@ -121,7 +70,7 @@ class ExtractionFile(Recorded):
     problems: tuple[str, ...]
 
 
-def read_state(path: Path, schema: type[Settings], remedy: str, *, below: str | None = None) -> Any:
+def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None = None) -> Any:
     """Read one of a project's JSON files, as plain data that its schema has seen.
 
     Args:

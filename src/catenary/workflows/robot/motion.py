@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.progress import Progress, silent
+from catenary.calibration.fit_options import Progress, silent
 from catenary.control.shutdown import FiniteTicks, leave_safe
 from catenary.errors import InputError, LimitError, NotFiniteError, NotReadyError
 from catenary.plant import Bounded, JointState, Plant, require_ready, state_in_words

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from catenary.calibration.progress import Progress, silent
+from catenary.calibration.fit_options import Progress, silent
 from catenary.crtk.clock import SECOND
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Received, Subscription

@@ -8,20 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.files import load_model
-from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
+from catenary.calibration.model_file import load_model
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
 from catenary.crtk.names import JOINT_STATE, calibrated_namespace
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
-from catenary.recording.raven_transmission import registrations
 from catenary.recording.synchronise import CALIBRATED
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.robot.motion import gentle_way
@@ -37,7 +34,6 @@ class _Corrected(NamedTuple):
     q: Floats | None = None  # (n,) [rad|m]
     inside: Flags | None = None  # (n,) in the valid range
     interval: Floats | None = None  # (n,) half-width about q [rad|m]
-    drift: WatchResult | None = None  # signs that the model no longer holds
 
 
 class _Calibrated:
@@ -47,20 +43,15 @@ class _Calibrated:
         loaded, _ = load_model(model)
         self._corrector = Corrector(loaded, rate_hz=rate_hz)
         self._corrector.prepare(names, units, rate_hz)
-        self._watch = DriftWatch(loaded, names, units)
         self._q: Floats = np.full(len(names), np.nan)
         self._inside: Flags = np.zeros(len(names), dtype=bool)
         self._interval: Floats = np.full(len(names), np.nan)
 
     def take(self, state: JointState) -> None:
         self._corrector.correct_state(state, self._q, self._inside, self._interval)
-        self._watch.update(state.time, state.q, state.tau, self._inside)
-
-    def registered(self, time: float, shift: Floats) -> None:
-        self._watch.registered(time, shift)
 
     def latest(self) -> "_Corrected":
-        return _Corrected(self._q.copy(), self._inside.copy(), self._interval.copy(), self._watch.result())
+        return _Corrected(self._q.copy(), self._inside.copy(), self._interval.copy())
 
 
 class _Deployed:
@@ -78,9 +69,6 @@ class _Deployed:
 
     def take(self, state: JointState) -> None:
         """Do nothing: the deployed model hears the robot itself."""
-
-    def registered(self, time: float, shift: Floats) -> None:
-        """Do nothing: likewise."""
 
     def latest(self) -> _Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
@@ -147,7 +135,6 @@ def watch_robot(
     prepared, patience = False, clock() + FIRST_STATE
     seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
     state: JointState | None = None
-    was_homed = False
     while True:
         silent = None
         try:
@@ -178,11 +165,6 @@ def watch_robot(
             last = state.time
             if corrected is not None:
                 corrected.take(state)
-                if operating.is_homed and not was_homed:
-                    shift = registration_heard(plant)
-                    if shift is not None:
-                        corrected.registered(state.time, shift)
-                was_homed = operating.is_homed
         late.count(now, robot.late() - seen_late)
         seen_late = robot.late()
         if now < next_sample:
@@ -191,7 +173,7 @@ def watch_robot(
         latest = _Corrected() if corrected is None else corrected.latest()
         yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            latest.q, latest.inside, latest.interval, drift=latest.drift, tau=state.tau,
+            latest.q, latest.inside, latest.interval, tau=state.tau,
             gravity_tau=robot.gravity_torque(state), gravity=state.gravity, gravity_age=state.gravity_age,
             operating=operating, fault=fault_of(plant) if operating.state == "FAULT" else "",
             lower=plant.lower, upper=plant.upper, rate_hz=states.hertz(now),
@@ -253,7 +235,7 @@ def watch_log(
         latest = _Corrected() if corrected is None else corrected.latest()
         yield Snapshot(
             float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
-            latest.q, latest.inside, latest.interval, drift=latest.drift, encoder=encoder,
+            latest.q, latest.inside, latest.interval, encoder=encoder,
             tau=None if log.tau is None else log.tau[row], rate_hz=1.0 / spacing,
         )  # fmt: skip
 
@@ -277,8 +259,6 @@ class _CalibratedLog:
         self._signals, n = model.features.signal_rows(log), len(self._places)
         self._q, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         self._row = 0
-        self._watch, self._homings = DriftWatch(model, log.joint_names, log.joint_units), registrations(log)
-        self._no_torque = np.full(len(log.joint_names), np.nan)
 
     def take(self, row: int) -> None:
         """Take the next row; joints that the model is not of pass through."""
@@ -287,20 +267,13 @@ class _CalibratedLog:
         q = self._log.q_nominal[row, self._places]
         self._corrector.correct(q, self._signals[row], self._q, self._inside, self._interval)
         self._row = row
-        log, inside = self._log, np.ones(len(self._log.joint_names), dtype=bool)
-        inside[self._places] = self._inside
-        time = 0.0 if log.time is None else float(log.time[row])
-        if self._homings is not None and (row == 0 or (self._homings[row] != self._homings[row - 1]).any()):
-            self._watch.registered(time, self._homings[row])
-        tau = self._no_torque if log.tau is None else log.tau[row]
-        self._watch.update(time, log.q_nominal[row], tau, inside)
 
     def latest(self) -> _Corrected:
         q = self._log.q_nominal[self._row].copy()
         inside, interval = np.ones(len(q), dtype=bool), np.full(len(q), np.nan)
         places = self._places
         q[places], inside[places], interval[places] = self._q, self._inside, self._interval
-        return _Corrected(q, inside, interval, self._watch.result())
+        return _Corrected(q, inside, interval)
 
 
 class _ThereAndBack:

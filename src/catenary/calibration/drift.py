@@ -1,0 +1,134 @@
+"""A model's error from recording to recording and homing to homing, and from when on it no longer holds.
+
+A recording is cut where the encoders' offsets change, which a homing writes, and where its clock goes back.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.conformal import LENIENCE
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.model import CalibrationModel
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.recording.raven_transmission import OFFSETS
+
+BEYOND = 2.0  # times the error that the card tells, where a model has no interval
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Errors of a model between two homings; deg and mm."""
+
+    recording: str
+    homing: int  # how many there were before in this recording
+    date: str | None  # day of its first row (ISO 8601, UTC); None where time stamps are not a calendar's
+    rows: int
+    rmse: tuple[float, ...]
+    coverage: tuple[float, ...] | None  # share of errors within the model's intervals; None where it has none
+    beyond: tuple[bool, ...]  # per joint: the model no longer holds
+
+
+@dataclass(frozen=True)
+class DriftFound:
+    """Stretches in the order of recordings, and per joint the first of those from which on the model never holds."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    stretches: tuple[Stretch, ...]
+    since: tuple[int | None, ...]  # index into `stretches`; None where the last one holds
+    judged_by: str  # what "beyond" means, in words
+
+
+def find_drift(
+    model: CalibrationModel,
+    logs: Sequence[MotionLog],
+    known: Floats | None,
+    *,
+    factor: float = BEYOND,
+    max_error: Floats | None = None,
+) -> DriftFound:
+    """Return a model's errors on recordings, in their order, and from which on it is beyond what it promised.
+
+    With intervals, a joint is beyond where they hold less than half of what may lie outside allows (85 % for 90 %);
+    without, where its RMSE is beyond `factor` times the error that the card tells.
+
+    Args:
+        model: The model.
+        logs: Recordings with q_encoder, the oldest first.
+        known: (n,) errors that the card tells [deg|mm]; None where it tells none.
+        factor: More than 0.
+        max_error: (n,) [rad|m]; rows with larger errors are left out.
+    """
+    if model.intervals is None and known is None:
+        raise InputError(
+            "drift: the model has no intervals, and its card no error on data that it did not see; "
+            "expected a model fitted with folds or a held-out part"
+        )
+    if not factor > 0.0:
+        raise InputError(f"drift: factor: expected more than 0, got {factor}")
+    stretches = []
+    for log in logs:
+        log = model.matched(log)
+        data = calibration_data([log], model.features, max_error=max_error)
+        place = np.rint(data.position * len(log)).astype(int)  # rows of the recording
+        number = np.searchsorted(_cuts(log), place, side="right")
+        for homing in np.unique(number):
+            rows = data.rows(number == homing)
+            errors = evaluate(model, rows).joints
+            rmse, coverage = tuple(j.rmse for j in errors), tuple(j.coverage for j in errors)
+            if model.intervals is not None:
+                least = model.intervals.level - LENIENCE * (1.0 - model.intervals.level)
+                beyond = tuple(share < least for share in coverage)
+            else:
+                beyond = tuple(np.greater(rmse, factor * np.asarray(known)).tolist())
+            stretches.append(
+                Stretch(
+                    log.name,
+                    int(homing),
+                    rows.dates[0],
+                    len(rows),
+                    rmse,
+                    None if model.intervals is None else coverage,
+                    beyond,
+                )
+            )
+    judged = (
+        f"RMSE beyond {factor:g} times the card's error"
+        if model.intervals is None
+        else f"intervals that are to hold {model.intervals.level:.0%} of errors hold less than {least:.0%}"
+    )
+    since = tuple(_since([stretch.beyond[j] for stretch in stretches]) for j in range(len(model.joint_names)))
+    return DriftFound(model.joint_names, model.joint_units, tuple(stretches), since, judged)
+
+
+def since_in_words(found: DriftFound) -> list[str]:
+    """Return a sentence for each joint on which the model no longer holds."""
+    told = []
+    for name, first in zip(found.joint_names, found.since, strict=True):
+        if first is not None:
+            stretch = found.stretches[first]
+            when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
+            told.append(f"{name}: beyond since {when}")
+    return told
+
+
+def _cuts(log: MotionLog) -> Floats:
+    """Return the rows at which another homing or another recording begins, but for the first."""
+    cuts = set(log.starts[1:])
+    for name, values in log.signals.items():
+        if name.startswith(OFFSETS):
+            cuts |= {int(row) + 1 for row in np.flatnonzero(np.diff(values))}
+    return np.array(sorted(cuts), dtype=float)
+
+
+def _since(beyond: Sequence[bool]) -> int | None:
+    """Return from which on all are beyond; None where the last is not."""
+    first = len(beyond)
+    while first and beyond[first - 1]:
+        first -= 1
+    return first if first < len(beyond) else None

@@ -1,0 +1,142 @@
+"""What can be chosen in a fit, of the model and of the run; and how a fit reports its progress."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+from catenary.calibration.feature_prior import PRIORS
+from catenary.calibration.intervals import check_level
+from catenary.calibration.model import Target
+from catenary.errors import InputError
+
+Progress = Callable[[float], None]  # called with the share done, 0 to 1
+Kind = Literal["auto", "offset", "linear", "polynomial", "neural"]
+Preset = Literal["paper", "best"]
+KINDS: tuple[str, ...] = get_args(Kind)
+PRESETS: tuple[str, ...] = get_args(Preset)
+# half-widths of the play states, as shares of each joint's range of motion: from a cable's slack to its stretch
+PLAY_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
+FOLDS = 5
+COVERAGE = 0.9
+TAKE_PRIOR = ("auto", "linear", "neural")
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Options of a fit.
+
+    `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
+    recorded, the torques. Kind "auto" is chosen for every joint from the others (kind_choice.py). `play` adds play
+    states of the positions, as shares of each joint's range of motion; None means none, except for the neural
+    preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
+    then play states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions on features
+    with memory. A fixed offset is one of the error, whatever the target. `prior` names what a linear model, or
+    the linear part of preset `best`, begins at (feature_prior.py): for few minutes of data.
+    """
+
+    kind: Kind = "auto"
+    preset: Preset | None = None  # of kind neural; "best" when None
+    inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
+    history: int = 0
+    play: tuple[float, ...] | None = None
+    target: Target = "error"
+    ridge: float | None = None
+    seed: int = 0
+    prior: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f'model "{self.kind}": expected one of {", ".join(KINDS)}')
+        if self.preset is not None and (self.preset not in PRESETS or self.kind != "neural"):
+            raise InputError(
+                f'preset "{self.preset}" of model "{self.kind}": only neural has presets, {" and ".join(PRESETS)}'
+            )
+        if self.target not in get_args(Target):
+            raise InputError(f'target "{self.target}": expected one of {", ".join(get_args(Target))}')
+        if self.history < 0:
+            raise InputError(f"history: expected zero or more previous commands, got {self.history}")
+        if any(not 0.0 < share < 1.0 for share in self.play or ()):
+            raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
+        if self.ridge is not None and not 0.0 <= self.ridge < math.inf:
+            raise InputError(f"ridge: expected a number of zero or more, got {self.ridge}")
+        if self.ridge is not None and self.kind not in ("auto", "linear", "polynomial"):
+            raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
+        if self.kind == "auto" and self.target != "error":
+            raise InputError(
+                f'target "{self.target}": models of it are not chosen; give a kind in place of auto'
+            )
+
+        if self.prior not in (None, *PRIORS):
+            raise InputError(f'prior "{self.prior}": expected {" or ".join(PRIORS)}')
+        if self.prior in PRIORS and (self.kind not in TAKE_PRIOR or self.network == "paper"):
+            raise InputError(
+                f'prior "{self.prior}" of model {self.kind}: only linear and preset best take one'
+            )
+        if self.prior in PRIORS and (self.target != "error" or self.ridge is not None):
+            raise InputError(
+                f'prior "{self.prior}": is of errors, and in place of a ridge; leave out the other'
+            )
+
+    def of_kind(self, kind: Kind, preset: Preset | None = None) -> "FitOptions":
+        """Return the options of a kind of model, without those that it does not take."""
+        ridge = self.ridge if kind in ("auto", "linear", "polynomial") else None
+        prior = self.prior if kind in TAKE_PRIOR and preset != "paper" else None
+        return replace(self, kind=kind, preset=preset, ridge=ridge, prior=prior)
+
+    def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
+        """Return shares of each joint's range of motion that the play states take beside the given signals."""
+        if self.play is not None:
+            return self.play
+        torque = any(name.startswith("tau:") for name in signals)
+        return PLAY_SHARES if self.network == "best" and not torque else ()
+
+    @property
+    def network(self) -> Preset | None:
+        """The preset that a network is trained by; None for other kinds."""
+        return (self.preset or "best") if self.kind == "neural" else None
+
+    @property
+    def ridge_used(self) -> float | None:
+        """Weight on the squared coefficients of a regression; None for other kinds."""
+        if self.kind not in ("linear", "polynomial") or self.ridge is not None:
+            return self.ridge
+        memory = bool(self.play) or (self.kind == "polynomial" and self.history > 0)
+        return MEMORY_RIDGE if memory else 0.0
+
+
+@dataclass(frozen=True)
+class FitRun:
+    """Options of a fit that do not belong to the model: which rows it sees, and how it is tested."""
+
+    robot: str | None = None
+    max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
+    held_out: float | None = None  # share at the end of each recording
+    folds: int = FOLDS  # of the cross-validation; 0 for none
+    accept: tuple[str, ...] = ()  # findings about the data to go on with, by name
+    coverage: float = COVERAGE  # share of errors that the model's intervals are to hold
+
+    def __post_init__(self) -> None:
+        if self.held_out is not None and not 0.0 < self.held_out < 1.0:
+            raise InputError(f"held-out share: expected a number between 0 and 1, got {self.held_out}")
+        if self.folds < 0 or self.folds == 1:
+            raise InputError(f"folds: expected 2 or more, or 0 for no cross-validation, got {self.folds}")
+        check_level(self.coverage)
+
+
+def require_folds(options: FitOptions, run: FitRun) -> None:
+    """Refuse to choose a model by errors on folds that are not run."""
+    if options.kind == "auto" and not run.folds:
+        raise InputError(
+            "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"
+        )
+
+
+def silent(_: float) -> None:
+    """Report to nobody."""
+
+
+def part_of(progress: Progress, part: int, parts: int) -> Progress:
+    """Return the progress of the part numbered `part`, from 0, of a task of `parts` equal parts."""
+    return lambda done: progress((part + done) / parts)

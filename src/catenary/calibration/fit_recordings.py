@@ -1,0 +1,225 @@
+"""A whole fit: which rows it sees, the model, its error on data that it did not see, and its card."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.card import model_card
+from catenary.calibration.conformal import estimate_intervals, fewest_rows
+from catenary.calibration.dataset import (
+    CalibrationData,
+    calibration_data,
+    data_notes,
+    error_limits,
+    in_one_order,
+)
+from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
+from catenary.calibration.feature_prior import load_prior
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
+from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
+from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
+from catenary.calibration.model import CalibrationModel, Card
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.recording.mend import mends_of
+from catenary.robots.model import RobotModel
+from catenary.robots.plausible import FARTHEST
+from catenary.verdict.check import robot_of, verdict
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted model, its card and its errors on data that it did not see."""
+
+    model: CalibrationModel
+    card: Card
+    data: CalibrationData  # that it was fitted to
+    spread: tuple[Spread, ...]
+    held_out: Evaluation | None
+    notes: tuple[str, ...]
+    choices: tuple[JointChoice, ...] = ()  # of model auto, one per joint
+
+
+def fit_logs(
+    logs: Sequence[MotionLog], options: FitOptions, run: FitRun | None = None, *, progress: Progress = silent
+) -> FitResult:
+    """Fit a calibration model to recordings and say how well it does on data that it did not see.
+
+    The model is fitted to all rows, or to those before the held-out part. Its error is estimated on contiguous
+    blocks of time, each predicted by a model fitted to the others, and on the held-out part.
+    """
+    run = run if run is not None else FitRun()
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
+    logs = in_one_order(logs)
+    longest = max(len(log) for log in logs)
+    if options.history >= longest:
+        raise InputError(
+            f"history: {options.history} previous commands, but the longest recording has {longest} rows"
+        )
+    require_folds(options, run)
+    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
+    data, _, _ = _rows(logs, inputs.features, run)
+    limits = error_limits(run.max_error, logs[0])
+    found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
+    if options.kind == "auto":
+        kinds = tried(options, len(inputs.features.names), len(data))
+    else:
+        kinds = {options.kind: options}
+    attempts = {
+        name: _Attempt.prepared(logs, of_kind, run, part_of(progress, i, len(kinds)))
+        for i, (name, of_kind) in enumerate(kinds.items())
+    }
+    if options.kind == "auto":
+        validations = {name: attempt.validation for name, attempt in attempts.items() if attempt.validation}
+        choices = choose(validations)
+        needed = dict.fromkeys(choice.chosen for choice in choices)
+        model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
+        validation: CrossValidation | None = joined(validations, choices)
+    else:
+        choices, (attempt,) = (), attempts.values()
+        model, validation = attempt.fitted(progress), attempt.validation
+    return _concluded(logs, options, run, model, validation, choices, found)
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A kind of model on its rows, validated; it can be fitted to all of them."""
+
+    options: FitOptions
+    inputs: Inputs
+    data: CalibrationData
+    validation: CrossValidation | None
+
+    @classmethod
+    def prepared(
+        cls, logs: Sequence[MotionLog], options: FitOptions, run: FitRun, progress: Progress
+    ) -> "_Attempt":
+        """Validate a kind of model on blocks of what is not held out."""
+        inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
+        data, _, _ = _rows(logs, inputs.features, run)
+        validation: CrossValidation | None = None
+        if run.folds:
+            share = run.folds / (run.folds + 1.0)
+            validation = cross_validate(
+                data,
+                lambda rows, tell: fit(rows, inputs, options, progress=tell),
+                folds=run.folds,
+                progress=lambda done: progress(share * done),
+            )
+        return cls(options, inputs, data, validation)
+
+    def fitted(self, progress: Progress) -> CalibrationModel:
+        """Fit it to all rows."""
+        validated = 0.0 if self.validation is None else 0.8
+        return fit(
+            self.data,
+            self.inputs,
+            self.options,
+            progress=lambda done: progress(validated + (1.0 - validated) * done),
+        )
+
+
+def _rows(
+    logs: Sequence[MotionLog], features: FeatureSet, run: FitRun
+) -> tuple[CalibrationData, CalibrationData | None, CalibrationData]:
+    """Return the rows that are fitted to, those held out, and all of them."""
+    everything = calibration_data(logs, features, max_error=error_limits(run.max_error, logs[0]))
+    data, late = everything, None
+    if run.held_out is not None:
+        data, late = everything.split_by_time(run.held_out)
+    _require_rows(data, run.folds)
+    return data, late, everything
+
+
+def _concluded(
+    logs: Sequence[MotionLog],
+    options: FitOptions,
+    run: FitRun,
+    model: CalibrationModel,
+    validation: CrossValidation | None,
+    choices: tuple[JointChoice, ...],
+    found: Sequence[str],
+) -> FitResult:
+    """Return a fitted model with its intervals, errors and card."""
+    data, late, everything = _rows(logs, model.features, run)
+    notes = (*data_notes(logs, everything), *found)
+    notes = (*notes, *prior_notes(model))
+    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
+    limits = _limits(robot_of(logs, run.robot), data)
+    model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
+    if intervals is None:
+        notes = (*notes, _why_no_intervals(validation, run))
+    spread = () if validation is None else validation.spread
+    held_out = None if late is None else evaluate(model, late)
+    card = model_card(
+        model,
+        data,
+        options,
+        robot=run.robot if run.robot is not None else data.robot,
+        command={
+            "held_out": run.held_out,
+            "folds": run.folds,
+            "accept": list(run.accept),
+            "coverage": run.coverage,
+            # JSON has no infinity: null is no limit
+            "max_error": run.max_error and [e if math.isfinite(e) else None for e in run.max_error],
+        },
+        spread=spread,
+        held_out=held_out,
+        notes=notes,
+        choices=choices,
+    )
+    return FitResult(model, card, data, spread, held_out, notes, choices)
+
+
+def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
+    """Return a robot's joint limits (2, n) [rad|m], or where rows went beyond them; None where it is not known."""
+    joints, q = list(zip(data.joint_names, data.joint_units, strict=True)), data.q_nominal
+    known = [] if robot is None else list(zip(robot.joint_names, robot.joint_units, strict=True))
+    if robot is None or not set(joints) <= set(known):
+        return None
+    places = [known.index(joint) for joint in joints]
+    lower = np.minimum(robot.lower[places], q.min(axis=0))
+    upper = np.maximum(robot.upper[places], q.max(axis=0))
+    limits: Floats = np.clip([lower, upper], -FARTHEST, FARTHEST)  # a joint may have none
+    return limits
+
+
+def prior_notes(model: CalibrationModel) -> list[str]:
+    """Return in a sentence for which joints a prior was used."""
+    notes = []
+    for name in dict.fromkeys(each for each in model.priors if each is not None):
+        joints = [joint for joint, each in zip(model.joint_names, model.priors, strict=True) if each == name]
+        robots = load_prior(name).robots
+        notes.append(
+            f"prior {name}: {', '.join(joints)} began at what {robots} simulated robots have in common"
+        )
+    return notes
+
+
+def _why_no_intervals(validation: CrossValidation | None, run: FitRun) -> str:
+    """Return in words why a model has no intervals, and what would give it some."""
+    if validation is None:
+        return "no intervals: they are estimated from the cross-validation, which folds 0 leaves out"
+    return (
+        f"no intervals: {len(validation.after_model)} rows are too few to hold {run.coverage:.0%} of errors; "
+        f"that takes {fewest_rows(run.coverage)}, or a lower coverage"
+    )
+
+
+def _require_rows(data: CalibrationData, folds: int) -> None:
+    """Refuse data too few for the smallest fit of a run, before the longest one has run."""
+    rows = len(data)
+    if rows < SMALLEST_DATA:
+        raise InputError(f"data: {rows} usable rows, expected at least {SMALLEST_DATA}")
+    smallest = rows - math.ceil(rows / folds) if folds else rows
+    if smallest < SMALLEST_DATA:
+        raise InputError(
+            f"data: {rows} usable rows; with one of {folds} blocks left out {smallest} remain, expected at least "
+            f"{SMALLEST_DATA}; folds 0 is no cross-validation"
+        )

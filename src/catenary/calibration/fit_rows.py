@@ -1,0 +1,200 @@
+"""Which inputs recordings give a model, and the fit of one kind of model to rows of them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Integers
+from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
+from catenary.calibration.feature_prior import (
+    load_prior,
+    prior_of_features,
+)
+from catenary.calibration.features import FeatureSet, choose_signals, signals_of
+from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
+from catenary.calibration.model import ANY, CalibrationModel, JointGroup, Target
+from catenary.calibration.neural import BEST, PAPER, fit_neural
+from catenary.calibration.predictors import AnyPredictor, Linear, fit_linear, fit_offset, fit_polynomial
+from catenary.calibration.spike_filter import largest_step, room_of
+from catenary.calibration.valid_range import fit_valid_range
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+
+SMALLEST_DATA = 10  # rows
+# How far beyond the training data a model may go, as a share of their range. Zig-zag data leave nearly half of the
+# shoulder's range out; half a range beyond, models without memory still correct most of the error there. A polynomial
+# with memory has hundreds of terms, and its error grows fast.
+EXTRAPOLATION = 0.5
+POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
+SHOWN = 0.99  # share of training errors that count for the largest correction: the others may be failed measurements
+RESOLUTION = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The features of a fit, and which joint takes which."""
+
+    features: FeatureSet
+    per_joint: tuple[tuple[str, ...], ...]  # (n,) signals
+
+
+def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0) -> Inputs:
+    """Choose the features for recordings, looking only at what comes before their held-out last part."""
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
+    logs = in_one_order(logs)
+    log = logs[0]
+    if isinstance(options.inputs, Mapping):
+        for joint in options.inputs:
+            if joint not in log.joint_names:
+                raise InputError(
+                    f'inputs of joint "{joint}": no such joint; joints: {", ".join(log.joint_names)}'
+                )
+        inputs = dict(options.inputs)
+    else:
+        inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
+    default = ("q",) if log.tau is None else ("q", "tau")
+    per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
+    signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
+    shares = options.play_shares(signals)
+    rates = [sampling_rate(each) for each in logs]
+    period = None if None in rates else 1.0 / max(rate for rate in rates if rate is not None)
+    play: list[tuple[str, float]] = []
+    steps: list[tuple[str, float]] = []
+    for name in signals if shares else ():
+        joint = name.removeprefix("q:")
+        if name.startswith("q:") and joint in log.joint_names:
+            column = log.joint_names.index(joint)
+            commands, motions = [], []
+            for each in logs:
+                seen = max(1, round((1.0 - held_out) * len(each)))
+                q, room = each.q_nominal[:seen, column], room_of(each, period)[:seen]
+                commands.append(q)
+                cuts = [start for start in each.starts[1:] if start < seen]
+                motions += list(zip(np.split(q, cuts), np.split(room, cuts), strict=True))
+            low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
+            step = largest_step(motions)
+            if high > low:
+                play += [(name, share * (high - low)) for share in shares]
+                steps += [(name, step)] if step > 0.0 else []
+    if options.play and not play:
+        raise InputError(
+            f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved"
+        )
+    units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
+    return Inputs(
+        FeatureSet(signals, units, options.history, tuple(play), tuple(steps), period if steps else None),
+        per_joint,
+    )
+
+
+def fit(
+    data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent
+) -> CalibrationModel:
+    """Fit a calibration model to rows of data.
+
+    Joints with the same inputs are fitted together.
+    """
+    if data.features != inputs.features:
+        raise InputError(
+            f"data: holds {', '.join(data.features.names)}; the inputs are {', '.join(inputs.features.names)}"
+        )
+    if options.kind == "auto":
+        raise InputError("model auto: is chosen from whole recordings; fit one kind to rows")
+    if len(data) < SMALLEST_DATA:
+        raise InputError(f"data: {len(data)} usable rows, expected at least {SMALLEST_DATA}")
+    offset = fit_offset(data.error).value
+    target: Target = "error" if options.kind == "offset" else options.target
+    Y = data.error if target == "error" else data.q_nominal + data.error
+    groups: list[JointGroup] = []
+    priors: list[str | None] = [None] * len(data.joint_names)
+    prior = None
+    if options.prior is not None:
+        prior = prior_of_features(load_prior(options.prior), inputs.features, data.X)
+    together: dict[tuple[str, ...], list[int]] = {}
+    for joint, signals in enumerate(inputs.per_joint):
+        together.setdefault(signals, []).append(joint)
+    late = data.position >= 0.8 * data.position.max()  # the last fifth of what is trained on
+    for number, (signals, joints) in enumerate(together.items()):
+        columns = inputs.features.columns_of(signals)
+        X = np.ascontiguousarray(data.X[:, columns])
+        report = part_of(progress, number, len(together))
+        linear = None
+        if prior is not None:
+            of_columns = prior.of_columns(columns)
+            names = [data.joint_names[j] for j in joints]
+            for joint in joints:
+                priors[joint] = prior.prior.name
+            linear = partial(of_columns.fit, joints=names)
+        predictor = _fit_predictor(X, Y[:, joints], options, late, linear, report)
+        watched = columns[~inputs.features.bounded[columns]]
+        groups.append(
+            JointGroup(
+                tuple(joints),
+                columns,
+                predictor,
+                fit_valid_range(data.X[:, watched], extrapolation(options.kind, inputs.features, columns)),
+                watched,
+            )
+        )
+        report(1.0)
+    model = CalibrationModel(
+        kind=options.kind,
+        preset=options.network,
+        joint_names=data.joint_names,
+        joint_units=data.joint_units,
+        features=inputs.features,
+        target=target,
+        offset=offset,
+        largest=np.full(len(offset), ANY),
+        groups=tuple(groups),
+        rate_hz=data.rate_hz,
+        priors=tuple(priors) if any(priors) else (),
+    )
+    return replace(model, largest=largest_shown(model, data))
+
+
+def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
+    """Return the largest correction of each joint that rows show, (n,) [rad|m].
+
+    It is the largest that the model gives on them, or the error that all rows but those measured worst show, whichever
+    is larger: no failed measurement widens it, and an error that was seen is believed again.
+    """
+    given = np.abs(model.correction(data.X, data.q_nominal)).max(axis=0)
+    seen = np.quantile(np.abs(data.error), SHOWN, axis=0)
+    largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), RESOLUTION)], axis=0)
+    return largest
+
+
+def _fit_predictor(
+    X: Floats,
+    Y: Floats,
+    options: FitOptions,
+    late: np.ndarray,
+    linear: Callable[[Floats, Floats], Linear] | None,
+    progress: Progress,
+) -> AnyPredictor:
+    if options.kind == "offset":
+        return fit_offset(Y)
+    if options.kind == "neural":
+        settings = BEST if options.network == "best" else PAPER
+        return fit_neural(X, Y, settings, seed=options.seed, late=late, linear=linear, progress=progress)
+    if options.kind == "linear" and linear is not None:
+        return linear(X, Y)
+    regression = fit_linear if options.kind == "linear" else fit_polynomial
+    return regression(X, Y, ridge=options.ridge_used or 0.0)
+
+
+def extrapolation(kind: str, features: FeatureSet, columns: Integers) -> float:
+    """Return how far beyond the training data a kind of model may go, as a share of their range.
+
+    Args:
+        kind: Of the model.
+        features: All that there are.
+        columns: Those that it takes; the first are the signals as they are, the others memory.
+    """
+    memory = bool((columns >= len(features.signals)).any())
+    return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION

@@ -1,0 +1,163 @@
+"""Which kind of model for which joint: chosen on blocks of time that the model did not see, the simplest that will do.
+
+Of the kinds in their order, from the simplest, a joint gets the first whose error is within one standard error of the
+best kind's [the one-standard-error rule; Breiman et al. 1984, section 3.4.3] and within `CLOSE` of it. The errors are
+those of the cross-validation over contiguous blocks of the training data; what is held out is not looked at. All kinds
+are asked about the same rows, so the standard error is that of the difference between two kinds' squared errors, over
+the blocks of time that intervals are estimated from: how hard a block is for both of them cancels. The joint's part of
+the model of that kind, fitted to all training data, becomes its part of the chosen model, to the bit.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration.conformal import time_blocks
+from catenary.calibration.evaluate import CrossValidation
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.errors import InputError
+
+SIMPLEST_FIRST = ("offset", "linear", "polynomial", "neural")
+CLOSE = 1.03  # times the best kind's error
+BLOCKS_OF_LEVEL = (
+    0.9  # the blocks of time are those of intervals that hold this share: fifty, where rows suffice
+)
+ROWS_PER_TERM = (
+    2  # below which a polynomial is not tried: left without a fold, its least squares would hardly be
+)
+MOST_TERMS = 1000  # of a polynomial that is tried: of more, its fits take minutes
+
+
+@dataclass(frozen=True)
+class JointChoice:
+    """What was chosen for a joint, and the errors that it was chosen by, in deg or mm."""
+
+    joint: str
+    unit: str
+    chosen: str
+    errors: Mapping[str, float]  # of every kind that was tried, the simplest first
+
+    def __str__(self) -> str:
+        """Return the choice in one sentence."""
+        others = ", ".join(
+            f"{name} {error:.3g}" for name, error in self.errors.items() if name != self.chosen
+        )
+        error = f"{self.errors[self.chosen]:.3g} {self.unit} on blocks of time that it did not see"
+        return f"{self.joint}: {self.chosen}, {error}; {others}"
+
+
+def tried(options: FitOptions, features: int, rows: int) -> dict[str, FitOptions]:
+    """Return the options of every kind that is tried, the simplest first."""
+    found = {}
+    terms = (features + 1) * (features + 2) // 2  # of second order
+    for kind in SIMPLEST_FIRST:
+        if kind == "polynomial" and (terms > MOST_TERMS or rows < ROWS_PER_TERM * terms):
+            continue
+        found[kind] = options.of_kind(kind)  # type: ignore[arg-type]
+    return found
+
+
+def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...]:
+    """Choose a kind for every joint by its errors over blocks of time.
+
+    Args:
+        validations: Of every kind, the simplest first, on the same rows.
+    """
+    first, *others = validations.values()
+    if any(not np.array_equal(each.recording, first.recording) for each in others):
+        raise InputError("model auto: the kinds' inputs leave different rows; give one of them")
+    squares = {name: block_squares(each.after_model, each.recording) for name, each in validations.items()}
+    choices = []
+    for j, joint in enumerate(first.spread):
+        errors = {name: each.spread[j].rmse_mean for name, each in validations.items()}
+        best = min(errors, key=lambda name: errors[name])
+        chosen = next(
+            name
+            for name, error in errors.items()
+            if error <= CLOSE * errors[best] and _within_error(squares[name][:, j] - squares[best][:, j])
+        )
+        choices.append(JointChoice(joint.joint, joint.unit, chosen, errors))
+    return tuple(choices)
+
+
+def block_squares(errors: Floats, recording: NDArray[np.int64]) -> Floats:
+    """Return mean squares of errors (N, n) over K blocks of time, (K, n).
+
+    Args:
+        errors: In the order of time.
+        recording: (N,) number of the recording of each row.
+    """
+    block = time_blocks(recording, level=BLOCKS_OF_LEVEL)
+    return np.array([np.square(errors[block == k]).mean(axis=0) for k in np.unique(block)])
+
+
+def _within_error(excess: Floats) -> bool:
+    """Return whether excesses of K >= 2 blocks have a mean of at most its standard error."""
+    return bool(excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)))
+
+
+def joined(validations: Mapping[str, CrossValidation], choices: Sequence[JointChoice]) -> CrossValidation:
+    """Return the cross-validation of the chosen model: each joint's from its kind."""
+    of_joints = [validations[choice.chosen] for choice in choices]
+    parts = {
+        name: np.column_stack([getattr(each, name)[:, j] for j, each in enumerate(of_joints)])
+        for name in ("after_offset", "after_model", "inside")
+    }
+    spread = tuple(each.spread[j] for j, each in enumerate(of_joints))
+    return CrossValidation(spread, **parts, recording=of_joints[0].recording)
+
+
+def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoice]) -> CalibrationModel:
+    """Return a model that gives each joint what the model of its chosen kind gives it."""
+    taken = {choice.chosen: models[choice.chosen] for choice in choices}
+    first = next(iter(taken.values()))
+    if any(model.joint_names != first.joint_names for model in taken.values()):
+        raise InputError("model auto: expected models of the same joints")
+    features = _union([model.features for model in taken.values()])
+    groups = []
+    for name, model in taken.items():
+        own = {j for j, choice in enumerate(choices) if choice.chosen == name}
+        place = np.array([features.names.index(each) for each in model.features.names], dtype=np.int64)
+        for group in model.groups:
+            outputs = [k for k, joint in enumerate(group.joints) if joint in own]
+            if outputs:
+                groups.append(
+                    JointGroup(
+                        tuple(group.joints[k] for k in outputs),
+                        place[group.columns],
+                        group.predictor.of(outputs),
+                        group.valid_range,
+                        place[group.watched],
+                    )
+                )
+    began = [taken[choice.chosen].priors[j : j + 1] for j, choice in enumerate(choices)]
+    priors = tuple(each[0] if each else None for each in began)
+    largest = np.array([taken[choice.chosen].largest[j] for j, choice in enumerate(choices)])
+    return replace(
+        first,
+        kind="auto",
+        preset=None,
+        features=features,
+        largest=np.maximum(largest, np.abs(first.offset)),
+        groups=tuple(groups),
+        priors=priors if any(priors) else (),
+    )
+
+
+def _union(sets: Sequence[FeatureSet]) -> FeatureSet:
+    """Return the features of all sets, whose history is the same."""
+    units = {name: unit for each in sets for name, unit in zip(each.signals, each.units, strict=True)}
+    periods = [each.period for each in sets if each.steps]
+    return FeatureSet(
+        tuple(units),
+        tuple(units.values()),
+        max(each.history for each in sets),
+        tuple(dict.fromkeys(play for each in sets for play in each.play)),
+        tuple(dict.fromkeys(step for each in sets for step in each.steps)),
+        periods[0] if periods else None,
+    )

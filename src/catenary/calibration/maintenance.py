@@ -1,0 +1,242 @@
+"""A model and recordings of another day: mended and judged as its training data were, refreshed with them, its card.
+
+What is wrong with the data is no fault of the model: recordings are judged before one is held against them.
+"""
+
+from collections.abc import Collection, Sequence
+from copy import deepcopy
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.card import valid_inputs
+from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
+from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.refresh import NOTHING, JointChange, Refreshed, refresh_model
+from catenary.errors import DataError, InputError
+from catenary.plant import MotionLog
+from catenary.recording.mend import AS_TRAINED, Mend
+from catenary.recording.mend import NOTHING as NO_MEND
+from catenary.units import DISPLAY
+from catenary.verdict.check import robot_of, verdict
+from catenary.verdict.trained import trained_findings
+
+
+def judge_recordings(
+    model: CalibrationModel,
+    card: Card,
+    logs: Sequence[MotionLog],
+    *,
+    accept: Collection[str] = (),
+    max_error: Floats | None = None,
+    learning: bool = False,
+    done: str = "evaluated",
+) -> list[str]:
+    """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing.
+
+    Args:
+        model: The model.
+        card: Its card.
+        logs: Of the model's joints.
+        accept: Names of findings to go on with.
+        max_error: (n,) [rad|m]; rows with larger errors are left out.
+        learning: The model is to learn from them: they must not be short, nor the arm at rest.
+        done: What was not done where they are refused.
+    """
+    try:
+        return verdict(
+            logs,
+            accept=accept,
+            robot=robot_of(logs, card.get("robot")),
+            max_error=max_error,
+            testing=not learning,
+            trained=trained_positions(model),
+            done=done,
+        )
+    except DataError as error:
+        said = [f'"{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)]
+        raise DataError("\n".join([str(error), *said]), error.names) from error
+
+
+def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_MEND) -> MotionLog:
+    """Return a recording mended as asked, and as a model's training data were; see `Mend`.
+
+    Units of all arrays are mended so only where positions lie beyond the trained ones and would lie within: a
+    recording that somebody has brought to rad and m since stays as it is.
+    """
+    trained = dict(model.mends)
+    if "units" in trained and len(log.joint_names) == len(model.joint_names):
+        other = trained_findings(model.matched(log), trained_positions(model))
+        trained = trained if other else {key: texts for key, texts in trained.items() if key != "units"}
+    return own(log, trained)
+
+
+def trained_limits(
+    card: Card, asked: tuple[float, ...] | None = None, *, as_trained: bool = True
+) -> tuple[tuple[float, ...] | None, list[str]]:
+    """Return the errors beyond which rows are left out, as asked or as in the model's fit [deg|mm], and a note."""
+    found = card.get("run", {}).get("max_error") if as_trained and asked is None else None
+    if found is None:
+        return asked, []
+    limits = tuple(np.inf if limit is None else float(limit) for limit in found)
+    text = ",".join(f"{limit:g}" for limit in limits)
+    return limits, [f"{AS_TRAINED}: --max-error {text}; --no-mend takes all rows"]
+
+
+def trained_positions(model: CalibrationModel) -> tuple[Floats, Floats]:
+    """Return the least and largest reported positions that a model was trained on, margins included, (n,) [rad|m].
+
+    Infinite for a joint whose position no group of the model watches.
+    """
+    ranges, anywhere = valid_inputs(model), {"lower": -np.inf, "upper": np.inf}
+    held = [ranges.get(f"q:{joint}", anywhere) for joint in model.joint_names]
+    return np.array([each["lower"] for each in held]), np.array([each["upper"] for each in held])
+
+
+@dataclass(frozen=True)
+class NewDay:
+    """What a new day made of a model: what became of each joint, its card, the rows, and what to know."""
+
+    refreshed: Refreshed
+    card: Card
+    data: CalibrationData
+    notes: tuple[str, ...]
+
+    @property
+    def model(self) -> CalibrationModel:
+        """The refreshed model."""
+        return self.refreshed.model
+
+    @property
+    def moved(self) -> str:
+        """What moved, in words."""
+        return str(self.card["refreshed"][-1]["moved"])
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data, in deg and mm."""
+        return {
+            "moved": self.moved,
+            "rows": len(self.data),
+            "joints": changes_shown(self.refreshed.changes),
+            "notes": list(self.notes),
+        }
+
+
+def refresh_with(
+    model: CalibrationModel,
+    card: Card,
+    logs: Sequence[MotionLog],
+    *,
+    accept: Collection[str] = (),
+    max_error: tuple[float, ...] | None = None,
+    sha256: str | None = None,
+) -> NewDay:
+    """Refresh a model with recordings of a new day; see `refresh_model`.
+
+    Args:
+        model: The model.
+        card: Its card.
+        logs: Recordings of its joints.
+        accept: Findings about them to go on with, by name.
+        max_error: Per joint, deg and mm; rows with larger errors are left out.
+        sha256: Of the model's file; None for one in memory.
+    """
+    seen = {source["sha256"] for source in card["data"]} - {None}
+    for log in logs:
+        if log.sha256 in seen:
+            raise InputError(
+                f'recording "{log.name}": the model was fitted to it or refreshed with it; '
+                "expected one of a new day"
+            )
+    limits = error_limits(max_error, logs[0])
+    found = judge_recordings(
+        model, card, logs, accept=accept, max_error=limits, learning=True, done="refreshed"
+    )
+    data = calibration_data(logs, model.features, max_error=limits)
+    refreshed = refresh_model(model, data)
+    notes = (*data_notes(logs, data), *found, *refreshed.notes)
+    return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)
+
+
+def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, sha256: str | None) -> Card:
+    """Return the card of a refreshed model: the old one's, its history one entry longer.
+
+    Args:
+        card: Of the old model.
+        refreshed: What became of it.
+        data: The rows of the new day.
+        sha256: Of the old model's file; None for one in memory.
+    """
+    new = deepcopy(card)
+    model = refreshed.model
+    widths = model.intervals
+    for j, entry in enumerate(new["joints"]):
+        entry["fixed_offset"] = float(model.offset[j])
+        entry["half_width"] = None if widths is None else float(widths.inside[j])
+        entry["half_width_outside"] = None if widths is None else float(widths.outside[j])
+    if widths is None:
+        new["intervals"] = None
+    ranges = valid_inputs(model)
+    for entry in new["inputs"]:
+        if entry["name"] in ranges:
+            entry["valid"] = ranges[entry["name"]]
+    new["data"] += [asdict(source) for source in data.sources]
+    new["rows"] += len(data)
+    since = last_date(card)
+    new["refreshed"] = [
+        *new.get("refreshed", []),
+        {
+            "model_sha256": sha256,
+            "recordings": [{"name": s.name, "sha256": s.sha256} for s in data.sources],
+            "rows": len(data),
+            "recorded": data.dates[1],
+            "since": since,
+            "moved": moved_in_words(refreshed.changes, since),
+            "joints": changes_shown(refreshed.changes),
+            "notes": list(refreshed.notes),
+        },
+    ]
+    return new
+
+
+def changes_shown(changes: tuple[JointChange, ...]) -> list[dict[str, Any]]:
+    """Return what became of each joint as plain data, in deg and mm."""
+    return [
+        {
+            "name": change.joint,
+            "unit": DISPLAY[change.unit][0],
+            "change": change.how,
+            "moved": DISPLAY[change.unit][1] * change.moved,
+            "rmse_before": DISPLAY[change.unit][1] * change.before,
+            "rmse_after": DISPLAY[change.unit][1] * change.after,
+        }
+        for change in changes
+    ]
+
+
+def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
+    """Return what moved, by most of its remaining error first: "J5 +2.9 deg, J3 +0.98 mm since 14 May 2026"."""
+    told = [
+        f"{change.joint} {DISPLAY[change.unit][1] * change.moved:+.2g} {DISPLAY[change.unit][0]}"
+        for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.after, 1e-12))
+        if change.how != NOTHING
+    ]
+    when = "since the model was fitted" if since is None else f"since {_in_words(since)}"
+    return f"{', '.join(told)} {when}" if told else f"nothing moved {when}"
+
+
+def last_date(card: Card) -> str | None:
+    """Return the date of the last recording that a model was fitted to or refreshed with (ISO 8601); None unknown."""
+    entries = card.get("refreshed", [])
+    if entries and entries[-1].get("recorded"):
+        return str(entries[-1]["recorded"])
+    found = card.get("recorded")
+    return None if found is None else str(found)
+
+
+def _in_words(iso: str) -> str:
+    day = datetime.fromisoformat(iso)
+    return f"{day.day} {day:%B %Y}"

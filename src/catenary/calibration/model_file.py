@@ -1,0 +1,79 @@
+"""Calibration models on disk: a NumPy archive that executes nothing, with its card inside and beside it.
+
+A model is its own schema: the archive holds its plain data as JSON (`structure`), in which arrays stand by their names.
+"""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+from zipfile import is_zipfile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.archives import content_in_words, read_arrays
+from catenary.calibration.model import CalibrationModel, Card
+from catenary.cards import card_of, stored, write_with_card
+from catenary.config import parse_settings
+from catenary.documents import cut, json_table, shortened
+from catenary.errors import CatenaryError, FileFormatError
+from catenary.files import damage
+from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
+
+FORMAT = "catenary.calibration.3"
+NAMES = tuple(each.name for each in fields(CalibrationModel))
+
+
+def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
+    """Write a model to `path` and a readable copy of its card beside it, as `write_with_card` does.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    structure = {"format": FORMAT} | stored({name: getattr(model, name) for name in NAMES}, arrays)
+    write_with_card(path, {"structure": np.array(json.dumps(structure)), **arrays}, card)
+
+
+def load_model(path: Path) -> tuple[CalibrationModel, Card]:
+    """Read a model and its card.
+
+    Raises:
+        FileFormatError: No such file, not a model, of another version, damaged, or changed since it was written.
+    """
+    remedy = "`catenary fit` makes a model again, `catenary calibrate` those of its project"
+    try:
+        arrays = read_arrays(path)
+    except FileFormatError as error:
+        if not path.is_file():
+            raise
+        if path.suffix not in ("", ".npz") and not is_zipfile(path):
+            raise FileFormatError(
+                f"{path}: is no calibration model; expected one (.npz) that catenary fit wrote"
+            ) from error
+        raise FileFormatError(damage(path, str(error).removeprefix(f"{path}: "), remedy)) from error
+    if not {"structure", "card"} <= set(arrays) or "combination" in arrays:
+        raise FileFormatError(
+            f"{path}: is no calibration model ({content_in_words(arrays)}); models are written by catenary fit"
+        )
+    try:
+        for key, values in arrays.items():
+            if values.dtype.kind == "f" and not np.isfinite(values).all():
+                raise ValueError(f"{key} holds NaN or infinity")
+        found = json_table(str(arrays["structure"]), "structure")
+        if (version := found.pop("format", None)) != FORMAT:
+            raise FileFormatError(f"{path}: model format {shortened(version)}, expected {FORMAT!r}")
+        model = parse_settings(found, CalibrationModel, "structure", arrays)
+        check_names("joint", model.joint_names)
+        check_different("joint", model.joint_names)
+        check_within("offset", model.offset, FARTHEST, "rad or m")
+        check_within("largest", model.largest, FARTHEST, "rad or m")
+        if model.intervals is not None:
+            check_within("intervals", model.intervals.outside, FARTHEST, "rad or m")
+        return model, card_of(arrays, path, remedy)
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+        if str(error).startswith(f"{path}: "):
+            raise
+        why = str(error) if isinstance(error, CatenaryError) else repr(error)
+        raise FileFormatError(damage(path, f"is no calibration model: {cut(why)}", remedy)) from error

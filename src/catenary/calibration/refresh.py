@@ -1,0 +1,442 @@
+"""A fitted model brought up to date by minutes of a new day: what drifted moves, what is still true stays.
+
+For each joint there are candidates, in the order of how much they change: nothing; a new zero; zero and scale, slopes
+of the correction and of the position; the linear layer onto the outputs, by ridge regression of what is left towards
+the old weights, ever less held. Each is judged on contiguous blocks of the new rows that it was not fitted to, and the
+first whose mean RMSE lies within one standard error of the best one's is taken (Breiman et al., Classification and
+Regression Trees, 1984, 3.4.3). The standard error is that of the paired differences: blocks are hard or easy for all.
+
+Blocks of one minute tell nothing of where that minute did not go. A candidate that changes corrections over all of the
+motion that the model was trained on much more than on the new rows follows no drift that these show: it is left out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
+from catenary.calibration.conformal import estimate_intervals
+from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.evaluate import CrossValidation
+from catenary.calibration.fit_rows import EXTRAPOLATION, largest_shown
+from catenary.calibration.intervals import Intervals
+from catenary.calibration.model import ANY, CalibrationModel, JointGroup
+from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Network, Quadratic
+from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
+from catenary.errors import InputError
+
+NOTHING, ZERO, SCALE, LAYER = "nothing", "zero", "zero and scale", "last layer"
+BLOCKS = 8  # of time, on which candidates are judged
+FEWEST_ROWS = 40  # five a block
+RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
+SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
+# weight on the squared change of the last layer, over the mean square of its inputs: the most held first
+LAYER_RIDGES = (1.0, 0.1, 0.01, 1e-3, 1e-4)
+FAR = 2.0  # times the change on the new rows that a candidate may bring over all of the trained motion
+SAMPLES = 256  # of the trained motion
+HOW = (NOTHING, ZERO, SCALE, *(LAYER,) * len(LAYER_RIDGES))
+
+
+@dataclass(frozen=True)
+class JointChange:
+    """What a refresh did to one joint; SI."""
+
+    joint: str
+    unit: str  # "rad" or "m"
+    how: str  # NOTHING, ZERO, SCALE or LAYER
+    moved: float  # mean change of the correction over the new rows [rad|m]
+    before: float  # RMSE of the old model on the new rows [rad|m]
+    after: float  # RMSE on blocks that the refreshed model's candidate was not fitted to [rad|m]
+
+
+@dataclass(frozen=True)
+class Refreshed:
+    """A model brought up to date, what became of each joint, and what a reader must know."""
+
+    model: CalibrationModel
+    changes: tuple[JointChange, ...]
+    notes: tuple[str, ...]
+
+
+def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
+    """Bring a model up to date with rows of a new day.
+
+    Rows outside the valid range count, and widen it, where the predictor with a new zero is nearer to the truth there
+    than the fixed offset with one, on blocks, for every joint of its group. Elsewhere the predictor is changed by the
+    rows inside alone.
+
+    Returns:
+        A model of the same structure. Its fixed offset moves with the correction; its intervals are the wider of the
+        old ones and those of the errors that were left on blocks, or none where the rows are too few to tell.
+    """
+    data.require_joints_of(model)
+    if data.features != model.features:
+        raise InputError("data: holds other features than the model takes")
+    if len(data) < FEWEST_ROWS:
+        raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {FEWEST_ROWS}")
+    block = np.arange(len(data)) * BLOCKS // len(data)
+    inside = model.inside(data.X)
+    offset, left = model.offset.copy(), np.empty_like(data.error)
+    groups: list[JointGroup] = []
+    notes: list[str] = []
+    found: dict[int, str] = {}
+    for group in model.groups:
+        one = _refresh_group(model, group, data, block, inside[:, group.joints[0]])
+        groups.append(one.group)
+        left[:, group.joints] = one.left
+        notes += one.notes
+        for k, joint in enumerate(group.joints):
+            offset[joint] += one.offset_moved[k]
+            found[joint] = one.how[k]
+    old = model.correction(data.X, data.q_nominal)
+    refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY), groups=tuple(groups))
+    change = refreshed.correction(data.X, data.q_nominal) - old
+    # where the new rows did not go, corrections moved as far as on them
+    largest = np.maximum(model.largest + np.abs(change).max(axis=0), largest_shown(refreshed, data))
+    refreshed = replace(refreshed, largest=largest)
+    if model.intervals is not None:
+        inside = refreshed.correct(data.X, data.q_nominal)[1]
+        errors = CrossValidation((), data.error - offset, left, inside, data.recording)
+        intervals = _widest(model.intervals, errors)
+        if intervals is None:
+            notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
+        refreshed = replace(refreshed, intervals=intervals)
+    moved = change.mean(axis=0)
+    before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
+    changes = tuple(
+        JointChange(name, unit, found[j], float(moved[j]), float(before[j]), float(after[j]))
+        for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
+    )
+    return Refreshed(refreshed, changes, tuple(notes))
+
+
+def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:
+    """Return half-widths that hold both days' errors; minutes show where one is too narrow, not that it is too wide."""
+    new = estimate_intervals(errors, level=old.level)
+    if new is None:
+        return None
+    inside = np.maximum(old.inside, new.inside)
+    return Intervals(old.level, inside, np.maximum(inside, np.maximum(old.outside, new.outside)))
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """A change of one output: y' = scale y + bias + X @ linear + L @ layer, L of `layer_inputs`."""
+
+    scale: float
+    bias: float
+    linear: Floats  # (F,)
+    layer: Floats  # (h,)
+
+
+def layer_inputs(predictor: AnyPredictor, X: Floats) -> Floats:
+    """Return the inputs (N, h) of the linear layer onto a predictor's outputs, for features X (N, F).
+
+    A linear model's are the features, a polynomial's its monomials, a network's the values of its last hidden units.
+    A constant has none.
+    """
+    if isinstance(predictor, Linear):
+        return X
+    if isinstance(predictor, Quadratic):
+        Z = (X - predictor.mean) / predictor.scale
+        rows, columns = np.triu_indices(Z.shape[1])
+        return np.hstack([Z, Z[:, rows] * Z[:, columns]])
+    if isinstance(predictor, Network):
+        from scipy.special import expit
+
+        activate = np.tanh if predictor.activation == "tanh" else expit
+        values = (X - predictor.mean) / predictor.scale
+        for weights, bias in zip(predictor.weights[:-1], predictor.biases[:-1], strict=True):
+            values = activate(values @ weights + bias)
+        return values
+    return np.zeros((len(X), 0))
+
+
+def adjusted(predictor: AnyPredictor, changes: Sequence[Adjustment]) -> AnyPredictor:
+    """Return a predictor with its m outputs changed, each by its own adjustment.
+
+    The kind stays, but for two: a constant that gets a slope becomes linear, and a network a linear part beside it.
+    """
+    scale, bias = np.array([c.scale for c in changes]), np.array([c.bias for c in changes])
+    linear, layer = (
+        np.column_stack(each) for each in zip(*((c.linear, c.layer) for c in changes), strict=True)
+    )
+    if isinstance(predictor, Constant):
+        value = scale * predictor.value + bias
+        return Linear(linear, value) if linear.any() else Constant(value)
+    if isinstance(predictor, Linear):
+        return Linear(scale * predictor.weights + linear + layer, scale * predictor.bias + bias)
+    if isinstance(predictor, Quadratic):
+        F = len(predictor.mean)
+        return replace(
+            predictor,
+            linear=scale * predictor.linear + predictor.scale[:, None] * linear + layer[:F],
+            quadratic=scale * predictor.quadratic + layer[F:],
+            bias=scale * predictor.bias + bias + predictor.mean @ linear,
+        )
+    if isinstance(predictor, Network):
+        skip = predictor.skip
+        if skip is not None:
+            skip = Linear(scale * skip.weights + linear, scale * skip.bias)
+        elif linear.any():
+            skip = Linear(linear, np.zeros(len(changes)))
+        return replace(
+            predictor,
+            weights=(*predictor.weights[:-1], scale * predictor.weights[-1] + layer / predictor.out_scale),
+            biases=(*predictor.biases[:-1], scale * predictor.biases[-1]),
+            out_mean=scale * predictor.out_mean + bias,
+            skip=skip,
+        )
+    raise TypeError(f"no last layer of {type(predictor).__name__}")
+
+
+@dataclass(frozen=True)
+class _Group:
+    group: JointGroup
+    how: tuple[str, ...]
+    left: Floats  # (N, m) errors on blocks that the chosen candidates were not fitted to
+    offset_moved: Floats  # (m,)
+    notes: tuple[str, ...] = ()
+
+
+def _refresh_group(
+    model: CalibrationModel, group: JointGroup, data: CalibrationData, block: NDArray[np.int64], inside: Flags
+) -> _Group:
+    joints = list(group.joints)
+    names = ", ".join(model.joint_names[j] for j in joints)
+    X, q = np.ascontiguousarray(data.X[:, group.columns]), data.q_nominal[:, joints]
+    correction = group.predictor.predict(X) - (q if model.target == "position" else 0.0)
+    error = data.error[:, joints]
+    of_offset = error - model.offset[joints]
+    notes: tuple[str, ...] = ()
+    outside = ~inside
+    if outside.any():
+        share = f"{names}: {outside.mean():.1%} of the new rows lie outside the valid range"
+        if _predictor_is_nearer(error - correction, of_offset, block, outside):
+            notes = (f"{share}; the model holds there, and its range now takes them in",)
+            inside = np.ones(len(data), dtype=bool)
+            group = replace(group, valid_range=_widened(group.valid_range, data.X[:, group.watched]))
+        else:
+            notes = (f"{share}, where the fixed offset is used; the model does not hold there",)
+    rows = np.flatnonzero(inside)
+    if len(rows) < FEWEST_ROWS:
+        return _only_offset(group, of_offset, block, notes)
+    designs = _designs(model, group, X, q, correction)
+    parts = block[rows]
+    residual = (error - correction)[rows]
+    left = _left_on_blocks(designs, residual, rows, parts)
+    elsewhere = trained_motion(group, X[rows])
+    how, chosen_left, adjustments = [], of_offset.copy(), []
+    for k, joint in enumerate(joints):
+        candidates = [
+            _adjustment(model, group, designs, number, residual, rows, k, joint) for number in range(len(HOW))
+        ]
+        kept = [
+            number
+            for number, candidate in enumerate(candidates)
+            if number < HOW.index(SCALE) or _stays_near(group.predictor, candidate, k, X[rows], elsewhere)
+        ]
+        chosen = kept[first_within_one_error(left[kept, :, k], parts)]
+        how.append(HOW[chosen])
+        chosen_left[rows, k] = left[chosen, :, k]
+        adjustments.append(candidates[chosen])
+    predictor = adjusted(group.predictor, adjustments)
+    moved = (predictor.predict(X[rows]) - group.predictor.predict(X[rows])).mean(axis=0)
+    chosen_left[outside & ~inside] -= moved
+    return _Group(replace(group, predictor=predictor), tuple(how), chosen_left, moved, notes)
+
+
+def _only_offset(
+    group: JointGroup, of_offset: Floats, block: NDArray[np.int64], notes: tuple[str, ...]
+) -> _Group:
+    """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
+    how, moved, left = [], np.zeros(of_offset.shape[1]), of_offset.copy()
+    zeroed = _zeroed(of_offset, block)
+    for k in range(of_offset.shape[1]):
+        candidates = np.stack([of_offset[:, k], zeroed[:, k]])
+        chosen = first_within_one_error(candidates, block)
+        how.append(HOW[chosen])
+        left[:, k] = candidates[chosen]
+        moved[k] = of_offset[:, k].mean() if chosen else 0.0
+    return _Group(group, tuple(how), left, moved, notes)
+
+
+def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
+    """Return the first candidate whose mean RMSE over blocks is within one standard error of the best one's.
+
+    Args:
+        left: (C, N) errors of candidates, each row by a fit that did not see its block; those that change least first.
+        block: (N,) block of each row.
+    """
+    rmse = np.array(
+        [np.sqrt(np.mean(np.square(left[:, block == k]), axis=1)) for k in np.unique(block)]
+    )  # (K, C)
+    excess = rmse - rmse[:, [rmse.mean(axis=0).argmin()]]
+    if len(rmse) < 2:
+        return 0
+    allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(rmse))
+    return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION))
+
+
+def trained_motion(group: JointGroup, X: Floats) -> Floats:
+    """Return features (SAMPLES, F) spread over the motion that a group was trained on.
+
+    Watched features come from the boxes of the valid range, without their margins: uniform along the principal axes,
+    and no farther than the box about the features themselves. Play states, which are not watched, are those of rows of
+    the new motion X (N, F).
+    """
+    rng = np.random.default_rng(0)
+    known, spread = group.valid_range, X[rng.integers(len(X), size=SAMPLES)].copy()
+    if not len(group.watched):
+        return spread
+    share = 0.5 / (1.0 + 2.0 * EXTRAPOLATION)  # of a box's width with margins: half of one without
+    inner = rng.uniform(-share, share, (SAMPLES, len(known.lower)))
+    projection = 0.5 * (known.axis_lower + known.axis_upper) + inner * (known.axis_upper - known.axis_lower)
+    features = known.mean + projection @ np.linalg.pinv(known.axes)
+    middle, reach = 0.5 * (known.lower + known.upper), share * (known.upper - known.lower)
+    place = [group.columns.tolist().index(column) for column in group.watched]
+    spread[:, place] = np.clip(features, middle - reach, middle + reach)
+    return spread
+
+
+def _stays_near(
+    predictor: AnyPredictor, change: Adjustment, output: int, X: Floats, elsewhere: Floats
+) -> bool:
+    """Return whether a change of one output is hardly larger over the trained motion than on rows X (N, F)."""
+    one = predictor.of([output])
+    moved = adjusted(one, [change])
+    here, there = (
+        np.sqrt(np.mean(np.square(moved.predict(each) - one.predict(each)))) for each in (X, elsewhere)
+    )
+    return bool(there <= FAR * here + RESOLUTION)
+
+
+def _predictor_is_nearer(
+    of_model: Floats, of_offset: Floats, block: NDArray[np.int64], outside: Flags
+) -> bool:
+    a, b = (np.square(_zeroed(error, block)[outside]).mean(axis=0) for error in (of_model, of_offset))
+    return bool((a <= b).all())
+
+
+def _zeroed(error: Floats, block: NDArray[np.int64]) -> Floats:
+    """Return errors after a new zero that each block did not see."""
+    left = error.copy()
+    for k in np.unique(block):
+        rest = block != k
+        left[~rest] -= error[rest].mean(axis=0) if rest.any() else 0.0
+    return left
+
+
+def _widened(old: ValidRange, watched: Floats) -> ValidRange:
+    """Return a valid range that also holds new rows (N, F)."""
+    projection = (watched - old.mean) @ old.axes
+    return replace(
+        old,
+        lower=np.minimum(old.lower, watched.min(axis=0)),
+        upper=np.maximum(old.upper, watched.max(axis=0)),
+        # a projection rounds otherwise in the loop
+        axis_lower=np.minimum(old.axis_lower, projection.min(axis=0) - SMALLEST_RANGE),
+        axis_upper=np.maximum(old.axis_upper, projection.max(axis=0) + SMALLEST_RANGE),
+    )
+
+
+@dataclass(frozen=True)
+class _Designs:
+    """Columns from which candidates are regressed, for N rows."""
+
+    of_scale: tuple[Floats, ...]  # for each joint of the group (N, 1 or 2): its correction and its position
+    of_layer: Floats  # (N, h) inputs of the last layer; none where the predictor is a constant
+
+
+def _designs(
+    model: CalibrationModel, group: JointGroup, X: Floats, q: Floats, correction: Floats
+) -> _Designs:
+    of_scale = []
+    for k, joint in enumerate(group.joints):
+        columns = np.column_stack([correction[:, k], q[:, k]])
+        if _place_of_position(model, group, joint) is None:
+            # a slope of the correction is one of the position too, where positions are what the model gives
+            columns = columns[:, : 0 if model.target == "position" else 1]
+        of_scale.append(columns)
+    return _Designs(tuple(of_scale), layer_inputs(group.predictor, X))
+
+
+def _place_of_position(model: CalibrationModel, group: JointGroup, joint: int) -> int | None:
+    """Return where among a group's columns a joint's own position is; None where it does not take it."""
+    names = [model.features.names[c] for c in group.columns]
+    name = f"q:{model.joint_names[joint]}"
+    return names.index(name) if name in names else None
+
+
+def _left_on_blocks(
+    designs: _Designs, residual: Floats, rows: NDArray[np.int64], block: NDArray[np.int64]
+) -> Floats:
+    """Return what every candidate leaves of the residual (N, m) on blocks that it did not see, (C, N, m)."""
+    left = np.repeat(residual[None], len(HOW), axis=0)
+    for number in np.unique(block):
+        seen, new = np.flatnonzero(block != number), np.flatnonzero(block == number)
+        if not len(seen):
+            continue
+        left[1, new] -= residual[seen].mean(axis=0)
+        for k, columns in enumerate(designs.of_scale):
+            ((weights, bias),) = _ridge(columns[rows], residual[:, [k]], seen, (SCALE_RIDGE,), scaled=True)
+            left[2, new, k] -= columns[rows[new]] @ weights[:, 0] + bias[0]
+        fits = _ridge(designs.of_layer[rows], residual, seen, LAYER_RIDGES)
+        for c, (weights, bias) in enumerate(fits, start=3):
+            left[c, new] -= designs.of_layer[rows[new]] @ weights + bias
+    return left
+
+
+def _adjustment(
+    model: CalibrationModel,
+    group: JointGroup,
+    designs: _Designs,
+    chosen: int,
+    residual: Floats,
+    rows: NDArray[np.int64],
+    k: int,
+    joint: int,
+) -> Adjustment:
+    """Return the chosen candidate of one joint, fitted to all rows, as a change of the predictor's outputs."""
+    nothing = Adjustment(1.0, 0.0, np.zeros(len(group.columns)), np.zeros(designs.of_layer.shape[1]))
+    every, own = np.arange(len(rows)), residual[:, [k]]
+    if chosen == 0:
+        return nothing
+    if chosen == 1:
+        return replace(nothing, bias=float(own.mean()))
+    if HOW[chosen] == SCALE:
+        ((slopes, bias),) = _ridge(designs.of_scale[k][rows], own, every, (SCALE_RIDGE,), scaled=True)
+        if not len(slopes):
+            return replace(nothing, bias=float(bias[0]))
+        scale, linear = 1.0 + float(slopes[0, 0]), np.zeros(len(group.columns))
+        place = _place_of_position(model, group, joint)
+        if place is not None:
+            # a model of positions gives q + correction: what its slope would take of q is given back
+            linear[place] = slopes[1, 0] - (slopes[0, 0] if model.target == "position" else 0.0)
+        return Adjustment(scale, float(bias[0]), linear, nothing.layer)
+    ((weights, bias),) = _ridge(designs.of_layer[rows], own, every, (LAYER_RIDGES[chosen - 3],))
+    return replace(nothing, bias=float(bias[0]), layer=weights[:, 0])
+
+
+def _ridge(
+    columns: Floats, Y: Floats, rows: NDArray[np.int64], ridges: Sequence[float], *, scaled: bool = False
+) -> list[tuple[Floats, Floats]]:
+    """Return weights (h, m) and bias (m,) for every ridge, of the rows of columns (N, h) and of Y (N, m)."""
+    if not columns.shape[1]:
+        return [(np.zeros((0, Y.shape[1])), Y[rows].mean(axis=0))] * len(ridges)
+    Z, target = columns[rows], Y[rows]
+    mean, scale = standardisation(Z)
+    scale = scale if scaled else np.ones_like(scale)
+    Z = (Z - mean) / scale
+    middle = target.mean(axis=0)
+    values, vectors = np.linalg.eigh(Z.T @ Z)
+    along = vectors.T @ (Z.T @ (target - middle))
+    held = max(float(values.mean()), 1e-300)
+    found = []
+    for ridge in ridges:
+        weights = vectors @ (along / (np.maximum(values, 0.0) + ridge * held)[:, None]) / scale[:, None]
+        found.append((weights, middle - mean @ weights))
+    return found

@@ -1,0 +1,105 @@
+"""Positions that leap and return: spikes of a sensor, which leave the memory of a calibration model alone."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags, Integers
+from catenary.kernels.compiled import compiled
+from catenary.plant import MotionLog
+
+MARGIN = 4.0  # times the fastest step of the training rows: other motions may be faster
+ANY = 1e300  # the limit of a joint whose steps are not known: finite, as C writes it too
+CONFIRM = 3  # rows in a row that have not returned are the truth: the joint is there
+# Steps beyond this share of a limit are of another motion, twice as fast as any row of training. Where they are
+# several per cent of the rows (SEVERAL of them, each counting less by FADE a row later), nothing is a spike.
+FAST, FADE, SEVERAL = 0.5, 0.98, 1.5
+# what a row is to a joint: its motion goes on; perhaps a spike; back from one; part of another motion
+ON, AWAY, BACK, ANOTHER = 0, 1, 2, 3
+
+
+def room_of(log: MotionLog, period: float | None) -> Floats:
+    """Return for how many rows, `period` [s] apart, each row of a log had time to move, (N,): one or more."""
+    room = np.ones(len(log))
+    if period is not None and log.time is not None:
+        room[1:] = np.maximum(1.0, np.diff(log.time) / period)
+    return room
+
+
+def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
+    """Return how far a joint may go from one row to the next: its fastest step in training rows, times MARGIN.
+
+    Single rows far from both neighbours, up to one in 200, are left out: the steps are those of running medians of
+    three rows, and of 99 % of the rows.
+
+    Args:
+        motions: Positions (N,) of one motion each [rad|m], and their `room_of`.
+    """
+    steps, gentle = [np.zeros(1)], [np.zeros(1)]
+    for q, room in motions:
+        steps.append(np.abs(np.diff(q)) / room[1:])
+        if len(q) > 3:
+            medians = np.median([q[:-2], q[1:-1], q[2:]], axis=0)
+            gentle.append(np.abs(np.diff(medians)) / room[2:-1])
+    all_steps = np.concatenate(steps)
+    return MARGIN * max(float(np.percentile(all_steps, 99.0)), float(np.concatenate(gentle).max()))
+
+
+@compiled
+def find_leaps(
+    signals: Floats,
+    joints: Integers,
+    limits: Floats,
+    room: Floats,
+    seen: Floats,
+    strange: Floats,
+    rejected: Floats,
+    course: Integers,
+    leaping: Flags,
+) -> None:
+    """Find positions that leap, and whether they return.
+
+    A leap is farther from the last believed position than the joint can have gone since. It was a spike when a row
+    within CONFIRM of it does not leap; otherwise the joint is there. In another motion every position is believed.
+    What is not finite changes nothing.
+
+    Args:
+        signals: (N, S) what the robot reports, row after row.
+        joints: (J,) which signals these positions are.
+        limits: (J,) largest step to the next row.
+        room: (N,) see `room_of`.
+        seen: (J, 3) last believed position, how many rows leapt since, and the room of these rows.
+        strange: (1,) steps of another motion, as far as they are remembered.
+        rejected: (J,) counts rows that were spikes.
+        course: (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER.
+        leaping: (N,) receives whether a row is of another motion, or leaps.
+    """
+    for row in range(len(signals)):
+        fast, leaping[row] = 0.0, False
+        for j in range(len(joints)):
+            q = signals[row, joints[j]]
+            course[row, j] = AWAY
+            seen[j, 2] += room[row]
+            if not np.isfinite(q):
+                continue
+            step = abs(q - seen[j, 0])  # NaN of the first, which is no leap
+            if step > limits[j] * seen[j, 2]:
+                seen[j, 1] += 1.0
+                if seen[j, 1] < CONFIRM:
+                    leaping[row] = True
+                    continue
+                course[row, j] = ON
+            else:
+                course[row, j] = BACK if seen[j, 1] > 0.0 else ON
+                rejected[j] += seen[j, 1]
+            if step > FAST * limits[j] * seen[j, 2]:
+                fast = 1.0
+            seen[j, 0], seen[j, 1], seen[j, 2] = q, 0.0, 0.0
+        strange[0] = FADE * strange[0] + fast
+        if strange[0] >= SEVERAL:
+            leaping[row] = True
+            for j in range(len(joints)):
+                course[row, j] = ANOTHER
+                if np.isfinite(signals[row, joints[j]]):
+                    seen[j, 0], seen[j, 1], seen[j, 2] = signals[row, joints[j]], 0.0, 0.0

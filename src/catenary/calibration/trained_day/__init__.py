@@ -1,1 +1,0 @@
-"""What the day of training looked like to somebody without encoders."""

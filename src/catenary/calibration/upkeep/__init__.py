@@ -1,1 +1,0 @@
-"""A model after the day of its fit: whether it still holds, and brought up to date."""

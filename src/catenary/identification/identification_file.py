@@ -1,0 +1,165 @@
+"""Identified parameters on disk: a NumPy archive that executes nothing, with its card inside and beside it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import JsonValue
+
+from catenary import __version__
+from catenary.archives import content_in_words, read_arrays
+from catenary.cards import card_of, write_with_card
+from catenary.config import IN_FILES, Recorded, parse_settings, plain_data
+from catenary.documents import cut, json_table, shortened
+from catenary.errors import FileFormatError, InputError
+from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.friction_choice import FrictionPart
+from catenary.identification.identification import Identification
+from catenary.identification.identify_options import IdentifyOptions
+from catenary.identification.parameters import Parameters
+from catenary.identification.residuals import LogResidual, MovedRange
+from catenary.robots.model_record import IDENTIFIED, REMEDY, robot_from_record, robot_record
+
+FORMAT = "catenary.identification.1"
+Card = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class IdentificationRecord:
+    """All of an identification but its arrays; the fields below `robot` are its own."""
+
+    __pydantic_config__ = IN_FILES
+
+    format: str
+    robot: Any  # `robot_from_record` knows its schema
+    options: IdentifyOptions
+    rank: int
+    condition: float
+    training: tuple[LogResidual, ...]
+    tests: tuple[LogResidual, ...]
+    friction: tuple[FrictionPart, ...]
+    prior_weight: float | None
+    moved_base: bool
+    seen: MovedRange | None
+
+
+OWN = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))
+
+
+class IdentificationCard(Recorded):
+    """What readers of a card take from it; more may stand there."""
+
+    notes: tuple[str, ...]
+    version: dict[str, JsonValue]
+
+
+def identification_card(
+    result: Identification,
+    data: list[dict[str, Any]],
+    notes: tuple[str, ...] = (),
+    mends: Mapping[str, Sequence[str]] | None = None,
+) -> Card:
+    """Describe an identification: everything a stranger must know before using its parameters."""
+    base = result.base
+    return {
+        "robot": result.model.name,
+        "joints": [
+            {"name": n, "unit": u}
+            for n, u in zip(result.model.joint_names, result.model.joint_units, strict=True)
+        ],
+        "options": plain_data(result.options),
+        "n_base": base.count,
+        "rank": result.rank,
+        "condition": result.condition,
+        "physically_consistent": result.phi is not None,
+        "prior_weight": result.prior_weight,
+        "friction": [asdict(part) for part in result.friction],
+        "parameters": [
+            {
+                "name": base.names[i],
+                "value": float(result.beta[i]),
+                "std": float(result.std[i]),
+                "unit": base.units[i],
+                "is": base.describe(i),
+            }
+            for i in range(base.count)
+        ],
+        "training": [plain_data(r) for r in result.training],
+        "tests": [plain_data(r) for r in result.tests],
+        "data": data,
+        "mends": {key: list(texts) for key, texts in (mends or {}).items()},
+        "notes": list(notes),
+        "version": {"catenary": __version__, "numpy": np.__version__},
+    }
+
+
+def save_identification(result: Identification, card: Card, path: Path) -> None:
+    """Write an identification to `path` and a readable copy of its card beside it, as `write_with_card` does.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    own = {name: getattr(result, name) for name in OWN}
+    structure = plain_data(IdentificationRecord(FORMAT, robot_record(result.model), **own))
+    arrays: dict[str, Any] = {
+        "structure": np.array(json.dumps(structure)),
+        "columns": result.base.columns,
+        "combination": result.base.combination,
+        "beta": result.beta,
+        "covariance": result.covariance,
+        "weights": result.weights,
+    }
+    if result.phi is not None:
+        arrays["phi"] = result.phi
+        arrays[IDENTIFIED] = np.array(json.dumps(robot_record(result.robot())))
+    write_with_card(path, arrays, card)
+
+
+def load_identification(path: Path) -> tuple[Identification, Card]:
+    """Read an identification and its card.
+
+    Raises:
+        FileFormatError: No such file, not an identification, of another version, or damaged.
+    """
+    arrays = read_arrays(path)
+    if not {"structure", "card", "beta", "combination"} <= set(arrays):
+        raise FileFormatError(
+            f"{path}: holds no identified parameters ({content_in_words(arrays)}); "
+            "they are written by catenary identify"
+        )
+    try:
+        found = json_table(str(arrays["structure"]), "structure")
+        if found.get("format") != FORMAT:
+            raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}")
+        record = parse_settings(found, IdentificationRecord, "structure")
+        parameters = Parameters(robot_from_record(record.robot), record.options.terms)
+        b, k, n = len(arrays["beta"]), len(parameters.names), parameters.model.n
+        shapes = {"combination": (b, k), "columns": (b,), "beta": (b,), "covariance": (b, b), "weights": (n,)}
+        if "phi" in arrays:
+            shapes["phi"] = (k,)
+        for key, shape in shapes.items():
+            if arrays[key].shape != shape or not np.isfinite(arrays[key]).all():
+                raise ValueError(f"{key} has shape {arrays[key].shape}, expected {shape} of finite numbers")
+        columns = arrays["columns"].astype(np.int64)
+        if b == 0 or columns.min() < 0 or columns.max() >= k:
+            raise ValueError(f"columns outside 0 to {k - 1}")
+        result = Identification(
+            base=BaseParameters(parameters, columns, arrays["combination"]),
+            beta=arrays["beta"],
+            covariance=arrays["covariance"],
+            weights=arrays["weights"],
+            phi=arrays.get("phi"),
+            **{name: getattr(record, name) for name in OWN},
+        )
+        if record.seen is not None and any(values.shape != (n,) for values in vars(record.seen).values()):
+            raise ValueError(f"seen: expected {n} numbers each")
+        card = card_of(arrays, path, REMEDY)
+        parse_settings(card, IdentificationCard, "card")
+        return result, card
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError, InputError) as error:
+        raise FileFormatError(f"{path}: holds damaged parameters: {cut(repr(error))}") from error

@@ -1,0 +1,70 @@
+"""What can be chosen when a robot is identified, and what its file chooses otherwise."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, get_args
+
+import numpy as np
+from pydantic import Field
+
+from catenary.config import IN_FILES
+from catenary.errors import InputError
+from catenary.robots.actuation import Actuation, SignalFilter, Weighting, default_actuation
+from catenary.robots.model import RobotModel
+from catenary.spatial import LEVEL
+
+Terms = Literal["full", "static"]
+FRICTION_PARTS = ("asymmetric", "stribeck", "load", "presliding")
+NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
+
+
+@dataclass(frozen=True)
+class IdentifyOptions:
+    """Options; None stands for what the robot's file says."""
+
+    __pydantic_config__ = IN_FILES
+
+    terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
+    gravity: tuple[float, float, float] = NOMINAL_GRAVITY  # [m/s2] in base axes
+    cutoff_hz: float | None = None
+    order: Annotated[int, Field(ge=1, le=10)] | None = None
+    cut_samples: int | None = None
+    period_samples: int | None = None  # of the excitation: residuals are told over the first period, too
+    weighting: Weighting | None = None
+    consistent: bool = True  # only parameters that bodies and friction can have
+    friction: tuple[str, ...] = (
+        FRICTION_PARTS  # parts that held-out blocks may add to that of the robot's file
+    )
+    prior: bool = True  # towards the masses of the robot's file, where it has any and the fit is consistent
+    blocks: float | None = None  # [s, or rows at rest] hold out every second block of this length
+    seed: Annotated[int, Field(ge=0)] = 0  # of the random motion that the base parameters are found with
+
+    def __post_init__(self) -> None:
+        if self.terms not in get_args(Terms):
+            raise InputError(f'terms "{self.terms}": expected {" or ".join(get_args(Terms))}')
+        if self.weighting is not None and self.weighting not in get_args(Weighting):
+            raise InputError(f'weighting "{self.weighting}": expected {", ".join(get_args(Weighting))}')
+        unknown = [part for part in self.friction if part not in FRICTION_PARTS]
+        if unknown:
+            raise InputError(
+                f'friction "{unknown[0]}": expected some of {", ".join(FRICTION_PARTS)}, or none'
+            )
+        for name in ("cutoff_hz", "blocks"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < np.inf:
+                raise InputError(f"{name}: expected a number above zero, got {value}")
+        for name, low in (("order", 1), ("cut_samples", 0), ("period_samples", 1)):
+            value = getattr(self, name)
+            if value is not None and value < low:
+                raise InputError(f"{name}: expected {low} or more, got {value}")
+
+
+def actuation_of(model: RobotModel) -> Actuation:
+    """Return the robot's actuation; friction on every coordinate where its file says nothing."""
+    return default_actuation(model.joint_names) if model.actuation is None else model.actuation
+
+
+def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
+    """Return the filter: what the options say, the robot's file otherwise."""
+    names = ("order", "cutoff_hz", "cut_samples", "period_samples")
+    given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    return replace(actuation_of(model).filter, **given)

@@ -1,0 +1,175 @@
+"""All parameters of a robot, and the regressor that multiplies them: links first, then actuation."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.actuation_loads import NEVER_NEGATIVE, SLIDING, term_load
+from catenary.dynamics.inverse_dynamics import BaseMotion
+from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
+from catenary.identification.identify_options import Terms, actuation_of
+from catenary.identification.samples import Samples
+from catenary.robots.actuation import ActuationTerm, actuation_terms
+from catenary.robots.model import RobotModel
+
+# kinds that no random motion finds dependent on others: they stand beside what is reduced
+OWN = ("asymmetric", "stribeck", "load", "presliding")
+FIRST_MOMENTS = 4  # of a link's ten parameters, mass and first moment: all that shows at rest
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The parameters of a robot that full dynamics, or poses at rest, can show."""
+
+    model: RobotModel
+    terms: Terms
+    actuated: bool = True  # with the parameters of friction, rotors and springs
+
+    @cached_property
+    def links(self) -> tuple[int, ...]:
+        """Links that may have a mass, as indices into the tree."""
+        return tuple(i for i, name in enumerate(self.model.link_names) if name not in self.model.massless)
+
+    @cached_property
+    def per_link(self) -> int:
+        """How many of the ten parameters of a link are among them."""
+        return FIRST_MOMENTS if self.terms == "static" else PER_LINK
+
+    @cached_property
+    def actuation(self) -> tuple[ActuationTerm, ...]:
+        """The parameters beside those of the links."""
+        if not self.actuated:
+            return ()
+        return actuation_terms(actuation_of(self.model), static=self.terms == "static")
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What each is called, in the order of the regressor's columns."""
+        bodies = [
+            f"{PARAMETERS[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)
+        ]
+        return (*bodies, *(f"{term.kind} {term.name}" for term in self.actuation))
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """SI units; those of effects on a combination are the combination's."""
+        bodies = [PARAMETER_UNITS[p] for _ in self.links for p in range(self.per_link)]
+        return (*bodies, *(self._unit(term) for term in self.actuation))
+
+    def _unit(self, term: ActuationTerm) -> str:
+        slides = self.model.joint_units[int(np.flatnonzero(term.combination)[0])] == "m"
+        if term.kind == "spring" and term.lever is not None:
+            return "N/m"
+        force, length = ("N", "m") if slides else ("Nm", "rad")
+        return {
+            "coulomb": force,
+            "offset": force,
+            "viscous": f"{force} s/{length}",
+            "asymmetric": f"{force} s/{length}",
+            "stribeck": force,
+            "presliding": force,
+            "load": "",
+            "motor_inertia": "kg" if slides else "kg m2",
+            "spring": f"{force}/{length}",
+        }[term.kind]
+
+    @cached_property
+    def own(self) -> tuple[int, ...]:
+        """Columns of friction that are independent of all others."""
+        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in OWN)
+
+    @cached_property
+    def carrying(self) -> tuple[int, ...]:
+        """Columns of what load-dependent friction grows with: links, rotors, springs."""
+        beside = (k for k, term in enumerate(self.actuation) if term.kind not in (*SLIDING, "offset"))
+        return (*range(self._first), *(self._first + k for k in beside))
+
+    @property
+    def _first(self) -> int:
+        return len(self.links) * self.per_link
+
+    @cached_property
+    def never_negative(self) -> tuple[int, ...]:
+        """Columns whose parameter cannot be below zero."""
+        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in NEVER_NEGATIVE)
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """Rows (r, k) of B phi >= 0: no friction drives, no rotor or spring is below zero.
+
+        Stribeck's part may be negative down to Coulomb's: friction that rises with speed. What differs by direction
+        is at most the viscous friction.
+        """
+        place = {(t.kind, t.name): self._first + k for k, t in enumerate(self.actuation)}
+        rows = [{column: 1.0} for column in self.never_negative]
+        for (kind, name), column in place.items():
+            if kind == "stribeck":
+                rows.append({column: 1.0} | _one(place.get(("coulomb", name))))
+            elif kind == "asymmetric":
+                rows += [{column: sign} | _one(place.get(("viscous", name))) for sign in (1.0, -1.0)]
+        B = np.zeros((len(rows), len(self.names)))
+        for r, row in enumerate(rows):
+            for column, factor in row.items():
+                B[r, column] = factor
+        return B
+
+    def link_columns(self, place: int) -> slice:
+        """Return the columns of the link at a place in `links`."""
+        return slice(place * self.per_link, (place + 1) * self.per_link)
+
+    def regressor(
+        self,
+        q: Floats,
+        qd: Floats,
+        qdd: Floats,
+        gravity: Floats,
+        *,
+        base: BaseMotion | None = None,
+        loads: Floats | None = None,
+    ) -> Floats:
+        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n).
+
+        Args:
+            q: (N, n), and so are its rates.
+            qd: Velocities.
+            qdd: Accelerations.
+            gravity: (3,) or (N, 3) [m/s2] in base axes.
+            base: How the base turns, if it does.
+            loads: (N, t) of the actuation's terms, per unit; as in steady sliding, without load, when None.
+        """
+        whole = torque_regressor(self.model, q, qd, qdd, gravity, base)
+        wanted = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]
+        if loads is None:
+            smoothing = actuation_of(self.model).coulomb_velocity
+            each = [term_load(term, q, qd, qdd, smoothing) for term in self.actuation]
+            loads = np.column_stack(each) if each else np.zeros((len(q), 0))
+        along = np.array([term.combination for term in self.actuation]).reshape(-1, q.shape[1])
+        columns = loads[:, None, :] * along.T[None]
+        return np.concatenate([whole[:, :, wanted], columns], axis=2)
+
+    def loads(self, samples: Samples) -> Floats:
+        """Return the loads (N, t) of the actuation's terms on a recording's rows, as friction remembers its history."""
+        smoothing = actuation_of(self.model).coulomb_velocity
+        return (
+            np.array([recorded_load(term, samples, smoothing) for term in self.actuation])
+            .reshape(-1, len(samples))
+            .T
+        )
+
+
+def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float) -> Floats:
+    """Return the load (N,) of a term on a recording's rows, per unit, as friction remembers the motion."""
+    if samples.history is None or not samples.history.remembers(term):
+        return term_load(term, samples.q, samples.qd, samples.qdd, coulomb_velocity, samples.carried)
+    load = samples.history.load(term, coulomb_velocity)
+    if term.kind == "load":
+        c = term.combination
+        carried = np.zeros(len(samples)) if samples.carried is None else samples.carried @ c
+        load = load * np.abs(carried) / (c @ c)
+    return load
+
+
+def _one(column: int | None) -> dict[int, float]:
+    return {} if column is None else {column: 1.0}

@@ -1,0 +1,364 @@
+"""A calibration model and files of recordings: fitted, evaluated, held against days, refreshed, written as ONNX."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.archives import read_arrays
+from catenary.arrays import Floats
+from catenary.calibration.card import check_card
+from catenary.calibration.conformal import coverage_verdicts
+from catenary.calibration.corrector import decimation_at
+from catenary.calibration.dataset import calibration_data, data_notes, error_limits
+from catenary.calibration.drift import BEYOND, DriftFound, find_drift, since_in_words
+from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
+from catenary.calibration.fit_options import FitOptions, FitRun, Progress, silent
+from catenary.calibration.fit_recordings import FitResult, fit_logs
+from catenary.calibration.maintenance import (
+    NewDay,
+    judge_recordings,
+    mended_as_trained,
+    refresh_with,
+    trained_limits,
+)
+from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model_file import load_model
+from catenary.calibration.onnx import OPSET, save_onnx
+from catenary.errors import InputError
+from catenary.files import sha256_of, table_ending
+from catenary.plant import Joints, MotionLog, nameless
+from catenary.recording.foreign.mapping import RecordingMapping
+from catenary.recording.foreign.read import Reading, read_logs, read_recording
+from catenary.recording.logs import read_log
+
+
+def fit_calibration(
+    paths: Sequence[Path],
+    options: FitOptions,
+    run: FitRun | None = None,
+    *,
+    reading: Reading | None = None,
+    progress: Progress = silent,
+) -> FitResult:
+    """Fit a calibration model to files of recordings; see `fit_logs`.
+
+    Raises:
+        FileFormatError: A recording is missing, damaged, or lacks something.
+        InputError: As `fit_logs`.
+    """
+    return fit_logs(read_logs(paths, reading), options, run, progress=progress)
+
+
+@dataclass(frozen=True)
+class HeldAgainst:
+    """A model, read from its file with its card, and the recordings that it is held against."""
+
+    model: CalibrationModel
+    card: Card
+    logs: list[MotionLog]  # of the model's joints, mended as its training data were
+    max_error: tuple[float, ...] | None  # deg and mm; as asked, or as in the model's fit
+    said: list[str]  # notes on that
+
+    @property
+    def limits(self) -> Floats | None:
+        """Errors beyond which rows are left out, (n,) [rad|m]."""
+        return error_limits(self.max_error, self.logs[0])
+
+
+def held_against(
+    model_path: Path,
+    paths: Sequence[Path],
+    reading: Reading | None = None,
+    max_error: tuple[float, ...] | None = None,
+) -> HeldAgainst:
+    """Read a model and recordings, those of another make by their mapping.
+
+    Recordings that do not state their joints' names or units are read with the model's.
+
+    Args:
+        model_path: The model's file.
+        paths: The recordings.
+        reading: Mapping of recordings of another make, and what to change of them.
+        max_error: Per joint, deg and mm; as in the model's fit when None.
+    """
+    model, card = load_model(model_path)
+    check_card(card, str(model_path))
+    logs = recordings_for(model, paths, reading)
+    max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
+    return HeldAgainst(model, card, logs, max_error, said)
+
+
+@dataclass(frozen=True)
+class EvaluationResult:
+    """Errors of a model on recordings."""
+
+    model: CalibrationModel
+    card: Card
+    evaluation: Evaluation
+    notes: tuple[str, ...]
+    seen_in_training: tuple[str, ...]  # recordings that the model was fitted to: their errors are no test
+
+
+def evaluate_calibration(
+    model_path: Path,
+    paths: Sequence[Path],
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
+    max_error: tuple[float, ...] | None = None,
+    window: float | None = None,
+) -> EvaluationResult:
+    """Evaluate a model on recordings; arguments as for `held_against`.
+
+    Args:
+        model_path: The model's file.
+        paths: The recordings.
+        reading: How they are read.
+        accept: Findings about them to go on with, by name.
+        max_error: Per joint, deg and mm; rows with larger errors are left out.
+        window: Length of a time window [s]; a tenth of the data when None.
+
+    Raises:
+        DataError: Something is wrong with a recording that `accept` does not name.
+        FileFormatError: The model or a recording is missing or damaged.
+        InputError: A recording is of other joints, or lacks an input of the model.
+    """
+    of = held_against(model_path, paths, reading, max_error)
+    data = calibration_data(of.logs, of.model.features, max_error=of.limits)
+    trained_on = {source["sha256"] for source in of.card["data"]}
+    seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
+    notes = [*data_notes(of.logs, data), *of.said]
+    notes += judge_recordings(of.model, of.card, of.logs, accept=accept, max_error=of.limits)
+    notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
+    found = evaluate(of.model, data, window=window)
+    return EvaluationResult(of.model, of.card, found, (*notes, *warnings_of(found)), seen)
+
+
+def drift_of_model(
+    model_path: Path,
+    paths: Sequence[Path],
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
+    factor: float = BEYOND,
+    max_error: tuple[float, ...] | None = None,
+) -> tuple[DriftFound, list[str]]:
+    """Return a model's errors over recordings, in the order given, and notes on these; see `find_drift`.
+
+    `factor` is of the card's error, for a model without intervals; the other arguments as for `evaluate_calibration`.
+
+    Raises:
+        DataError: Something is wrong with a recording that `accept` does not name: it is no drift.
+        FileFormatError: The model or a recording is missing or damaged.
+        InputError: As `find_drift`.
+    """
+    of = held_against(model_path, paths, reading, max_error)
+    notes = [*(f"{log.name}: {note}" for log in of.logs for note in log.notes), *of.said]
+    notes += judge_recordings(of.model, of.card, of.logs, accept=accept, max_error=of.limits, done="judged")
+    known = known_errors(of.card)
+    return find_drift(of.model, of.logs, known, factor=factor, max_error=of.limits), notes
+
+
+def refresh_calibration(
+    model_path: Path,
+    paths: Sequence[Path],
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
+    max_error: tuple[float, ...] | None = None,
+) -> NewDay:
+    """Refresh a model with recordings of a new day, see `refresh_with`; arguments as for `evaluate_calibration`.
+
+    Raises:
+        DataError: Something is wrong with a recording that `accept` does not name.
+        FileFormatError: The model or a recording is missing or damaged.
+        InputError: A recording is of other joints, lacks an input of the model, was trained on, or is too short.
+    """
+    of = held_against(model_path, paths, reading, max_error)
+    hashed = sha256_of(model_path)
+    day = refresh_with(of.model, of.card, of.logs, accept=accept, max_error=of.max_error, sha256=hashed)
+    return replace(day, notes=(*day.notes, *of.said))
+
+
+def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[str, Any]:
+    """Write the model at `path` as an ONNX graph; return a summary, plain data.
+
+    Args:
+        path: A model that `save_model` wrote.
+        out: File to write.
+        rate_hz: How often a program will step the graph [Hz], which matters to models with history only;
+            None for the rate of the training rows.
+
+    Raises:
+        FileFormatError: `path` is no model, or `out` cannot be written.
+        InputError: `out` is `path`, or the model's previous positions do not lie at this rate.
+        MissingPackageError: onnx is not installed.
+    """
+    if out.exists() and out.samefile(path):
+        raise InputError(f"{out}: is the model that is read here; expected another file to write")
+    model, card = load_model(path)
+    decimation = 1 if rate_hz is None else decimation_at(model, rate_hz)
+    made = save_onnx(model, card, out, decimation=decimation)
+    notes = model.asked_of_reports
+    if model.features.history and rate_hz is None:
+        trained = "an unknown rate" if model.rate_hz is None else f"{model.rate_hz:g} Hz"
+        notes.append(f"the graph is to be stepped at the rate of the training rows, {trained}")
+    return {
+        "model": str(path),
+        "file": str(out),
+        "kind": model.kind,
+        "opset": OPSET,
+        "inputs": {tensor.name: _shape(tensor) for tensor in made.graph.input},
+        "outputs": {tensor.name: _shape(tensor) for tensor in made.graph.output},
+        "signals": list(model.features.signals),
+        "joints": list(model.joint_names),
+        "notes": notes,
+    }
+
+
+def _shape(tensor: Any) -> list[int | str]:
+    return [size.dim_param or size.dim_value for size in tensor.type.tensor_type.shape.dim]
+
+
+def recordings_for(
+    model: CalibrationModel | MotionLog, paths: Sequence[Path], reading: Reading | None = None
+) -> list[MotionLog]:
+    """Read recordings that a model is held against; see `recording_for`."""
+    if not paths:
+        raise InputError("data: expected at least one recording, got none")
+    logs = [recording_for(model, path, reading) for path in paths]
+    return [model.matched(log) for log in logs] if isinstance(model, CalibrationModel) else logs
+
+
+def recording_for(
+    model: CalibrationModel | MotionLog | None, path: Path, reading: Reading | None = None
+) -> MotionLog:
+    """Read a recording, by a mapping or as it is, and mend it as asked, and as the model's training data were.
+
+    Names and units of joints are the model's where the recording states none.
+
+    Args:
+        model: The model, or a recording that one will be fitted to; None reads it by itself.
+        path: The recording.
+        reading: Mapping of a recording of another make, what to change, and whether a model's mends count.
+
+    Raises:
+        FileFormatError: It is missing or damaged.
+        InputError: It has another number of joints.
+    """
+    reading = reading if reading is not None else Reading()
+    if model is None:
+        return read_recording(path, reading)
+    log = (
+        _read(model, path) if reading.mapping is None else _by_mapping(model, path, reading, reading.mapping)
+    )
+    n, names = len(log.joint_names), model.joint_names
+    if log.joint_names == nameless(n) and n == len(names) and not set(log.joint_names) & set(names):
+        log = log.in_order_of(Joints(names), of="the model is for")  # which its mends name
+    if isinstance(model, CalibrationModel) and reading.as_trained:
+        return mended_as_trained(model, log, reading.mend)
+    return reading.mend(log)
+
+
+def _read(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
+    if table_ending(path) != ".npz":
+        return read_log(path)
+    content = read_arrays(path)
+    commands = content.get("q_des")
+    n = len(model.joint_names)
+    if commands is not None and commands.ndim == 2 and commands.shape[1] != n:
+        raise InputError(
+            f"{path}: has {commands.shape[1]} joints; the model is for {n}: {', '.join(model.joint_names)}"
+        )
+    return read_log(
+        path,
+        units=None if "units" in content else model.joint_units,
+        joint_names=None if "joint_names" in content else model.joint_names,
+    )
+
+
+def _by_mapping(
+    model: CalibrationModel | MotionLog, path: Path, reading: Reading, mapping: RecordingMapping
+) -> MotionLog:
+    """Read a recording by a mapping; joints without units there have the model's."""
+    if not mapping.joint_units and mapping.robot is None:
+        mapping = mapping.model_copy(update={"joint_units": model.joint_units})
+    return read_recording(path, replace(reading, mapping=mapping, mend=Reading().mend))
+
+
+def known_errors(card: Card) -> Floats | None:
+    """Return errors per joint on data that a model did not see [deg|mm]: of its last refresh, or of its fit."""
+    if card.get("refreshed"):
+        return np.array([joint["rmse_after"] for joint in card["refreshed"][-1]["joints"]])
+    errors = card["errors"]
+    if errors["held_out"]:
+        return np.array([joint["rmse"] for joint in errors["held_out"]])
+    if errors["cross_validation"]:
+        return np.array([joint["rmse_mean"] for joint in errors["cross_validation"]["joints"]])
+    return None
+
+
+def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what was found as plain data, errors in deg and mm."""
+    return {
+        "joints": found.joint_names,
+        "judged_by": found.judged_by,
+        "stretches": [asdict(stretch) for stretch in found.stretches],
+        "beyond_since": dict(zip(found.joint_names, found.since, strict=True)),
+        "in_words": since_in_words(found),
+        "notes": list(notes),
+    }
+
+
+def warnings_of(evaluation: Evaluation) -> list[str]:
+    """Return in words where a model does harm, or could not be asked; each opens with "warning: "."""
+    warnings = []
+    for joint in evaluation.joints:
+        if joint.rmse > WORSE * joint.offset_rmse:
+            warnings.append(
+                f"warning: {joint.name}: the model is worse than the fixed offset here, {joint.rmse:.3g} against "
+                f"{joint.offset_rmse:.3g} {joint.unit}: do not deploy it on this joint"
+            )
+        if joint.outside_valid_range > MUCH_OUTSIDE:
+            warnings.append(
+                f"warning: {joint.name}: {joint.outside_valid_range:.0%} of rows lie outside the model's valid "
+                "range, where it gives the fixed offset; train on motion that goes there"
+            )
+    return warnings
+
+
+def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
+    """Return an evaluation as plain data, in deg and mm."""
+    evaluation = result.evaluation
+    return {
+        "model": {"kind": result.model.kind, "preset": result.model.preset, "target": result.model.target},
+        "data": [asdict(source) for source in evaluation.data.sources],
+        "simulated": any(source.simulated for source in evaluation.data.sources),
+        "joints": [asdict(joint) for joint in evaluation.joints],
+        "window_unit": evaluation.window_unit,
+        "windows": [asdict(window) for window in evaluation.windows],
+        "intervals": interval_summary(evaluation),
+        "seen_in_training": list(result.seen_in_training),
+        "notes": list(result.notes),
+    }
+
+
+def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
+    """Return whether a model's intervals hold, as plain data, in deg and mm; None for a model without."""
+    if evaluation.level is None:
+        return None
+    return {
+        "coverage_asked": evaluation.level,
+        "joints": [
+            {
+                "name": joint.name,
+                "half_width": joint.half_width,
+                "coverage": joint.coverage,
+                "verdict": verdict,
+            }
+            for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
+        ],
+    }

@@ -1,0 +1,150 @@
+"""What gravity compensation is tried by on a simulated arm: it follows a motion, or holds where it is put.
+
+[Holding: Lewis, Hannaford 2014, section V: with the sensed vector "the robot passively held any new position manually
+imposed", upside down too; with the static one it drifts once "tipped more than a few degrees"]
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.control.gravity_pd import GravityPD
+from catenary.control.loop import GravitySource, Observer, StateCorrector, Tick, run_loop
+from catenary.control.loop_report import Holding, Tracking
+from catenary.control.pd import Controller, SplitController
+from catenary.errors import InputError
+from catenary.trajectories.reference import InTurn, Rest, Trajectory
+from catenary.workflows.gravity.simulated_arm import SimulatedArm
+from catenary.workflows.robot.motion import check_motion, gentle_way
+
+SETTLE = 1.0  # [s] at the start of a motion, before it begins
+
+
+def track(
+    arm: SimulatedArm,
+    controller: SplitController,
+    trajectory: Trajectory,
+    *,
+    settle: float = SETTLE,
+    windows: Sequence[tuple[float, float]] | None = None,
+    corrector: StateCorrector | None = None,
+    gravity: GravitySource | None = None,
+    observers: Sequence[Observer] = (),
+) -> Tracking:
+    """Bring an arm to a motion's start, let it settle there, and follow the motion, all with the same controller.
+
+    Args:
+        arm: Homed and enabled.
+        controller: Of the arm's joints.
+        trajectory: Of the arm's joints.
+        settle: Time at the start before the motion begins [s].
+        windows: Times of the motion that count in the measures, from and to [s]; all of it when None.
+        corrector: Turns reported positions into calibrated ones; without it all is measured at the motors, as the
+            paper did.
+        gravity: Says what gravity is; what the plant says when None.
+        observers: Called with every tick of the motion itself, the way to its start and the settling left out.
+
+    Raises:
+        LimitError: The motion leaves the joint limits; nothing has moved.
+        InputError: The motion is of other joints, or a window lies outside it.
+        NotReadyError: The arm is not ready.
+    """
+    plant = arm.plant
+    check_motion(plant, trajectory)
+    spans = [(0.0, trajectory.duration)] if windows is None else list(windows)
+    for first, last in spans:
+        if not 0.0 <= first < last <= trajectory.duration + 1e-9:
+            raise InputError(f"windows: expected within 0 to {trajectory.duration} s, got {first} to {last}")
+    whole, begin = with_approach(arm, trajectory, settle)
+    times: list[float] = []
+    rows: list[tuple[Floats, Floats, Floats]] = []
+
+    def observe(tick: Tick) -> None:
+        if tick.time >= begin - 1e-9 and tick.tau is not None:
+            times.append(tick.time - begin)
+            rows.append((tick.reference.q - tick.state.q, controller.feedback.copy(), tick.tau))
+            for observer in observers:
+                observer(tick)
+
+    report = run_loop(
+        plant, controller, whole, limits=arm.limits(), rate_hz=1.0 / plant.period,
+        corrector=corrector, gravity=gravity, observers=[observe],
+    )  # fmt: skip
+    time = np.array(times)
+    counted = np.zeros(len(time))
+    for first, last in spans:
+        counted[(time >= first - 1e-9) & (time <= last + 1e-9)] = 1.0
+    error, feedback, torque = (np.array(column) for column in zip(*rows, strict=True))
+    return Tracking(plant.joint_names, plant.joint_units, time, error, feedback, torque, counted, report)
+
+
+def with_approach(arm: SimulatedArm, trajectory: Trajectory, settle: float) -> tuple[InTurn, float]:
+    """Return a motion with the way to its start before it, and when it then begins [s].
+
+    The way begins where the arm is measured to be, so that no controller starts with a leap.
+    """
+    plant = arm.plant
+    start, goal = as_array("measured q", plant.measured_js().q, (None,)), trajectory(0.0).q
+    way = gentle_way(start, as_array("trajectory", goal, start.shape), plant.joint_units)
+    # the motion begins on a tick
+    begin = math.ceil((way.duration + settle) / plant.period - 1e-6) * plant.period
+    return InTurn([way, Rest(goal, max(0.0, begin - way.duration)), trajectory]), begin
+
+
+def hold(
+    arm: SimulatedArm,
+    controller: Controller,
+    q: ArrayLike,
+    seconds: float,
+    *,
+    settle: float = SETTLE,
+    gravity: GravitySource | None = None,
+) -> Holding:
+    """Place an arm by PD and sensed gravity, then let the controller alone hold it.
+
+    Args:
+        arm: Homed and enabled.
+        controller: Such as GravityHold.
+        q: (n,) where to [rad|m].
+        seconds: How long to watch [s].
+        settle: Time at q before [s].
+        gravity: Says what gravity is; what the plant says when None.
+
+    Raises:
+        LimitError: q lies outside the joint limits; nothing has moved.
+        InputError: q of another shape, or a time that is not positive.
+        NotReadyError: The arm is not ready.
+    """
+    plant = arm.plant
+    pose = as_array("q", q, (arm.model.n,))
+    if not 0.0 < seconds < np.inf:
+        raise InputError(f"seconds: expected more than 0, got {seconds}")
+    check_motion(plant, Rest(pose, 0.0))
+    placing = GravityPD(arm.model, arm.gains.kp, arm.gains.kd)
+    whole, _ = with_approach(arm, Rest(pose, 0.0), settle)
+    rate = 1.0 / plant.period
+    limits = arm.limits()
+    run_loop(plant, placing, whole, limits=limits, rate_hz=rate, gravity=gravity)
+    times: list[float] = []
+    reported: list[Floats] = []
+    true: list[Floats] = []
+
+    def observe(tick: Tick) -> None:
+        times.append(tick.time)
+        reported.append(tick.q_nominal)
+        true.append(arm.q_true())
+
+    report = run_loop(
+        plant,
+        controller,
+        Rest(plant.measured_js().q, seconds),
+        limits=limits,
+        rate_hz=rate,
+        gravity=gravity,
+        observers=[observe],
+    )
+    columns = np.array(times), np.array(reported), np.array(true)
+    return Holding(plant.joint_names, plant.joint_units, *columns, gravity=report.gravity)

@@ -1,0 +1,43 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+import catenary
+from catenary.calibration.maintenance import refresh_with, trained_positions
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+
+
+def a_day(seed: int, *, sha256: str, zero: float = 0.0) -> MotionLog:
+    rng = np.random.default_rng(seed)
+    time = np.arange(900) / 30.0
+    q = np.column_stack([np.sin(0.7 * time), np.sin(0.31 * time + 1.0)])
+    error = 0.03 * q + zero + 1e-3 * rng.standard_normal(q.shape)
+    ok = np.ones(len(q), dtype=bool)
+    return MotionLog("day", ("J1", "J2"), ("rad", "rad"), q, ok, q + error, time, sha256=sha256)
+
+
+def test_python_and_command_refresh_alike_and_learn_from_no_recording_twice() -> None:
+    first, second = a_day(0, sha256="a" * 64), a_day(1, sha256="b" * 64, zero=0.02)
+    model = catenary.fit(first, model="linear")
+    refreshed = model.refresh(second)
+    day = refresh_with(model, model.card, [second], sha256="c" * 64)
+    assert_array_equal(refreshed.predict(second), day.model.calibrate(second))
+    assert day.card["refreshed"][-1]["model_sha256"] == "c" * 64
+    assert day.moved == refreshed.card["refreshed"][-1]["moved"]
+    for learnt, log in ((model, first), (refreshed, second)):
+        with pytest.raises(InputError, match="fitted to it or refreshed with it"):
+            learnt.refresh(log)
+
+
+def test_positions_that_a_model_was_trained_on_hold_its_recordings() -> None:
+    log = a_day(0, sha256="a" * 64)
+    low, high = trained_positions(catenary.fit(log, model="linear"))
+    assert np.all(low <= log.q_nominal.min(axis=0))
+    assert np.all(high >= log.q_nominal.max(axis=0))
+    no_positions = catenary.fit(replace(log, tau=0.5 * log.q_nominal), model="linear", inputs=["tau"])
+    low, high = trained_positions(no_positions)
+    assert np.all(np.isneginf(low))
+    assert np.all(np.isposinf(high))

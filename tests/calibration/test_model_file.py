@@ -1,0 +1,274 @@
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catenary.calibration.model_file import load_model, save_model
+from catenary.cards import stored
+from catenary.errors import FileFormatError
+from catenary.files import card_path
+from recordings import fitted, recording
+
+LOG = recording(np.random.default_rng(0), rows=40)
+MODEL = fitted(LOG, kind="linear", history=1)
+CARD = {"robot": "räven", "rows": 40}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "arm.npz"
+
+
+def altered(path: Path, change: Callable[[dict[str, np.ndarray]], Any]) -> Path:
+    """A model's file with its arrays changed."""
+    save_model(MODEL, CARD, path)
+    with np.load(path) as content:
+        arrays = dict(content)
+    change(arrays)
+    np.savez(path, **arrays)
+    return path
+
+
+def restructured(**changes: Any) -> Callable[[dict[str, np.ndarray]], Any]:
+    """Change of a model's structure; None removes a part."""
+
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        structure = json.loads(str(arrays["structure"]))
+        for key, value in changes.items():
+            part = structure["features"] if key in FEATURES else structure
+            part[key] = value
+            if value is None:
+                del part[key]
+        arrays["structure"] = np.array(json.dumps(structure))
+
+    return change
+
+
+def replaced(key: str, values: Callable[[np.ndarray], Any]) -> Callable[[dict[str, np.ndarray]], Any]:
+    return lambda arrays: arrays.update({key: np.array(values(arrays[key]))})
+
+
+TEXTS = [(key, text) for key in ("structure", "card") for text in ("", "[1, 2]", "null", "{")]
+GROUP = "groups.0."
+RANGE = ("valid_range.lower", "valid_range.axes", "valid_range.axis_upper")
+SHAPED = ("offset", *(f"{GROUP}{each}" for each in ("columns", "predictor.weights", *RANGE)))
+FEATURES = ("signals", "units", "history", "play", "steps", "period")
+PARTS = ("format", "signals", "groups", "target", "features", "joint_names")
+
+
+def group(**changes: Any) -> dict[str, Any]:
+    arrays: dict[str, Any] = {}
+    return dict(stored(MODEL.groups[0], arrays, "groups.0")) | changes
+
+
+MISFITS: list[dict[str, Any]] = [
+    {"target": "torque"},
+    {"joint_names": ["J1", "J2"]},
+    {"joint_names": ["J1", "J1", "J2"]},
+    {"joint_names": ["J1", "J2\u001b", "J3"]},
+    {"joint_units": ["rad"]},
+    {"history": 10**30},
+    {"target": ["error"]},
+    {"groups": []},
+    {"groups": [group(joints=[0, 1, 1])]},
+    {"groups": [group(predictor={"kind": "cubic"})]},
+    {"groups": [group(predictor={"kind": "network"})]},
+    {"groups": [group(watched="nowhere")]},
+    {"groups": [group(colour="red")]},
+    {"colour": "red"},
+    {"signals": ["q:J1"]},
+    {"history": -1},
+    {"history": 0},
+    {"play": [["q:J1"]]},
+    {"rate_hz": -1.0},
+    {"period": "1"},
+    {"play": [["q:J1", 1e999]]},
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        *[
+            (restructured(**{key: None}), f"damaged: .*{key}: this key is missing|{key} None, expected")
+            for key in PARTS
+        ],
+        *[(restructured(**misfit), "damaged: is no calibration model") for misfit in MISFITS],
+        *[(replaced(key, lambda _, t=text: t), "damaged: is no calibration model") for key, text in TEXTS],
+        *[(replaced(key, lambda values: values[:1]), "damaged: is no calibration model") for key in SHAPED],
+        (replaced("groups.0.columns", lambda columns: columns + 5), "damaged: is no calibration model"),
+        (restructured(format="catenary.calibration.9"), "'catenary.calibration.9', expected 'catenary.cal"),
+    ],
+)
+def test_a_file_that_was_changed_is_refused(path: Path, change: Callable[..., Any], message: str) -> None:
+    with pytest.raises(FileFormatError, match=f"arm.npz: .*{message}"):
+        load_model(altered(path, change))
+
+
+def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path: Path) -> None:
+    save_model(fitted(LOG, kind="offset"), {}, path)  # which is replaced
+    save_model(MODEL, CARD, path)
+    assert sorted(p.name for p in path.parent.iterdir()) == ["arm.card.json", "arm.npz"]
+    written = json.loads(card_path(path).read_text(encoding="utf-8"))
+    assert written == CARD | {"arrays_sha256": written["arrays_sha256"]}
+    with np.load(path, allow_pickle=False) as arrays:
+        assert all(arrays[key].dtype.kind in "fiU" for key in arrays.files)
+    first = path.read_bytes()
+    save_model(MODEL, CARD, path)
+    assert path.read_bytes() == first
+    card_path(path).unlink()
+    model, card = load_model(path)
+    assert (model.kind, card) == ("linear", written)
+
+
+@pytest.mark.parametrize(
+    ("write", "message"),
+    [
+        (lambda path: None, "no such file"),
+        (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "damaged: cannot be read"),
+        (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "damaged: cannot be read"),
+        (
+            lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)),
+            r"is no .* \(it holds weights, bias\)",
+        ),
+        (np.savez, r"is no calibration model \(it holds nothing\)"),
+    ],
+    ids=["missing", "pickle", "noise", "foreign", "empty"],
+)
+def test_what_is_no_model_is_refused(path: Path, write: Callable[[Path], Any], message: str) -> None:
+    write(path)
+    with pytest.raises(FileFormatError, match=rf"arm.npz: {message}"):
+        load_model(path)
+
+
+def test_a_file_of_another_kind_is_no_damaged_model(tmp_path: Path) -> None:
+    (tmp_path / "run.parquet").write_bytes(b"PAR1 and what follows")
+    with pytest.raises(FileFormatError, match=r"run.parquet: is no calibration model; expected one \(.npz\)"):
+        load_model(tmp_path / "run.parquet")
+
+
+def test_parameters_are_called_by_their_name_where_a_model_is_expected(path: Path) -> None:
+    np.savez(path, structure="{}", card="{}", combination=np.zeros(1), beta=np.zeros(1))
+    with pytest.raises(FileFormatError, match="it holds an arm's parameters, written by catenary identify"):
+        load_model(path)
+
+
+def test_failed_write_leaves_the_old_model_and_nothing_else(path, monkeypatch) -> None:
+    save_model(fitted(LOG, kind="offset"), CARD, path)
+    before = {p.name: p.read_bytes() for p in path.parent.iterdir()}
+
+    def full(_: int) -> None:
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be written: No space left on device"):
+        save_model(MODEL, CARD, path)
+    assert {p.name: p.read_bytes() for p in path.parent.iterdir()} == before
+
+
+@pytest.mark.parametrize("written", [1, 2])
+def test_disk_that_fills_between_model_and_card_leaves_the_old_pair(path, monkeypatch, written: int) -> None:
+    save_model(fitted(LOG, kind="offset"), CARD, path)
+    before, sync, calls = {p.name: p.read_bytes() for p in path.parent.iterdir()}, os.fsync, list[int]()
+
+    def fills(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) == written:
+            raise OSError(28, os.strerror(28))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fills)
+    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be written: No space left on device"):
+        save_model(MODEL, CARD, path)
+    assert {p.name: p.read_bytes() for p in path.parent.iterdir()} == before
+
+
+@pytest.mark.parametrize("place", ["none/arm.npz", "file/arm.npz", "folder"])
+def test_place_that_cannot_be_written_to_is_named(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FileFormatError, match=f"{place.removesuffix('.npz')}.*: cannot be written"):
+        save_model(MODEL, CARD, tmp_path / place)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_pickled_objects_are_refused_and_not_run(path: Path, tmp_path: Path) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return (Path.touch, (tmp_path / "sprung",))
+
+    save_model(MODEL, CARD, path)
+    np.savez(path, **(dict(np.load(path)) | {"offset": np.array([Trap()], dtype=object)}), allow_pickle=True)
+    with pytest.raises(FileFormatError, match=r"arm.npz: damaged: cannot be read"):
+        load_model(path)
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_any_missing_array_is_noticed(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    for key in np.load(path).files:
+        with pytest.raises(FileFormatError, match=r"arm.npz: (damaged: )?is no calibration model"):
+            load_model(altered(path, lambda arrays, key=key: arrays.pop(key)))
+
+
+def test_any_number_that_was_changed_is_noticed_and_so_is_a_card_of_another_model(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    message = (
+        "arm.npz: damaged: its numbers are not those that its card was written for .*; `catenary fit` makes"
+    )
+    for key, values in dict(np.load(path)).items():
+        if values.dtype.kind == "f":
+            other = values.copy()
+            other.flat[-1] += 1e-9 + 1e-9 * abs(other.flat[-1])
+            with pytest.raises(FileFormatError, match=message):
+                load_model(altered(path, lambda arrays, key=key, other=other: arrays.update({key: other})))
+    with pytest.raises(FileFormatError, match=message):
+        load_model(altered(path, restructured(rate_hz=9.0)))
+    with pytest.raises(FileFormatError, match=message):
+        load_model(altered(path, lambda arrays: arrays.update(card=np.array(json.dumps(CARD)))))
+
+
+def test_archive_that_was_packed_otherwise_is_the_same_model(path: Path) -> None:
+    np.savez_compressed(altered(path, lambda _: None), **dict(np.load(path)))
+    assert load_model(path)[0].kind == "linear"
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_number_that_is_not_finite_is_refused_by_array(path: Path, value: float) -> None:
+    save_model(MODEL, CARD, path)
+    for key, values in dict(np.load(path)).items():
+        if values.dtype.kind == "f":
+            broken = values.copy()
+            broken.flat[-1] = value
+            with pytest.raises(FileFormatError, match=f"arm.npz: damaged: .*{key} holds NaN or infinity"):
+                load_model(altered(path, lambda arrays, key=key, broken=broken: arrays.update({key: broken})))
+
+
+def test_predictor_without_a_file_format_is_refused_before_writing(path: Path) -> None:
+    class Mystery:
+        shape = None, 3
+
+    group = replace(MODEL.groups[0], predictor=Mystery())
+    with pytest.raises(TypeError, match="Mystery is not JSON serializable"):
+        save_model(replace(MODEL, groups=(group,)), CARD, path)
+    assert not path.exists()
+
+
+def test_loading_a_model_for_a_loop_imports_nothing_that_fits_one() -> None:
+    program = (
+        "import sys, catenary.calibration.model_file, catenary.calibration.corrector; "
+        "print({'sklearn', 'pyarrow', 'matplotlib'} & set(sys.modules))"
+    )
+    environment = {"PYTHONPATH": str(Path(__file__).parents[2] / "src")}
+    outcome = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, check=True, env=environment
+    )
+    assert outcome.stdout.strip() == b"set()"

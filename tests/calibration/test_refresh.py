@@ -1,0 +1,187 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from catenary.arrays import Floats
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.intervals import Intervals
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.refresh import (
+    LAYER,
+    NOTHING,
+    SCALE,
+    ZERO,
+    Adjustment,
+    adjusted,
+    layer_inputs,
+    refresh_model,
+)
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+
+KINDS = {
+    "offset": FitOptions(kind="offset"),
+    "linear": FitOptions(kind="linear"),
+    "polynomial": FitOptions(kind="polynomial"),
+    "network": FitOptions(kind="neural"),
+    "position": FitOptions(kind="linear", target="position"),
+}
+BEND = np.array([[0.03, -0.02], [0.01, 0.05]])
+NOISE = 1e-3
+
+
+def a_day(seed: int, rows: int, *, zero: Floats | float = 0.0, slope: float = 0.0) -> MotionLog:
+    """Motion of two joints whose error is linear in their positions, with a drift of joint 2."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(rows) / 30.0
+    phase = rng.uniform(0.0, 6.0, (2, 2))
+    q = np.column_stack([np.sin(0.7 * time + phase[0, 0]), np.sin(0.31 * time + phase[1, 0])])
+    drift = np.zeros((rows, 2))
+    drift[:, 1] = zero + slope * q[:, 1]
+    error = q @ BEND + drift + NOISE * rng.standard_normal((rows, 2))
+    return MotionLog("day", ("J1", "J2"), ("rad", "m"), q, np.ones(rows, dtype=bool), q + error, time)
+
+
+def rows_of(model: CalibrationModel, log: MotionLog) -> CalibrationData:
+    return calibration_data([log], model.features)
+
+
+@pytest.fixture(scope="module")
+def models() -> dict[str, CalibrationModel]:
+    log, found = a_day(0, 3000), {}
+    for name, options in KINDS.items():
+        inputs = choose_inputs([log], options)
+        found[name] = fit(calibration_data([log], inputs.features), inputs, options)
+    return found
+
+
+def rmse(model: CalibrationModel, log: MotionLog) -> Floats:
+    data = rows_of(model, log)
+    left = data.error - model.correction(data.X, data.q_nominal)
+    return np.asarray(np.sqrt(np.mean(left**2, axis=0)))
+
+
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position"])
+def test_a_corner_of_the_motion_does_not_turn_the_rest(
+    models: dict[str, CalibrationModel], kind: str
+) -> None:
+    whole = a_day(3, 1800)
+    q = np.array([0.6, 0.7]) + 0.05 * whole.q_nominal  # a twentieth of what the model was trained on
+    ripple = 0.01 * np.sin(40.0 * q)  # steep there, and nothing over the whole motion
+    corner = replace(whole, q_nominal=q, q_encoder=q + q @ BEND + ripple)
+    old, rest = models[kind], a_day(4, 3000)
+    refreshed = refresh_model(old, rows_of(old, corner)).model
+    # a slope of 0.4 would be off by 0.3 at the other end
+    assert (rmse(refreshed, rest) < 0.03).all()
+
+
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position"])
+def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
+    models: dict[str, CalibrationModel], kind: str
+) -> None:
+    old, new_day = models[kind], a_day(1, 1800, zero=0.02)
+    refreshed = refresh_model(old, rows_of(old, new_day))
+    first, second = refreshed.changes
+    # a network's own small errors may pay to be mended too
+    assert second.how == ZERO or (kind == "network" and second.how == LAYER)
+    assert abs(first.moved) < 2.0 * NOISE
+    assert_allclose(second.moved, 0.02, atol=1e-3)  # the models' own errors, means of 1800 rows of noise
+    rest = a_day(2, 9000, zero=0.02)
+    assert rmse(refreshed.model, rest)[1] < 0.15 * rmse(old, rest)[1]
+
+
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position", "offset"])
+def test_a_slope_is_found(models: dict[str, CalibrationModel], kind: str) -> None:
+    old = models[kind]
+    refreshed = refresh_model(old, rows_of(old, a_day(3, 1800, slope=0.1)))
+    assert refreshed.changes[1].how in (SCALE, LAYER)
+    rest = a_day(4, 9000, slope=0.1)
+    assert rmse(refreshed.model, rest)[1] < 0.3 * rmse(old, rest)[1]
+
+
+@given(seed=st.integers(0, 10_000))
+def test_a_day_without_drift_costs_no_accuracy(models: dict[str, CalibrationModel], seed: int) -> None:
+    old = models["linear"]
+    refreshed = refresh_model(old, rows_of(old, a_day(seed, 900))).model
+    rest = a_day(seed + 1, 3000)
+    assert (rmse(refreshed, rest) < 1.05 * rmse(old, rest)).all()
+
+
+def test_what_is_left_is_the_same_to_the_bit(models: dict[str, CalibrationModel]) -> None:
+    old = models["linear"]
+    data = rows_of(old, a_day(0, 3000))
+    exact = replace(data, error=old.correction(data.X, data.q_nominal))
+    refreshed = refresh_model(old, exact)
+    assert [change.how for change in refreshed.changes] == [NOTHING, NOTHING]
+    assert (refreshed.model.correction(data.X, data.q_nominal) == exact.error).all()
+
+
+@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial", "network"])
+def test_an_adjusted_predictor_gives_the_sum_that_defines_it(
+    models: dict[str, CalibrationModel], kind: str
+) -> None:
+    group, rng = models[kind].groups[0], np.random.default_rng(5)
+    X = rng.uniform(-1.0, 1.0, (50, len(group.columns)))
+    layer = layer_inputs(group.predictor, X)
+    slopes, weights = rng.normal(size=(2, X.shape[1])), rng.normal(size=(2, layer.shape[1]))
+    changes = [Adjustment(1.0, 0.3, slopes[0], weights[0]), Adjustment(0.7, -0.2, slopes[1], weights[1])]
+    before, after = group.predictor.predict(X), adjusted(group.predictor, changes).predict(X)
+    for k, change in enumerate(changes):
+        expected = change.scale * before[:, k] + change.bias + X @ change.linear + layer @ change.layer
+        assert_allclose(after[:, k], expected, atol=1e-10)  # sums of some hundred terms of order one
+
+
+def test_rows_outside_widen_the_range_where_the_model_holds(models: dict[str, CalibrationModel]) -> None:
+    old, log = models["linear"], a_day(6, 1800)
+    further = replace(log, q_nominal=2.5 * log.q_nominal, q_encoder=2.5 * log.q_nominal @ (np.eye(2) + BEND))
+    data = rows_of(old, further)
+    assert not old.inside(data.X).all()
+    refreshed = refresh_model(old, data)
+    assert refreshed.model.inside(data.X).all()
+    assert any("takes them in" in note for note in refreshed.notes)
+
+
+def test_rows_outside_leave_the_range_where_the_model_does_not_hold(
+    models: dict[str, CalibrationModel],
+) -> None:
+    old, log = models["linear"], a_day(6, 1800)
+    q = 2.5 * log.q_nominal
+    error = np.clip(q, -1.0, 1.0) @ -BEND
+    data = rows_of(old, replace(log, q_nominal=q, q_encoder=q + error))
+    refreshed = refresh_model(old, data)
+    assert (refreshed.model.inside(data.X) == old.inside(data.X)).all()
+    assert any("does not hold" in note for note in refreshed.notes)
+
+
+def test_intervals_are_the_wider_of_both_days(models: dict[str, CalibrationModel]) -> None:
+    edge = np.array([10.0 * NOISE, 20.0 * NOISE])
+    old = replace(models["linear"], intervals=Intervals(0.9, np.array([1e-6, 10.0 * NOISE]), edge))
+    new = refresh_model(old, rows_of(old, a_day(8, 1800))).model.intervals
+    assert new is not None
+    # 90 % of normal errors lie within 1.64 standard deviations; blocks differ by chance
+    assert NOISE < new.inside[0] < 2.5 * NOISE
+    assert new.inside[1] == 10.0 * NOISE
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_arm_that_drifted_farther_than_any_correction_was_is_believed_again(
+    models: dict[str, CalibrationModel], kind: str
+) -> None:
+    old, drifted = models[kind], a_day(9, 1800, zero=0.5)
+    assert (old.largest < 0.1).all()
+    refreshed, data = refresh_model(old, rows_of(old, drifted)).model, rows_of(old, a_day(10, 1800, zero=0.5))
+    assert refreshed.correct(data.X, data.q_nominal)[1].all()
+    assert 0.5 < refreshed.largest[1] < 0.7
+    assert (refreshed.largest >= old.largest).all()
+
+
+def test_too_few_rows_are_refused(models: dict[str, CalibrationModel]) -> None:
+    old = models["linear"]
+    with pytest.raises(InputError, match="30 usable rows of the new day, expected at least 40"):
+        refresh_model(old, rows_of(old, a_day(7, 30)))

@@ -1,0 +1,127 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import FileFormatError
+from catenary.files import card_path
+from catenary.identification.identification import identify
+from catenary.identification.identification_file import (
+    identification_card,
+    load_identification,
+    save_identification,
+)
+from catenary.identification.identify_options import IdentifyOptions
+from catenary.robots.catalog import load_robot
+from moving_arm import recorded
+
+ARM = load_robot("raven2")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=True), tests=[recorded(ARM, 1)])
+
+
+@pytest.fixture
+def saved(found, tmp_path):
+    path = tmp_path / "arm.npz"
+    save_identification(found, identification_card(found, [], ("a note",)), path)
+    return path
+
+
+def test_a_file_gives_back_the_same_torques_to_the_bit_and_the_robot(found, saved):
+    with np.load(saved, allow_pickle=False) as archive:
+        assert all(archive[key].dtype.kind in "fiuU" for key in archive.files)  # no Python objects
+    loaded, card = load_identification(saved)
+    q = np.random.default_rng(0).uniform(ARM.lower, ARM.upper, size=(5, 3))
+    assert_array_equal(loaded.predict(q, q, q), found.predict(q, q, q))
+    assert_array_equal(loaded.std, found.std)
+    assert loaded.options == found.options
+    assert card["notes"] == ["a note"]
+    assert loaded.robot().link_names == ARM.link_names
+    assert_array_equal(loaded.robot().tree.mass, found.robot().tree.mass)
+    assert loaded.tests[0].verdict == "holds"
+
+
+@pytest.mark.parametrize("name", ["dvrk_mtm_motors", "tiago"])
+def test_robots_with_springs_and_scales_come_back_whole(name, found, tmp_path):
+    from catenary.robots.model_record import robot_from_record, robot_record
+
+    model = load_robot(name)
+    again = robot_from_record(json.loads(json.dumps(robot_record(model))))
+    assert robot_record(again) == robot_record(model)
+    assert_array_equal(again.coupling, model.coupling)
+
+
+def test_the_card_says_what_a_stranger_must_know(found, saved):
+    card = json.loads(card_path(saved).read_text())
+    assert card["n_base"] == found.base.count == len(card["parameters"])
+    assert {"name", "value", "std", "unit", "is"} <= set(card["parameters"][0])
+    assert_allclose([p["value"] for p in card["parameters"]], found.beta)
+    assert card["tests"][0]["verdict"] == "holds"
+
+
+def damaged(path, change):
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    structure = json.loads(str(arrays["structure"]))
+    change(arrays, structure)
+    arrays["structure"] = np.array(json.dumps(structure))
+    np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda a, s: a.pop("beta"), "holds no identified parameters"),
+        (lambda a, s: s.update(format="catenary.identification.9"), "expected 'catenary.identification.1'"),
+        (lambda a, s: a.update(beta=a["beta"][:-1]), "combination has shape"),
+        (lambda a, s: a.update(beta=np.full_like(a["beta"], np.nan)), "of finite numbers"),
+        (lambda a, s: a.update(columns=a["columns"] + 1000), "columns outside 0 to"),
+        (lambda a, s: s["robot"].pop("tree"), "the robot in it is damaged"),
+        (lambda a, s: s["robot"]["tree"].update(parent=[5, 5, 5]), "parents do not come first"),
+        (
+            lambda a, s: s["options"].update(terms="half"),
+            "options: terms: Input should be 'full' or 'static', got 'half'",
+        ),
+        (lambda a, s: s["tests"][0].update(verdict="fine"), "tests[0]: verdict: Input should be"),
+        (lambda a, s: a.update(card=np.array("[]")), "card: holds [], expected a table"),
+        (lambda a, s: a["beta"].__setitem__(0, 9.0), "numbers are not those that its card was written for"),
+    ],
+)
+def test_a_damaged_file_is_refused(saved, change, said):
+    damaged(saved, change)
+    with pytest.raises(FileFormatError) as caught:
+        load_identification(saved)
+    assert said in str(caught.value)
+    assert str(caught.value).startswith(str(saved))
+
+
+def test_the_robot_in_a_file_whose_numbers_were_changed_is_refused_too(saved):
+    damaged(saved, lambda a, s: a["phi"].__setitem__(0, 9.0))
+    with pytest.raises(
+        FileFormatError, match=r"damaged: its numbers are not .*; `catenary identify` makes it again"
+    ):
+        load_robot(str(saved))
+
+
+def test_a_recording_is_no_parameter_file(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, q=np.zeros((3, 3)))
+    with pytest.raises(FileFormatError, match="written by catenary identify"):
+        load_identification(path)
+
+
+def test_what_cannot_be_written_leaves_nothing(found, tmp_path):
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        save_identification(found, {}, tmp_path / "none" / "arm.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_axes_without_torque_are_null_in_the_card(found):
+    silent = replace(found.training[0], relative_rms=np.array([0.1, np.nan, 0.2]))
+    card = identification_card(replace(found, training=(silent,)), [])
+    assert card["training"][0]["relative_rms"] == [0.1, None, 0.2]

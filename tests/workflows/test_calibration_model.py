@@ -1,0 +1,575 @@
+"""A calibration model's file and recordings: fitted, evaluated, refreshed, whatever the recordings' make and mends."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+import simulated_arm
+from catenary.calibration.calibration import fit, load_model
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.fit_options import FitOptions, FitRun
+from catenary.calibration.model_file import save_model
+from catenary.errors import DataError, InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.identification.identification_file import save_identification
+from catenary.identification.identify_options import IdentifyOptions
+from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import mapping_of
+from catenary.recording.foreign.read import Reading
+from catenary.recording.logs import read_log, write_parquet
+from catenary.recording.mend import Mend
+from catenary.robots.catalog import load_robot
+from catenary.view.recorded import recorded_arm
+from catenary.workflows.calibration_model import (
+    drift_of_model,
+    evaluate_calibration,
+    evaluation_summary,
+    fit_calibration,
+    recording_for,
+    refresh_calibration,
+)
+from catenary.workflows.identify import identify_files, payload_of_files
+from catenary.workflows.import_recording import import_recording
+from foreign_bags import JOINT_STATE, joint_state, write_bag
+from moving_arm import PLACE, recorded
+from recordings import recording
+
+ARM, UR = load_robot("raven2"), load_robot("ur10e")
+LINEAR = FitOptions(kind="linear")
+NAMES, UNITS = ("yaw", "pitch", "slide"), ("rad", "rad", "m")
+TURNED = [2, 0, 1]
+
+
+def day(seed: int, zero: float = 0.0) -> MotionLog:
+    """A recording of 800 rows whose joints are off by known shares, and by a zero."""
+    rng, t = np.random.default_rng(seed), np.arange(800) / 30.0
+    pace, phase = rng.uniform(0.3, 0.9, 3), rng.uniform(0.0, 6.0, 3)
+    q = np.array([0.5, 0.4, 0.05]) * np.sin(t[:, None] * pace + phase) + np.array([0.0, 0.0, 0.1])
+    error = np.array([0.02, -0.03, 0.001]) * (1.0 + zero) + np.array([0.05, 0.04, 0.02]) * q
+    noise = np.array([1e-4, 1e-4, 1e-5]) * rng.standard_normal(q.shape)
+    return MotionLog(f"day{seed}", NAMES, UNITS, q, np.ones(len(q), bool), q + error + noise, t)
+
+
+def reordered(log: MotionLog, order: Sequence[int]) -> MotionLog:
+    """The same recording with its joints in another order, by their names."""
+    arrays: dict[str, Any] = {
+        key: getattr(log, key)[:, order]
+        for key in ("q_nominal", "q_encoder", "qd", "tau")
+        if getattr(log, key) is not None
+    }
+    names = tuple(log.joint_names[j] for j in order)
+    return replace(log, joint_names=names, joint_units=tuple(log.joint_units[j] for j in order), **arrays)
+
+
+def as_parquet(log: MotionLog, path: Path) -> Path:
+    write_parquet(log, path.with_suffix(".parquet"))
+    return path.with_suffix(".parquet")
+
+
+def as_npz(log: MotionLog, path: Path) -> Path:
+    path = path.with_suffix(".npz")
+    np.savez(
+        path, q_des=log.q_nominal, q_act=log.q_encoder, ok=log.ok, t=log.time, units=log.joint_units,
+        joint_names=log.joint_names,
+    )  # fmt: skip
+    return path
+
+
+def torques_as_npz(log: MotionLog, path: Path) -> Path:
+    path = path.with_suffix(".npz")
+    arrays = {"q": log.q_nominal, "tau": log.tau, "dq": log.qd, "t": log.time, "joint_names": log.joint_names}
+    np.savez(path, **{key: values for key, values in arrays.items() if values is not None})
+    return path
+
+
+# calibration
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "arm.npz"
+    result = fit_calibration([as_parquet(day(0), path.with_name("day0"))], LINEAR)
+    save_model(result.model, result.card, path)
+    return path
+
+
+@pytest.mark.parametrize("written", [as_parquet, as_npz])
+@pytest.mark.parametrize("command", [evaluate_calibration, drift_of_model, refresh_calibration])
+def test_a_recording_in_any_order_of_joints_gives_a_model_the_same_numbers(
+    command: Callable[..., Any], written: Callable[[MotionLog, Path], Path], model: Path, tmp_path: Path
+) -> None:
+    found = []
+    for order in ([0, 1, 2], TURNED):
+        result = command(model, [written(reordered(day(1, 0.3), order), tmp_path / f"{order[0]}")])
+        if command is evaluate_calibration:
+            found.append([joint.rmse for joint in result.evaluation.joints])
+        elif command is drift_of_model:
+            found.append(result[0].stretches[0].rmse)
+        else:
+            found.append([change.moved for change in result.refreshed.changes])
+    assert_allclose(found[1], found[0], rtol=1e-12)
+
+
+@given(st.permutations([0, 1, 2]))
+@settings(max_examples=6)
+def test_calibrated_joints_are_those_of_their_names(order: list[int]) -> None:
+    made, log = fit(day(0), model="linear", folds=0), day(1)
+    assert_array_equal(made.calibrate(reordered(log, order)), made.calibrate(log))
+    assert_allclose(made.calibrate(log), log.q_encoder, atol=1e-3)  # the truth, but for noise
+
+
+def test_recordings_of_several_orders_are_fitted_together(tmp_path: Path) -> None:
+    files = [as_parquet(day(k), tmp_path / f"{k}") for k in (0, 1)]
+    turned = as_parquet(reordered(day(1), TURNED), tmp_path / "turned")
+    together, mixed = (fit_calibration(each, LINEAR).model for each in (files, [files[0], turned]))
+    assert_array_equal(mixed.calibrate(day(2)), together.calibrate(day(2)))
+
+
+def test_a_recording_is_shown_by_the_names_of_its_joints(tmp_path: Path) -> None:
+    log = recorded(ARM, 0, seconds=1.0)
+    right, turned = (recorded_arm(each, ARM) for each in (log, reordered(log, TURNED)))
+    assert_array_equal(turned.q, right.q)
+
+
+def test_other_joints_are_refused_with_both_sides(model: Path, tmp_path: Path) -> None:
+    other = as_parquet(replace(day(1), joint_names=("left/yaw", "pitch", "slide")), tmp_path / "other")
+    with pytest.raises(
+        InputError, match=r'no joint "yaw"; it has left/yaw.* the model is for yaw.*is "left/yaw"'
+    ):
+        evaluate_calibration(model, [other])
+
+
+def test_joints_without_names_are_taken_in_order_and_it_is_said(model: Path, tmp_path: Path) -> None:
+    nameless = as_parquet(replace(day(1), joint_names=("J1", "J2", "J3")), tmp_path / "nameless")
+    result = evaluate_calibration(model, [nameless])
+    assert any("without names, in order as yaw, pitch, slide" in note for note in result.notes)
+
+
+def test_names_that_a_file_states_are_matched_with_those_that_are_given(tmp_path: Path) -> None:
+    log = read_log(as_npz(reordered(day(0), TURNED), tmp_path / "x"), units=UNITS, joint_names=NAMES)
+    assert_array_equal(log.q_nominal, day(0).q_nominal)
+
+
+# identification
+
+
+def at_rest(seed: int, count: int = 300) -> MotionLog:
+    """Poses at rest of a UR10e, whose topics name joints by the alphabet."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-3.0, 3.0, (count, UR.n))
+    tau = gravity_torque(UR, q, [0.0, 0.0, -9.81]) + rng.normal(0.0, 0.05, q.shape)
+    return MotionLog("rest", UR.joint_names, UR.joint_units, q, np.ones(count, bool), tau=tau)
+
+
+ALPHABETIC = list(np.argsort(UR.joint_names))
+STATIC = IdentifyOptions(terms="static", friction=())
+
+
+def as_csv(log: MotionLog, path: Path) -> tuple[Path, list[str]]:
+    """A table with a column for each joint, named after it, and its mapping."""
+    heads = [
+        f"{kind}_{name.removesuffix('_joint')}" for kind in ("pos", "effort") for name in log.joint_names
+    ]
+    rows = np.column_stack([log.q_nominal, log.tau])
+    lines = [",".join(heads), *(",".join(f"{value:.9f}" for value in row) for row in rows)]
+    path.with_suffix(".csv").write_text("\n".join(lines) + "\n")
+    n = len(log.joint_names)
+    return path.with_suffix(".csv"), [f"q_nominal={','.join(heads[:n])}", "tau=effort_*"]
+
+
+def as_bag(log: MotionLog, path: Path) -> tuple[Path, list[str]]:
+    states = [
+        (0.1 * k, "/joint_states", joint_state(log.joint_names, q.copy(), (), tau.copy()))
+        for k, (q, tau) in enumerate(zip(log.q_nominal, log.tau, strict=True))
+    ]
+    bag = write_bag(path, "ros1", {"/joint_states": JOINT_STATE}, states)
+    return bag, ["q_nominal=/joint_states.position", "tau=/joint_states.effort"]
+
+
+@pytest.mark.parametrize("container", ["parquet", "npz", "csv", "bag"])
+def test_the_gravity_that_is_identified_is_the_arm_s_whatever_the_order_of_joints(
+    container: str, tmp_path: Path
+) -> None:
+    log, mapping = reordered(at_rest(0), ALPHABETIC), None
+    if container in ("parquet", "npz"):
+        path = (as_parquet if container == "parquet" else torques_as_npz)(log, tmp_path / "ur")
+    else:
+        path, options = (as_csv if container == "csv" else as_bag)(log, tmp_path / "ur")
+        mapping = mapping_of(options, units="rad", settings={"robot": "ur10e"})
+    found = identify_files([path], "ur10e", STATIC, reading=Reading(mapping=mapping)).identification
+    q = np.random.default_rng(1).uniform(-3.0, 3.0, (50, UR.n))
+    true = gravity_torque(UR, q, [0.0, 0.0, -9.81])
+    assert_allclose(
+        gravity_torque(found.robot(), q, [0.0, 0.0, -9.81]), true, atol=0.1
+    )  # of 100 Nm; noise is 0.05
+
+
+def test_a_payload_is_weighed_by_the_names_of_joints(tmp_path: Path) -> None:
+    unloaded = as_parquet(recorded(ARM, 0, noise=0.1), tmp_path / "unloaded")
+    result = identify_files([unloaded], "raven2", IdentifyOptions())
+    save_identification(result.identification, result.card, tmp_path / "arm.npz")
+    loaded = recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1)
+    turned = as_parquet(reordered(loaded, TURNED), tmp_path / "loaded")
+    found = payload_of_files([turned], tmp_path / "arm.npz", at=("wrist", PLACE)).payload
+    assert found.mass == pytest.approx(0.2, abs=0.01)
+
+
+def test_other_joints_than_the_robot_s_are_refused(tmp_path: Path) -> None:
+    others = replace(at_rest(0), joint_names=tuple(f"axis{j}" for j in range(UR.n)))
+    with pytest.raises(InputError, match=r'no joint "shoulder_pan_joint".*axis0.*robot "ur10e" has'):
+        identify_files([as_parquet(others, tmp_path / "others")], "ur10e", STATIC)
+
+
+# import
+
+
+@pytest.mark.parametrize("container", [as_csv, as_bag])
+@given(order=st.permutations(range(6)))
+@settings(max_examples=4)
+def test_an_import_names_joints_as_the_recording_does(
+    container: Callable[[MotionLog, Path], tuple[Path, list[str]]],
+    order: list[int],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    log = at_rest(0, 30)
+    path, options = container(reordered(log, order), tmp_path_factory.mktemp("ur") / "ur")
+    found = import_recording(path, options, units="rad", robot="ur10e")
+    assert found.joint_names == UR.joint_names
+    assert_allclose(found.q_nominal, log.q_nominal, atol=1e-8)
+    assert_allclose(found.tau, log.tau, atol=1e-8)
+
+
+def test_joints_that_are_not_clearly_the_robot_s_are_refused(tmp_path: Path) -> None:
+    heads = ["q_elbow", "q_b", "q_c"]
+    path = tmp_path / "some.csv"
+    path.write_text(",".join(heads) + "\n" + "0.1,0.2,0.3\n" * 5)
+    with pytest.raises(InputError, match=r"q_elbow, q_b, q_c are not clearly joints of robot \"ur10e\""):
+        import_recording(path, ["q_nominal=q_elbow,q_b,q_c"], units="rad", robot="ur10e")
+    bag, _ = as_bag(replace(at_rest(0, 20), joint_names=tuple("abcdef")), tmp_path / "lab")
+    with pytest.raises(InputError, match="a, b, c, d, e, f are not clearly joints"):
+        import_recording(bag, ["q_nominal=/joint_states.position"], robot="ur10e")
+    listed = ",".join(f"/joint_states.position[{name}]" for name in "abcdef")
+    assert import_recording(bag, [f"q_nominal={listed}"], robot="ur10e").joint_names == UR.joint_names
+
+
+def test_a_pattern_keeps_the_file_s_order_pairs_by_its_words_and_is_shown_as_its_columns(
+    tmp_path: Path,
+) -> None:
+    path, t = tmp_path / "lab.csv", np.arange(0.0, 4.0, 0.02)
+    q = np.column_stack([40.0 * np.sin(t), 30.0 * np.cos(t), 50.0 + 20.0 * np.sin(0.7 * t)])
+    rows = np.column_stack([t, q, q[:, ::-1] + 0.01])
+    path.write_text(
+        "t,cmd_yaw,cmd_pitch,cmd_ins,enc_ins,enc_pitch,enc_yaw\n"
+        + "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
+        + "\n"
+    )
+    log = import_recording(path, ["q_nominal=cmd_*", "q_encoder=enc_*"], units="deg,deg,mm")
+    assert log.joint_units == ("rad", "rad", "m")
+    assert_allclose(log.q_nominal, q * [np.pi / 180.0, np.pi / 180.0, 1e-3], atol=1e-6)
+    assert_allclose(log.q_encoder, (q + 0.01) * [np.pi / 180.0, np.pi / 180.0, 1e-3], atol=1e-6)
+    assert "q_nominal = cmd_yaw, cmd_pitch, cmd_ins" in log.notes[0]
+
+
+def test_what_is_said_of_units_holds_for_measurements_too(tmp_path: Path) -> None:
+    path, t = tmp_path / "lab.csv", np.arange(0.0, 4.0, 0.02)
+    q = np.column_stack([0.4 * np.sin(t), 0.3 * np.cos(t)])
+    seen = 0.5 * q  # neither degrees nor radians by its range
+    path.write_text(
+        "time_s,cmd_yaw,cmd_pitch,cam_yaw,cam_pitch\n"
+        + "\n".join(",".join(f"{v:.6f}" for v in row) for row in np.column_stack([t, q, seen]))
+        + "\n"
+    )
+    log = import_recording(path, units="rad,rad", accept_proposal=True)
+    assert_allclose(log.q_encoder, seen, atol=1e-6)
+    table = import_recording(
+        path, {"q_nominal": {"columns": ["cmd_yaw"]}, "qd": {"columns": ["cmd_pitch"]}}, units="deg"
+    )
+    assert_allclose(table.qd, np.deg2rad(q[:, 1:]), atol=1e-8)
+
+
+# mends
+
+
+def spoilt(log: MotionLog) -> MotionLog:
+    """Measurements four rows late, of which one joint counts the other way."""
+    assert log.q_encoder is not None
+    late, ok = np.roll(log.q_encoder, 4, axis=0), log.ok.copy()
+    ok[:4] = False
+    return replace(log, q_encoder=late * [1.0, -1.0, 1.0], ok=ok)
+
+
+MEND = Mend(sign=("pitch",), shift=4)
+
+
+@pytest.fixture(scope="module")
+def mended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of a spoilt recording that was mended."""
+    path = tmp_path_factory.mktemp("mended") / "arm.npz"
+    raw = as_parquet(spoilt(day(0)), path.with_name("day0"))
+    result = fit_calibration([raw], LINEAR, reading=Reading(mend=MEND))
+    save_model(result.model, result.card, path)
+    return path
+
+
+def rmse(model: Path, log: Path, reading: Reading | None = None) -> tuple[list[float], tuple[str, ...]]:
+    result = evaluate_calibration(model, [log], reading=reading)
+    return [joint.rmse for joint in result.evaluation.joints], result.notes
+
+
+SAID = "mended as the model's training data: --sign q_encoder:pitch --shift 4; --no-mend takes it as it is"
+
+
+def test_the_card_holds_its_mends_as_data(mended: Path) -> None:
+    loaded = load_model(mended)
+    assert loaded.card["mends"] == {"sign:q_encoder": ["q_encoder:pitch"], "shift": ["4"]}
+    assert loaded.mends == {"sign:q_encoder": ("q_encoder:pitch",), "shift": ("4",)}
+
+
+def test_joints_without_names_are_mended_by_the_model_s(mended: Path, tmp_path: Path) -> None:
+    nameless = as_parquet(replace(spoilt(day(1)), joint_names=("J1", "J2", "J3")), tmp_path / "nameless")
+    assert_allclose(rmse(mended, nameless)[0], 0.0, atol=0.02)
+
+
+def test_python_mends_recordings_as_the_command_does(mended: Path, caplog: pytest.LogCaptureFixture) -> None:
+    found = load_model(mended).evaluate(spoilt(day(1)))
+    assert_allclose([joint.rmse for joint in found.joints], 0.0, atol=0.02)
+    assert SAID in caplog.text
+
+
+def test_a_payload_is_weighed_by_torques_mended_as_those_of_the_identification(tmp_path: Path) -> None:
+    def turned(log: MotionLog, name: str) -> Path:
+        assert log.tau is not None
+        return torques_as_npz(replace(log, tau=log.tau * [1.0, -1.0, 1.0]), tmp_path / name)
+
+    reading = Reading(mend=Mend(sign=("tau:elbow",)))
+    result = identify_files(
+        [turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", IdentifyOptions(), reading=reading
+    )
+    save_identification(result.identification, result.card, tmp_path / "arm.npz")
+    loaded = turned(recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1), "l")
+    found = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))
+    assert found.payload.mass == pytest.approx(0.2, abs=0.01)
+    assert any("--sign tau:elbow; --no-mend" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], TURNED])
+def test_a_recording_is_mended_as_the_model_s_training_data_and_it_is_said(
+    order: list[int], mended: Path, tmp_path: Path
+) -> None:
+    raw = as_parquet(reordered(spoilt(day(1)), order), tmp_path / "raw")
+    errors, notes = rmse(mended, raw)
+    assert any(note.endswith(SAID) for note in notes)
+    assert_allclose(errors, 0.0, atol=0.02)  # [deg, mm] noise alone: the truth is linear
+    assert any(note.endswith(SAID) for note in drift_of_model(mended, [raw])[1])
+    assert any(note.endswith(SAID) for note in refresh_calibration(mended, [raw]).notes)
+
+
+def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_replaces_it(
+    mended: Path, tmp_path: Path
+) -> None:
+    raw, late = (
+        as_parquet(each, tmp_path / each.name) for each in (spoilt(day(1)), replace(day(2), name="late"))
+    )
+    with pytest.raises(DataError, match="--shift 4"):
+        evaluate_calibration(mended, [raw], reading=Reading(as_trained=False))
+    assert_allclose(rmse(mended, late, Reading(as_trained=False))[0], 0.0, atol=0.02)
+    with pytest.raises(DataError, match=r'"late" was mended as the model\'s training data: --sign'):
+        evaluate_calibration(mended, [late])
+    turned = as_parquet(
+        replace(spoilt(day(2)), q_encoder=np.roll(day(2).q_encoder, 8, axis=0), ok=np.arange(800) >= 8),
+        tmp_path / "eight",
+    )
+    notes = rmse(mended, turned, Reading(mend=Mend(shift=8, sign=("yaw", "yaw"))))[1]
+    assert not any("training data" in note for note in notes)
+
+
+def test_a_recording_that_was_mended_before_it_was_written_is_not_mended_twice(
+    mended: Path, tmp_path: Path
+) -> None:
+    kept = as_parquet(MEND(spoilt(day(1))), tmp_path / "kept")
+    errors, notes = rmse(mended, kept)
+    assert_allclose(errors, 0.0, atol=0.02)
+    assert not any("training data" in note for note in notes)
+
+
+def test_what_a_mapping_says_of_signs_is_not_mended_again(mended: Path, tmp_path: Path) -> None:
+    log, path = spoilt(day(1)), tmp_path / "lab.csv"
+    assert log.q_encoder is not None
+    heads = ["t", *(f"cmd_{n}" for n in NAMES), *(f"enc_{n}" for n in NAMES), "ok"]
+    rows = np.column_stack([log.time, log.q_nominal, log.q_encoder, log.ok])
+    path.write_text(
+        ",".join(heads) + "\n" + "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows) + "\n"
+    )
+    options = ["q_nominal=cmd_*", "q_encoder=enc_yaw,-enc_pitch,enc_slide", "ok=ok"]
+    errors, notes = rmse(mended, path, Reading(mapping=mapping_of(options, units="rad,rad,m")))
+    assert_allclose(errors, 0.0, atol=0.02)
+    assert any("training data: --shift 4;" in note for note in notes)
+
+
+def in_degrees(log: MotionLog, path: Path) -> Path:
+    factor = np.array([np.rad2deg(1.0), np.rad2deg(1.0), 1e3])
+    np.savez(path, q_des=log.q_nominal * factor, q_act=log.q_encoder * factor, ok=log.ok, t=log.time)
+    return path
+
+
+def test_units_are_mended_where_numbers_are_in_those_of_training_and_left_where_they_are_si(
+    tmp_path: Path,
+) -> None:
+    result = fit_calibration(
+        [in_degrees(day(0), tmp_path / "0.npz")], LINEAR,
+        reading=Reading(units=UNITS, joint_names=NAMES, mend=Mend(units=("deg,deg,mm",))),
+    )  # fmt: skip
+    save_model(result.model, result.card, tmp_path / "arm.npz")
+    errors, notes = rmse(tmp_path / "arm.npz", in_degrees(day(1), tmp_path / "1.npz"))
+    assert_allclose(errors, 0.0, atol=0.02)
+    assert any("--units deg,deg,mm; --no-mend" in note for note in notes)
+    si = tmp_path / "si.npz"
+    log = day(2)
+    np.savez(si, q_des=log.q_nominal, q_act=log.q_encoder, ok=log.ok, t=log.time)
+    assert_array_equal(recording_for(load_model(tmp_path / "arm.npz"), si).q_nominal, log.q_nominal)
+
+
+def test_errors_beyond_those_of_training_are_left_out_and_it_is_said(tmp_path: Path) -> None:
+    from catenary.calibration.fit_options import FitRun
+
+    log = day(0)
+    assert log.q_encoder is not None
+    result = fit_calibration([as_parquet(log, tmp_path / "0")], LINEAR, FitRun(max_error=(10.0, 10.0, 20.0)))
+    save_model(result.model, result.card, tmp_path / "arm.npz")
+    far = day(1).q_encoder.copy()  # type: ignore[union-attr]
+    far[100:103, 0] += 1.0
+    path = as_parquet(replace(day(1), q_encoder=far), tmp_path / "far")
+    errors, notes = rmse(tmp_path / "arm.npz", path)
+    assert_allclose(errors, 0.0, atol=0.02)
+    assert any("--max-error 10,10,20; --no-mend takes all rows" in note for note in notes)
+    assert rmse(tmp_path / "arm.npz", path, Reading(as_trained=False))[0][0] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("mends", "refused"),
+    [
+        ({"sign:q_nominal": ("q_nominal:yaw",)}, True),
+        ({"sign:q_encoder": ("q_encoder:yaw",), "shift": ("4",), "units": ("yaw=deg",)}, False),
+        ({"sign:tau": ("tau:yaw",)}, False),  # the model takes no torques
+    ],
+)
+def test_a_robot_that_reports_otherwise_than_the_training_data_were_mended_to_be_is_refused(
+    mends: dict[str, tuple[str, ...]], refused: bool
+) -> None:
+    corrector = Corrector(replace(fit(day(0), model="linear", folds=0), mends=mends))
+    if refused:
+        with pytest.raises(InputError, match=r"mended by --sign q_nominal:yaw.*deploy --no-mend"):
+            corrector.prepare(NAMES, UNITS, 1000.0)
+    else:
+        corrector.prepare(NAMES, UNITS, 1000.0)
+
+
+LINEAR = FitOptions(kind="linear")
+
+
+@pytest.fixture
+def recording_path(tmp_path: Path) -> Path:
+    return simulated_arm.write(tmp_path / "run.npz")
+
+
+def fitted_to(recording: Path, folder: Path) -> Path:
+    """The file of a linear model."""
+    result = fit_calibration([recording], LINEAR)
+    save_model(result.model, result.card, folder / "model.npz")
+    return folder / "model.npz"
+
+
+def test_a_linear_fit_recovers_a_linear_error(recording_path: Path, tmp_path: Path) -> None:
+    model = fitted_to(recording_path, tmp_path)
+    other = simulated_arm.write(tmp_path / "other.npz", seed=0, noise=0.0)
+    for joint in evaluate_calibration(model, [other]).evaluation.joints:
+        assert joint.rmse < 1e-2 * joint.offset_rmse  # what noise of 0.1 mrad and 0.1 mm leaves
+
+
+def test_held_out_errors_are_those_of_evaluating_the_same_rows(recording_path: Path, tmp_path: Path) -> None:
+    result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
+    save_model(result.model, result.card, tmp_path / "model.npz")
+    late = {key: np.array(values)[300:] for key, values in simulated_arm.arrays().items() if key != "units"}
+    np.savez(tmp_path / "late.npz", **late)
+    evaluation = evaluate_calibration(tmp_path / "model.npz", [tmp_path / "late.npz"]).evaluation
+    assert result.held_out is not None
+    assert evaluation.joints == result.held_out.joints
+
+
+def test_the_held_out_part_is_not_fitted_to(tmp_path: Path) -> None:
+    early = simulated_arm.arrays()
+    changed = early["q_act"].copy()
+    changed[300:] += 1.0
+    paths = [simulated_arm.write(tmp_path / "a.npz"), simulated_arm.write(tmp_path / "b.npz", q_act=changed)]
+    run = FitRun(held_out=0.25, folds=0, accept=("jump",))
+    one, other = (fit_calibration([path], LINEAR, run).model for path in paths)
+    X, q = early["q_des"], early["q_des"]
+    assert_allclose(one.correction(X, q), other.correction(X, q), atol=0.0)
+
+
+def test_the_card_holds_the_held_out_errors(recording_path: Path) -> None:
+    result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
+    assert result.held_out is not None
+    assert result.card["errors"]["held_out"] == [asdict(joint) for joint in result.held_out.joints]
+    expected = {"seed": 0, "held_out": 0.25, "folds": 5, "max_error": None, "accept": [], "coverage": 0.9}
+    assert result.card["run"] == expected
+
+
+def test_several_recordings_are_fitted_together(recording_path: Path, tmp_path: Path) -> None:
+    other = simulated_arm.write(tmp_path / "other.npz", seed=1, rows=200)
+    result = fit_calibration([recording_path, other], LINEAR)
+    assert len(result.data) == 600
+    assert [source["name"] for source in result.card["data"]] == ["run", "other"]
+
+
+def test_progress_ends_at_one(recording_path: Path) -> None:
+    told: list[float] = []
+    fit_calibration([recording_path], FitOptions(kind="offset"), progress=told.append)
+    assert told[-1] == 1.0
+    assert told == sorted(told)
+
+
+@pytest.mark.parametrize(
+    ("key", "place", "value", "note"),
+    [
+        ("ok", slice(10, 30), False, "run: left out 20 without measurement, 3 without 3 previous commands, of 400 rows"),
+        ("q_act", (5, 1), 3.0, "run: J2: 1 of 400 errors lie beyond 10 robust standard deviations"),
+        (("q_des", "q_act"), (slice(None), 2), 0.1, "run: J3: never moved; a model holds only where it stood"),
+    ],
+)  # fmt: skip
+def test_what_looks_wrong_is_noted(tmp_path: Path, key: Any, place: Any, value: float, note: str) -> None:
+    arrays = simulated_arm.arrays()
+    for each in (key,) if isinstance(key, str) else key:
+        arrays[each][place] = value
+    np.savez(tmp_path / "run.npz", **arrays)
+    notes = fit_calibration([tmp_path / "run.npz"], FitOptions(kind="linear", history=3)).notes
+    assert any(said.startswith(note) for said in notes)
+
+
+def test_a_recording_used_in_training_is_known_by_its_content(recording_path: Path, tmp_path: Path) -> None:
+    model = fitted_to(recording_path, tmp_path)
+    copy = tmp_path / "another_name.npz"
+    copy.write_bytes(recording_path.read_bytes())
+    other = simulated_arm.write(tmp_path / "other.npz", seed=1)
+    assert evaluate_calibration(model, [other, copy]).seen_in_training == ("another_name",)
+
+
+def test_a_summary_of_simulated_data_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    write_parquet(recording(np.random.default_rng(0), simulated=True), path)
+    result = evaluate_calibration(fitted_to(path, tmp_path), [path])
+    assert evaluation_summary(result)["simulated"] is True
+
+
+def test_no_recordings_are_refused(recording_path: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="at least one recording"):
+        fit_calibration([], LINEAR)
+    with pytest.raises(InputError, match="at least one recording"):
+        evaluate_calibration(fitted_to(recording_path, tmp_path), [])
