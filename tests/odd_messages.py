@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.codec import codec
 from catenary.crtk.conversions import pose_message
 from catenary.crtk.message import Message, message_class
+from catenary.crtk.message_bytes import codec
 from catenary.crtk.names import COMMAND, CrtkTopic
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.plant import STATE_COMMANDS

@@ -103,7 +103,7 @@ def _model() -> Reader:
 def _messages() -> Reader:
     import numpy as np
 
-    from catenary.crtk.codec import codec
+    from catenary.crtk.message_bytes import codec
     from catenary.crtk.names import topics
     from oracles.random_messages import random_message
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from catenary.crtk import conversions
 from catenary.crtk.clock import SECOND
-from catenary.crtk.codec import codec
 from catenary.crtk.message import message_class
+from catenary.crtk.message_bytes import codec
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.spatial import Pose

@@ -5,8 +5,8 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from catenary.crtk.codec import codec
 from catenary.crtk.message import message_class
+from catenary.crtk.message_bytes import codec
 from catenary.recording.messages import MESSAGES, full_definition, md5_sum
 from oracles.random_messages import random_message
 from ros import OPEN, Master, Program, require_ros1

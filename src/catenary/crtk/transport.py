@@ -15,11 +15,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Self
 
-from catenary.crtk.bounds import Bounds
 from catenary.crtk.clock import Clock, Rate
-from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
 from catenary.crtk.message import Message, message_class
+from catenary.crtk.message_bytes import Bounds, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 

@@ -3,8 +3,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.crtk.bounds import Bounds
 from catenary.crtk.message import message_class
+from catenary.crtk.message_bytes import Bounds
 from patience import PATIENCE, until
 
 TEXT = "std_msgs/String"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from catenary.crtk.codec import codec
 from catenary.crtk.dds.names import dds_topic, dds_type
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_bytes import codec
 from catenary.recording.messages import MESSAGES, ros2_name
 from oracles.random_messages import assert_same, random_message
 from patience import PATIENCE, until

@@ -6,7 +6,6 @@ from typing import Any
 
 from cyclonedds.sub import DataReader
 
-from catenary.crtk.codec import NO_MESSAGE
 from catenary.crtk.dds.directory import HANDLES, MANY, Endpoint
 from catenary.crtk.dds.distributions import message_hash
 from catenary.crtk.dds.names import dds_type
@@ -14,6 +13,7 @@ from catenary.crtk.dds.program import Program
 from catenary.crtk.dds.qualities import Quality
 from catenary.crtk.dds.types import Raw, message_type
 from catenary.crtk.inbox import Origin, Subscription
+from catenary.crtk.message_bytes import NO_MESSAGE
 from catenary.recording.messages import current_name, ros2_name, typestore
 
 _USUAL = Quality()

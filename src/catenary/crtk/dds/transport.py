@@ -12,10 +12,8 @@ from typing import Any
 
 from cyclonedds.core import DDSException
 
-from catenary.crtk.bounds import Bounds
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
-from catenary.crtk.dds.cdr import cdr_decoder, cdr_encoder
 from catenary.crtk.dds.directory import HANDLES, Endpoint
 from catenary.crtk.dds.distributions import distribution, message_hash
 from catenary.crtk.dds.listening import ListenedTopic
@@ -27,6 +25,7 @@ from catenary.crtk.dds.services import Services
 from catenary.crtk.dds.types import message_type
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message
+from catenary.crtk.message_bytes import CDR, Bounds, codec
 from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, other_type
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
@@ -47,7 +46,7 @@ class DdsPublisher(Publisher):
         self._missed = 0
         self._matched = 0  # readers, when last asked; DDS is asked of each message while there were none
         self._kind = message_type(type_name)
-        self._encode_cdr = cdr_encoder(type_name)
+        self._encode_cdr = codec(type_name, CDR).encode
         user_data = f"typehash={message_hash(type_name)};" if program.distribution.has_hashes else ""
         self._writer: Any = program.writer(dds_name, self._kind, quality, queue, user_data)
 
@@ -147,7 +146,7 @@ class DdsTransport(Transport):
         return dds_topic(self._arguments.network_name(topic))
 
     def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
-        return cdr_decoder(type_name) if bounds is None else super()._decoder(type_name, bounds)
+        return codec(type_name, CDR).decode if bounds is None else super()._decoder(type_name, bounds)
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         topic = subscription.topic

@@ -10,9 +10,9 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
+from catenary.crtk.message_bytes import codec
 from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.crtk.ros1.master import master_uri
 from catenary.crtk.transport import (

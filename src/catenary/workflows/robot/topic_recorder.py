@@ -13,8 +13,8 @@ from typing import NamedTuple, Self
 
 from catenary.calibration.progress import Progress, silent
 from catenary.crtk.clock import SECOND
-from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Received, Subscription
+from catenary.crtk.message_bytes import codec
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError, RecordingError
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
