@@ -241,8 +241,8 @@ def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
     ("options", "message"),
     [
         ({"robot": "panda"}, "expected raven2 or dvrk_psm"),
-        ({"robot": "dvrk_psm"}, "speaks the dialect crtk, got raven"),
-        ({"robot": "dvrk_psm", "dialect": "crtk", "payload": 0.1}, "has no payload"),
+        ({"robot": "dvrk_psm"}, "speaks crtk, not raven"),
+        ({"robot": "dvrk_psm", "dialect": "crtk", "with_green": True}, "has no green arm"),
         ({"robot": "dvrk_psm", "dialect": "crtk", "namespace": "/MTML"}, "begins with PSM"),
     ],
 )

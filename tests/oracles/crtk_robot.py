@@ -10,10 +10,13 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, NAMESPACES, Dialect, crtk_topics, find_topic
 from catenary.crtk.raven_conversions import CHANNELS
+from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
+from catenary.open_robot import OverTopics
 from catenary.plant import Plant
 from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Arm
+from catenary.workflows.robot.operated_robot import OperatedRobot, operated_robot
 from oracles.ticking_clock import TickingClock
 
 _DEGREES = 180.0 / np.pi  # the robot multiplies every position and velocity by it, metres too
@@ -148,3 +151,12 @@ class RobotOnLoopback:
         """Put another one in its place."""
         self.robot = CrtkRobot(Loopback("robot", self.network), plant, **self.options)
         self.clock.robots.append(self.robot)
+
+
+def robot_over(
+    transport: Transport, robot: str = "raven2", **options: Any
+) -> tuple[OperatedRobot, CrtkReader]:
+    """A robot behind a transport, and the client that is its plant."""
+    opened = operated_robot(robot, OverTopics(transport, **options))
+    assert isinstance(opened.plant, CrtkReader)
+    return opened, opened.plant

@@ -15,8 +15,7 @@ from catenary.view.controls import NOBODY, Change, ControlTab, HeldControl
 from catenary.view.shapes import arm_shapes
 from catenary.view.state import ViewState
 from catenary.view.watched import WatchedArm
-from catenary.workflows.robot.operated_robot import robot_over
-from oracles.crtk_robot import RobotOnLoopback
+from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot
 

@@ -16,6 +16,7 @@ from catenary.errors import InputError
 from catenary.recording.topics import MEASURED_JS, Arm
 
 Dialect = Literal["raven", "crtk"]
+DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
 Direction = Literal["out", "in"]  # from the robot, to the robot
 JOINT_STATE = "sensor_msgs/JointState"
 TRANSFORM = "geometry_msgs/TransformStamped"

@@ -27,16 +27,16 @@ from catenary.calibration.upkeep.watch import DriftFlag, DriftWatch, WatchResult
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received
-from catenary.crtk.joints import model_joints
 from catenary.crtk.latest import ImuTopic
-from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, Dialect, calibrated_namespace
+from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.registration import registration_heard
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages
+from catenary.open_robot import KINDS, PSM, OverTopics, kind_with_joints, open_robot
 from catenary.plant import JointState
-from catenary.recording.topics import JOINTS, PSM_JOINTS, psm_topic
+from catenary.recording.topics import JOINTS, PSM_JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 
@@ -266,17 +266,15 @@ class CalibratedTopics:
 
 def _robots(client: CrtkReader, *, gravity_torque: bool) -> tuple[RobotModel, RobotModel | None]:
     """Return an arm's kinematics, and the arm whose gravity torques are asked for, if they are."""
-    if client.joint_names == PSM_JOINTS:
-        if gravity_torque:
-            raise InputError("deploy: --gravity-torque: no masses are published of a PSM")
-        return load_robot("dvrk_psm"), None
-    if client.joint_names != JOINTS:
+    kind = kind_with_joints(client.joint_names, client.arm)
+    if kind is None or client.joint_names != kind.joints:
         raise InputError(
             f"deploy: the kinematics are a RAVEN-II's, with joints {', '.join(JOINTS)}, or a dVRK PSM's, with "
             f"{', '.join(PSM_JOINTS)}; the robot's joints are {', '.join(client.joint_names)}"
         )
-    right = "" if client.arm == "gold" else "_right"
-    return load_robot(f"raven2_full{right}"), load_robot(f"raven2{right}") if gravity_torque else None
+    if kind is PSM and gravity_torque:
+        raise InputError("deploy: --gravity-torque: no masses are published of a PSM")
+    return load_robot(kind.whole), load_robot(kind.robot) if gravity_torque else None
 
 
 def reader_of(
@@ -298,15 +296,7 @@ def reader_of(
         namespace: Of a PSM, /PSM1 when None.
         imu: What gravity is read from.
     """
-    if dialect not in (None, "raven", "crtk"):
-        raise InputError(f'--dialect "{dialect}": expected raven or crtk')
-    if set(joints) <= set(PSM_JOINTS):
-        if dialect == "raven":
-            raise InputError("--dialect raven: the model is a PSM's, which speaks crtk")
-        place = psm_topic(namespace or "/PSM1", "measured_js").name.rpartition("/")[0]
-        psm = model_joints(load_robot("dvrk_psm"))
-        return CrtkReader(transport, dialect="crtk", namespace=place, joints=psm, imu=imu)
-    if namespace is not None:
+    kind = kind_with_joints(joints, arm) or KINDS["raven2" if arm == "gold" else "raven2_right"]
+    if kind is not PSM and namespace is not None:
         raise InputError("--namespace: the model is none of a PSM; a RAVEN-II's arms are chosen by --arm")
-    spoken: Dialect = "crtk" if dialect == "crtk" else "raven"
-    return CrtkReader(transport, dialect=spoken, arm="green" if arm == "green" else "gold", imu=imu)
+    return open_robot(kind.robot, OverTopics(transport, dialect, namespace, imu=imu, only_read=True))

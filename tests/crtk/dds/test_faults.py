@@ -9,9 +9,9 @@ from catenary.crtk.names import Dialect
 from catenary.crtk.serving.parked_arm import ParkedArm
 from catenary.nodes.serve import Serving, make_server, prepare
 from catenary.simulation.cable_plant import JOINTS, UNITS
-from catenary.workflows.robot.operated_robot import robot_over
 from catenary.workflows.robot.watch import watch_robot
 from oracles.cable_arms import homed_plant
+from oracles.crtk_robot import robot_over
 from patience import longer_limits
 
 WHY = "the software e-stop tripped: a motor's command was too large"

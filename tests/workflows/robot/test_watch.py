@@ -14,10 +14,9 @@ from catenary.gravity.torque import gravity_torque
 from catenary.nodes.serve import Serving, make_server, prepare
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
-from catenary.workflows.robot.operated_robot import robot_over
 from catenary.workflows.robot.operator_motion import random_motion
 from catenary.workflows.robot.watch import watch_log, watch_robot
-from oracles.crtk_robot import RobotOnLoopback
+from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot
 from oracles.psm_arms import homed_psm

@@ -18,7 +18,7 @@ from catenary.recording.journal import About
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.kinds import RobotKind, kind_of
+from catenary.workflows.project.kinds import ProjectKind, kind_of
 from catenary.workflows.project.robot import ProjectRobot, Take, set_aside
 from catenary.workflows.robot.guide import LOOK, PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
@@ -140,7 +140,7 @@ class RosRobot(ProjectRobot):
             self._transport.sleep(LOOK)
         return missing() is None
 
-    def _no_encoders(self, kind: RobotKind) -> str | None:
+    def _no_encoders(self, kind: ProjectKind) -> str | None:
         topic = kind.required[-1].name
         return None if topic in self._transport.topics() else f"nobody publishes {topic}"
 
@@ -171,7 +171,7 @@ def _not_enabled(now: OperatingState) -> str | None:
     return None if now.state == "ENABLED" else f"the robot is {now.state}"
 
 
-def _not_registered(client: CrtkClient, kind: RobotKind) -> str | None:
+def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:
     """Return what is wrong with the encoders of a homed robot, or None."""
     if np.isfinite(client.external_encoders()).all():
         return None
