@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.joints import model_joints
-from catenary.crtk.latest import ImuTopic
-from catenary.crtk.names import DIALECTS, Dialect
-from catenary.crtk.reader import CrtkReader
+from catenary.crtk.gravity_topic import ImuTopic
+from catenary.crtk.reader import CrtkReader, model_joints
+from catenary.crtk.topic_names import DIALECTS, DialectName
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.gravity.payload import Payload
@@ -65,7 +64,7 @@ class RobotKind:
     robot: str  # joints that are calibrated
     whole: str  # as far as the tool
     joints: tuple[str, ...]  # of its messages
-    dialects: tuple[Dialect, ...]  # its own first
+    dialects: tuple[DialectName, ...]  # its own first
     arm: Arm = "gold"  # of a RAVEN-II
 
 
@@ -148,14 +147,14 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
         )
 
 
-def spoken_dialect(robot: str, dialect: str | None) -> Dialect:
+def spoken_dialect(robot: str, dialect: str | None) -> DialectName:
     """Return the dialect that a robot is spoken to in; its own when None.
 
     Raises:
         InputError: There is none of that name, or it does not speak it.
     """
     kind = _kind(robot)
-    own: tuple[Dialect, ...] = ("crtk",) if kind is None else kind.dialects
+    own: tuple[DialectName, ...] = ("crtk",) if kind is None else kind.dialects
     if dialect is not None and dialect not in DIALECTS:
         raise InputError(f'dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
     found = next((one for one in own if dialect in (None, one)), None)

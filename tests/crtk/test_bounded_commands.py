@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.crtk.conversions import command_message, pose_message, pose_of
 from catenary.crtk.message import message_class
 from catenary.crtk.message_bytes import codec
-from catenary.crtk.names import COMMAND
+from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.crtk.serving.command_source import OF_A_TOPIC
 from catenary.crtk.serving.server import MOST, STOPS
+from catenary.crtk.topic_names import COMMAND
 from catenary.spatial import Pose
 from odd_messages import likely_message
 from served_robot import JointState, ServedRobot, shoulder

@@ -14,7 +14,7 @@ from ros import OPEN, Master, Program, require_ros1
 pytestmark = pytest.mark.slow
 
 ROSPY = """
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.ros1.transport import make_rospy_importable
 make_rospy_importable()
 import rospy, sys
 from sensor_msgs.msg import JointState, Imu

@@ -7,11 +7,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.conversions import command_message, pose_message, pose_of
-from catenary.crtk.joints import model_joints
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
-from catenary.crtk.names import crtk_topics
+from catenary.crtk.message_values import command_message, pose_message, pose_of
+from catenary.crtk.reader import model_joints
+from catenary.crtk.topic_names import crtk_topics
 from catenary.errors import InputError, NotReadyError
 from catenary.nodes.deploy import CalibratedTopics, reader_of
 from catenary.nodes.serve import Serving, make_server

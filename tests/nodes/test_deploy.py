@@ -10,9 +10,9 @@ from catenary.arrays import Floats
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import joint_values, pose_of
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.clock import SECOND, Clock
-from catenary.crtk.conversions import joint_values, operating_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message_values import joint_values, operating_state_message
 from catenary.errors import InputError
 from catenary.nodes import encoders as encoder_node
 from catenary.nodes.encoders import STATE_TOPIC, EncoderNode, publish_encoders

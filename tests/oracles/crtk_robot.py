@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.conversions import Stamps, joint_state_message, joint_values, operating_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
-from catenary.crtk.names import BUTTON, BUTTON_TYPE, NAMESPACES, Dialect, crtk_topics, find_topic
-from catenary.crtk.raven_conversions import CHANNELS
+from catenary.crtk.message_values import Stamps, joint_state_message, joint_values, operating_state_message
+from catenary.crtk.raven_telemetry import CHANNELS
 from catenary.crtk.reader import CrtkReader
+from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, NAMESPACES, DialectName, crtk_topics, find_topic
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.open_robot import OverTopics
@@ -35,7 +35,7 @@ class CrtkRobot:
         transport: Transport,
         plant: Plant,
         *,
-        dialect: Dialect = "raven",
+        dialect: DialectName = "raven",
         arm: Arm = "gold",
         encoders: bool = True,
         second: bool = False,

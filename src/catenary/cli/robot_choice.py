@@ -14,7 +14,7 @@ from catenary.cli.terminal import base_tilt, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.crtk.latest import ImuTopic
+    from catenary.crtk.gravity_topic import ImuTopic
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
 
@@ -80,7 +80,7 @@ def open_robot(
 ) -> "Iterator[OperatedRobot]":
     """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is."""
     from catenary.crtk.client import CrtkClient
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import node_name
     from catenary.crtk.reader import CrtkReader
     from catenary.open_robot import OverTopics, Simulated, tilted_base
     from catenary.workflows.robot.guide import clear_workspace

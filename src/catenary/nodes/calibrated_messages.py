@@ -3,10 +3,10 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.conversions import pose_message
 from catenary.crtk.message import header, message_class
-from catenary.crtk.names import JOINT_STATE, TRANSFORM
+from catenary.crtk.message_values import pose_message
 from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.crtk.topic_names import JOINT_STATE, TRANSFORM
 from catenary.crtk.transport import Transport
 from catenary.gravity.torque import gravity_kernel
 from catenary.plant import JointState

@@ -26,11 +26,11 @@ from catenary.calibration.model import CalibrationModel
 from catenary.calibration.upkeep.watch import DriftFlag, DriftWatch, WatchResult
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.clock import SECOND
+from catenary.crtk.gravity_topic import ImuTopic
 from catenary.crtk.inbox import Received
-from catenary.crtk.latest import ImuTopic
-from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
+from catenary.crtk.raven_telemetry import registration_heard
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.registration import registration_heard
+from catenary.crtk.topic_names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages

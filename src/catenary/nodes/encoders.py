@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import Stamps, joint_state_message, operating_state
-from catenary.crtk.names import JOINT_STATE, topic_name
+from catenary.crtk.message_values import Stamps, joint_state_message, operating_state
+from catenary.crtk.topic_names import JOINT_STATE, topic_name
 from catenary.crtk.transport import Transport
 from catenary.devices.encoder_board import EncoderBoard, EncoderReading
 from catenary.errors import InputError

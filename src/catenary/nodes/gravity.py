@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.control.report import GravityTally
-from catenary.crtk.conversions import Stamps
 from catenary.crtk.gravity_topic import now_of
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import Stamps
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.sensing.faults import Fault

@@ -3,33 +3,33 @@
 import gc
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.control.realtime import RealTime
-from catenary.crtk.names import Dialect, crtk_topics
 from catenary.crtk.serving.crtk_dialect import CrtkDialect
-from catenary.crtk.serving.parked_arm import ParkedArm
+from catenary.crtk.serving.dialect import Dialect
 from catenary.crtk.serving.raven_dialect import RavenDialect
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import GravityTorque, ServedArm
-from catenary.crtk.serving.served_encoders import ServedEncoders, has_encoders
-from catenary.crtk.serving.server import Server
-from catenary.crtk.serving.speaker import Speaker
+from catenary.crtk.serving.server import ServedEncoders, Server, has_encoders
 from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.crtk.topic_names import DialectName, crtk_topics
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError
+from catenary.errors import InputError, UnsupportedCommandError
 from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
-from catenary.plant import Plant
+from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
 from catenary.recording.topics import psm_topic, psm_topics
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.psm.parameters import load_psm
+from catenary.spatial import LEVEL
 
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
 SERVED = ("raven2", "dvrk_psm")
@@ -40,7 +40,7 @@ class Serving:
     """Settings of a served robot."""
 
     robot: str = "raven2"  # or dvrk_psm, which speaks crtk
-    dialect: Dialect = "raven"
+    dialect: DialectName = "raven"
     simulated: Simulated = field(default_factory=lambda: Simulated(homed=False))  # the robot that is served
     with_green: bool = False  # a green arm that moves, in place of a parked one
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
@@ -111,7 +111,7 @@ def make_server(
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
     listed = crtk_topics(serving.namespace, *arms) if serving.is_psm else None
-    speaker: Speaker = (
+    speaker: Dialect = (
         RavenDialect(arms, torque_arm=serving.torque_arm)
         if serving.dialect == "raven"
         else CrtkDialect(arms, listed)
@@ -266,3 +266,63 @@ def _state_text(arm: ServedArm) -> str:
         return "parked"
     words = [state.state, "homed" if state.is_homed else "not homed"]
     return " ".join([*words, "busy"] if state.is_busy else words)
+
+
+class ParkedArm:
+    """A `Plant` that is DISABLED for good, in the place of an arm that a robot has but nobody uses."""
+
+    simulated = True
+    supports: frozenset[str] = frozenset()
+    columns: tuple[Column, ...] = ()
+
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        joint_units: tuple[str, ...],
+        q: ArrayLike,
+        *,
+        period: float = 1e-3,
+    ) -> None:
+        """Park an arm at joints q (n,) [rad|m]."""
+        self.joint_names, self.joint_units, self.period = joint_names, joint_units, period
+        n = len(joint_names)
+        place = as_array("q", q, (n,))
+        self.lower, self.upper = place.copy(), place.copy()
+        rest = np.zeros(n)
+        self._state = JointState(0.0, place, rest, rest, np.zeros(0), LEVEL.copy(), np.inf)
+
+    def measured_js(self) -> JointState:
+        """Where it stands."""
+        state = self._state
+        return state._replace(q=state.q.copy(), qd=state.qd.copy(), tau=state.tau.copy())
+
+    def setpoint_js(self) -> JointState:
+        """Where it stands."""
+        return self.measured_js()
+
+    def operating_state(self) -> OperatingState:
+        """Disabled."""
+        return OperatingState("DISABLED", False, False)
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Nothing."""
+        return {}
+
+    def wait(self) -> None:
+        """Stand."""
+
+    def state_command(self, command: StateCommand) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError(f'state command "{command}": the arm is parked')
+
+    def servo_jp(self, q: Floats) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError("servo_jp: the arm is parked")
+
+    def servo_jr(self, dq: Floats) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError("servo_jr: the arm is parked")
+
+    def servo_jf(self, tau: Floats) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError("servo_jf: the arm is parked")

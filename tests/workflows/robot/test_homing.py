@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.joints import model_joints
+from catenary.crtk.reader import model_joints
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState, StateCommand
 from catenary.robots.catalog import load_robot

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.loopback import Loopback
+from catenary.crtk.message_values import joint_state_message
 from catenary.errors import RecordingError, TransportError
 from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import extract, topic_file

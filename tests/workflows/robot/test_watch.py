@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
-from catenary.crtk.names import JOINT_STATE, Dialect
+from catenary.crtk.message_values import joint_state_message
+from catenary.crtk.topic_names import JOINT_STATE, DialectName
 from catenary.errors import InputError, TransportError
 from catenary.gravity.torque import gravity_torque
 from catenary.nodes.serve import Serving, make_server, prepare
@@ -108,7 +108,7 @@ def test_a_robot_late_with_its_first_state_is_waited_for_a_while() -> None:
 
 
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])
-def test_why_a_robot_is_in_fault_is_shown(dialect: Dialect) -> None:
+def test_why_a_robot_is_in_fault_is_shown(dialect: DialectName) -> None:
     served = ServedRobot(dialect)
     sleep = served.clock.sleep
 

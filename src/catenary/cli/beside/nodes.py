@@ -44,8 +44,7 @@ def encoders(
     """
     import numpy as np
 
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.devices.encoder_board import EncoderBoard
     from catenary.devices.encoder_rig import EncoderRig
     from catenary.nodes.encoders import EncoderNode, publish_encoders
@@ -92,8 +91,7 @@ def gravity_node(
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
     from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.gravity import GravityNode, publish_gravity
     from catenary.sensing.mailbox import Mailbox

@@ -89,8 +89,7 @@ def serve(
 
     Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
     """
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.serving.server import whole_numbers
     from catenary.nodes.serve import Serving, make_server, prepare
     from catenary.nodes.serve import serve as run
@@ -134,9 +133,8 @@ def serve(
 
 def button(ros: Carrier = "1", name: NodeName = None, as_json: AsJson = False) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
-    from catenary.crtk.names import BUTTON, BUTTON_TYPE
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
+    from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
 
     with make_transport(ros, node_name("button", name)) as transport:
         answer = transport.call(BUTTON, BUTTON_TYPE)

@@ -15,12 +15,9 @@ from functools import partial
 from itertools import count
 from typing import Any, NamedTuple
 
-from catenary.crtk.dds.directory import HANDLES, Endpoint
-from catenary.crtk.dds.distributions import half_hash
-from catenary.crtk.dds.names import dds_half, reply_topic, request_topic
+from catenary.crtk.dds.directory import HANDLES, Endpoint, Quality
 from catenary.crtk.dds.program import Program
-from catenary.crtk.dds.qualities import Quality
-from catenary.crtk.dds.types import half_type
+from catenary.crtk.dds.types import dds_half, half_hash, half_type, reply_topic, request_topic
 from catenary.crtk.inbox import Inbox, Request
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.message_bytes import CDR, codec

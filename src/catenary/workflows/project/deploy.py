@@ -18,7 +18,7 @@ from catenary.control.loop import Tick, run_loop
 from catenary.control.realtime import Durations, Timing
 from catenary.control.report import LoopReport
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.registration import registration_of
+from catenary.crtk.raven_telemetry import registration_of
 from catenary.plant import JointState
 from catenary.simulation.cabled.firmware_plant import FirmwarePlant
 from catenary.trajectories.in_turn import Embedded

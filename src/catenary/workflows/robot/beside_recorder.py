@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.raven_conversions import CHANNELS
+from catenary.crtk.raven_telemetry import CHANNELS
 from catenary.crtk.reader import CrtkReader
 from catenary.errors import InputError, RecordingError
 from catenary.recording.journal import About

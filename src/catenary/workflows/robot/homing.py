@@ -7,8 +7,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.crtk.reader import CrtkReader
+from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
 from catenary.errors import CatenaryError, NotReadyError, TransportError
 from catenary.plant import OperatingState, Plant, state_in_words
 from catenary.workflows.robot.guide import AnswerYes, Guide, clear_workspace, have_done

@@ -13,11 +13,11 @@ from catenary.calibration.files import load_model
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
-from catenary.crtk.conversions import joint_values
-from catenary.crtk.latest import Latest
-from catenary.crtk.names import JOINT_STATE, calibrated_namespace
+from catenary.crtk.message_values import joint_values
+from catenary.crtk.raven_telemetry import registration_heard
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.registration import registration_heard
+from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
+from catenary.crtk.transport import Latest
 from catenary.errors import InputError, TransportError
 from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of

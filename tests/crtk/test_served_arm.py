@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.crtk.serving.command_queue import BACKLOG, MOST_A_TICK, Goal, Increments
+from catenary.crtk.serving.served_arm import BACKLOG, MOST_A_TICK, Goal, Increments
 
 MOST = np.array([0.0025, 5e-5])
 PERIOD = 1e-3

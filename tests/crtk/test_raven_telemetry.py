@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_bytes import codec
-from catenary.crtk.raven_conversions import arm_channels, raven_state_columns
+from catenary.crtk.raven_telemetry import arm_channels, raven_state_columns
 from catenary.errors import InputError
 from catenary.recording.topics import RAVENSTATE, decode
 from oracles.random_messages import random_message

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from catenary.crtk import conversions
+from catenary.crtk import message_values
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import message_class
 from catenary.crtk.message_bytes import codec
@@ -25,13 +25,13 @@ XYZ = message_class("geometry_msgs/Vector3")(0.5, -0.25, 9.75)
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_numbers_go_to_the_joints_of_their_names_in_any_order(order: tuple[int, ...]) -> None:
-    message = conversions.joint_state_message(tuple(NAMES[i] for i in order), 1, Q[list(order)])
-    assert_array_equal(conversions.joint_values(message, NAMES), Q)
+    message = message_values.joint_state_message(tuple(NAMES[i] for i in order), 1, Q[list(order)])
+    assert_array_equal(message_values.joint_values(message, NAMES), Q)
 
 
 def test_numbers_without_names_are_taken_in_our_order_the_first_of_them() -> None:
     message = message_class("sensor_msgs/JointState")(position=np.array([0.1, 0.2, 0.3, 9.0]))
-    assert_array_equal(conversions.joint_values(message, NAMES), Q)
+    assert_array_equal(message_values.joint_values(message, NAMES), Q)
 
 
 @pytest.mark.parametrize(
@@ -48,20 +48,20 @@ def test_numbers_without_names_are_taken_in_our_order_the_first_of_them() -> Non
 def test_what_fits_no_joint_is_refused(names: tuple[str, ...], values: list[float], complaint: str) -> None:
     message = message_class("sensor_msgs/JointState")(name=names, position=np.array(values, dtype=float))
     with pytest.raises(InputError, match=complaint):
-        conversions.joint_values(message, NAMES)
+        message_values.joint_values(message, NAMES)
 
 
 @pytest.mark.parametrize(
     ("read", "kind", "fields", "complaint"),
     [
-        (conversions.pose_of, "geometry_msgs/PoseStamped", {}, "expected length 1, got 0"),  # it was never set
-        (conversions.pose_of, "geometry_msgs/TransformStamped", {}, "expected length 1, got 0"),
-        (conversions.pose_of, "std_msgs/String", {}, "got String"),
-        (conversions.operating_state, "crtk_msgs/OperatingState", {"state": "asleep"},
+        (message_values.pose_of, "geometry_msgs/PoseStamped", {}, "expected length 1, got 0"),  # it was never set
+        (message_values.pose_of, "geometry_msgs/TransformStamped", {}, "expected length 1, got 0"),
+        (message_values.pose_of, "std_msgs/String", {}, "got String"),
+        (message_values.operating_state, "crtk_msgs/OperatingState", {"state": "asleep"},
          '"asleep": expected DISABLED, ENABLED, PAUSED, FAULT'),
-        (conversions.specific_force, "sensor_msgs/Imu", {"linear_acceleration_covariance": -np.ones(9)},
+        (message_values.specific_force, "sensor_msgs/Imu", {"linear_acceleration_covariance": -np.ones(9)},
          "measures no acceleration"),
-        (conversions.specific_force, "std_msgs/String", {}, "got String"),
+        (message_values.specific_force, "std_msgs/String", {}, "got String"),
     ],
 )  # fmt: skip
 def test_a_message_that_does_not_say_it_is_refused(read, kind, fields, complaint) -> None:
@@ -71,13 +71,13 @@ def test_a_message_that_does_not_say_it_is_refused(read, kind, fields, complaint
 
 def test_a_joint_state_of_another_length_is_not_made() -> None:
     with pytest.raises(InputError, match="velocity: expected 3 numbers"):
-        conversions.joint_state_message(NAMES, 1, Q, Q[:2])
+        message_values.joint_state_message(NAMES, 1, Q, Q[:2])
 
 
 def test_a_joint_state_survives_the_way_there_and_back() -> None:
-    sent = conversions.joint_state_message(NAMES, 1_700_000_000_500_000_000, Q, 2 * Q, 3 * Q)
+    sent = message_values.joint_state_message(NAMES, 1_700_000_000_500_000_000, Q, 2 * Q, 3 * Q)
     one = codec("sensor_msgs/JointState")
-    got = conversions.joint_state(one.decode(one.encode(sent, 1)), NAMES, gravity=(0.0, 0.0, -9.81))
+    got = message_values.joint_state(one.decode(one.encode(sent, 1)), NAMES, gravity=(0.0, 0.0, -9.81))
     assert got.time == 1_700_000_000.5
     assert_array_equal(np.stack([got.q, got.qd, got.tau]), np.stack([Q, 2 * Q, 3 * Q]))
     assert_array_equal(got.gravity, [0.0, 0.0, -9.81])
@@ -85,7 +85,7 @@ def test_a_joint_state_survives_the_way_there_and_back() -> None:
 
 
 def test_velocities_that_were_not_sent_are_nan_and_not_zero() -> None:
-    got = conversions.joint_state(conversions.joint_state_message(NAMES, 1, Q), NAMES, gravity=np.zeros(3))
+    got = message_values.joint_state(message_values.joint_state_message(NAMES, 1, Q), NAMES, gravity=np.zeros(3))
     assert np.isnan(got.qd).all()
     assert np.isnan(got.tau).all()
 
@@ -99,16 +99,16 @@ def random_pose(seed: int) -> Pose:
 @settings(deadline=None)
 def test_a_pose_survives_the_way_there_and_back(seed: int, child: str | None) -> None:
     pose = random_pose(seed)
-    message = conversions.pose_message(pose, 5, "base", child=child)
+    message = message_values.pose_message(pose, 5, "base", child=child)
     kind = "geometry_msgs/PoseStamped" if child is None else "geometry_msgs/TransformStamped"
-    got = conversions.pose_of(codec(kind).decode(codec(kind).encode(message, 1)))
+    got = message_values.pose_of(codec(kind).decode(codec(kind).encode(message, 1)))
     assert_allclose(got.rotation, pose.rotation, atol=1e-14)  # rounding of a quaternion
     assert_array_equal(got.position, pose.position)
 
 
 def test_quaternions_are_sent_with_w_last() -> None:
     quarter = Pose(Rotation.from_euler("z", 90, degrees=True).as_matrix(), np.zeros(3))
-    turn = conversions.pose_message(quarter, 5, "base").pose.orientation
+    turn = message_values.pose_message(quarter, 5, "base").pose.orientation
     assert turn._fields == ("x", "y", "z", "w")
     assert_allclose(turn, [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)], atol=1e-15)  # axis sin, cos of 45 degrees
 
@@ -118,7 +118,7 @@ def test_operating_states_survive_the_way_there_and_back(state: Any) -> None:
     sent = OperatingState(state, True, False)
     one = codec("crtk_msgs/operating_state")
     assert (
-        conversions.operating_state(one.decode(one.encode(conversions.operating_state_message(sent, 3), 1)))
+        message_values.operating_state(one.decode(one.encode(message_values.operating_state_message(sent, 3), 1)))
         == sent
     )
 
@@ -132,12 +132,12 @@ def test_operating_states_survive_the_way_there_and_back(state: Any) -> None:
     ],
 )
 def test_accelerations_of_all_types_are_read_alike(kind: str, fields: dict[str, Any]) -> None:
-    assert_array_equal(conversions.specific_force(message_class(kind)(**fields)), XYZ)
+    assert_array_equal(message_values.specific_force(message_class(kind)(**fields)), XYZ)
 
 
 def test_seconds_of_a_stamp_are_exact_to_a_quarter_of_a_microsecond() -> None:
     spacing = 2**-22  # of doubles between 2^30 and 2^31 s
-    assert abs((conversions.seconds(1_700_000_000_123_456_789) - 1_700_000_000) - 0.123456789) <= spacing
+    assert abs((message_values.seconds(1_700_000_000_123_456_789) - 1_700_000_000) - 0.123456789) <= spacing
 
 
 def stamped(
@@ -148,7 +148,7 @@ def stamped(
     Also what the clock said of each, and whether it had just been set.
     """
     clock = SetClock()
-    stamps = conversions.Stamps(clock)
+    stamps = message_values.Stamps(clock)
     given_out, days, sets = [], [], []
     for step in (0.0, *steps):
         clock.ahead += round(step * SECOND)
@@ -169,8 +169,8 @@ def test_stamps_go_back_only_where_the_clock_is_set_back_far_and_are_right_a_sec
     for (a, b), (before, day), is_set in zip(
         itertools.pairwise(given_out), itertools.pairwise(days), sets[1:], strict=True
     ):
-        assert a < b or (is_set and before + pause * SECOND - day > conversions.LEAP)
-    assert all(0 <= stamp - day <= conversions.LEAP for stamp, day in zip(given_out, days, strict=True))
+        assert a < b or (is_set and before + pause * SECOND - day > message_values.LEAP)
+    assert all(0 <= stamp - day <= message_values.LEAP for stamp, day in zip(given_out, days, strict=True))
     seconds = round(1.2 / pause)
     assert_allclose(  # nanoseconds that a message is later than the last one, at the least
         given_out[seconds - 1 :: seconds], days[seconds - 1 :: seconds], rtol=0, atol=10 * len(given_out)

@@ -4,19 +4,40 @@ from collections.abc import Callable, Mapping
 
 from catenary.arrays import as_array
 from catenary.crtk.message import Message
-from catenary.crtk.names import CrtkTopic
-from catenary.crtk.serving.kinematics_services import Service
-from catenary.crtk.serving.outlet import Outlet
+from catenary.crtk.serving.arm_messages import Service
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
+from catenary.crtk.topic_names import CrtkTopic
+from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 
-Outlets = Mapping[tuple[str, str | None], Outlet]  # by verb and arm
+
+class LazyPublisher:
+    """A topic that a server publishes, while somebody listens."""
+
+    def __init__(self, transport: Transport, topic: CrtkTopic) -> None:
+        """Begin to publish."""
+        self._transport = transport
+        self.topic = topic
+        self._latched = topic.verb == "operating_state"  # whoever comes later knows it at once
+        self.publisher = transport.publisher(topic.name, topic.type, latch=self._latched)
+        self.publish = self.publisher.publish
+        self.heard = True
+        # whether the last message, which a latched topic gives to newcomers, is to be a new one
+        self.due = True
+
+    def watch(self) -> None:
+        """Look whether anybody listens; called some ten times a second."""
+        self.heard = bool(self._transport.connections(self.topic.name).subscribers)
+        self.due = self._latched
+
+
+Publishers = Mapping[tuple[str, str | None], LazyPublisher]  # by verb and arm
 MakeMessage = Callable[[ServedArm, int], Message]  # arm, stamp [ns]
 Obey = Callable[[ServedArm, Message], None]
 
 
-class Speaker:
+class Dialect:
     """A dialect: what is published, and what is obeyed."""
 
     services: tuple[Service, ...] = ()  # that its robots offer
@@ -39,23 +60,23 @@ class Speaker:
         """
         self.arms, self.topics = arms, topics
         self._published, self._obeyed = published, obeyed
-        self._outlets: list[tuple[Outlet, MakeMessage, ServedArm]] = []  # none before `begin`
+        self._publishers: list[tuple[LazyPublisher, MakeMessage, ServedArm]] = []  # none before `begin`
 
-    def begin(self, outlets: Outlets) -> None:
-        """Prepare to publish by outlets; called once, before `publish`."""
-        self._outlets = [
-            (outlets[verb, name], make, arm)
+    def begin(self, publishers: Publishers) -> None:
+        """Prepare to publish by publishers; called once, before `publish`."""
+        self._publishers = [
+            (publishers[verb, name], make, arm)
             for name, arm in self.arms.items()
             for verb, make in self._published.items()
-            if (verb, name) in outlets
+            if (verb, name) in publishers
         ]
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens or may come and find an old one."""
-        made = [(outlet, make(arm, now)) for outlet, make, arm in self._outlets if outlet.heard or outlet.due]
-        for outlet, message in made:
-            outlet.due = False
-            outlet.publish(message)
+        made = [(lazy, make(arm, now)) for lazy, make, arm in self._publishers if lazy.heard or lazy.due]
+        for lazy, message in made:
+            lazy.due = False
+            lazy.publish(message)
 
     def settle(self) -> str | None:
         """Do to the arms what the state of one asks of the others; say it, where it is news."""

@@ -15,8 +15,8 @@ from typing import Literal
 from catenary.errors import InputError
 from catenary.recording.topics import MEASURED_JS, Arm
 
-Dialect = Literal["raven", "crtk"]
-DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
+DialectName = Literal["raven", "crtk"]
+DIALECTS: tuple[DialectName, ...] = ("raven", "crtk")
 Direction = Literal["out", "in"]  # from the robot, to the robot
 JOINT_STATE = "sensor_msgs/JointState"
 TRANSFORM = "geometry_msgs/TransformStamped"
@@ -139,7 +139,7 @@ def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]
     return tuple(_below(f"/{words}" if words else "", verbs, arm))
 
 
-def topics(dialect: Dialect) -> tuple[CrtkTopic, ...]:
+def topics(dialect: DialectName) -> tuple[CrtkTopic, ...]:
     """Return all topics of a RAVEN-II in a dialect."""
     if dialect == "raven":
         return RAVEN
@@ -149,7 +149,7 @@ def topics(dialect: Dialect) -> tuple[CrtkTopic, ...]:
 
 
 def find_topic(
-    dialect: Dialect, verb: str, arm: Arm | None = None, namespace: str | None = None
+    dialect: DialectName, verb: str, arm: Arm | None = None, namespace: str | None = None
 ) -> CrtkTopic:
     """Return the topic of a verb of an arm, or of the whole robot when `arm` is None.
 
@@ -170,12 +170,12 @@ def find_topic(
     return found
 
 
-def topics_of(dialect: Dialect, arm: Arm, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
+def topics_of(dialect: DialectName, arm: Arm, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
     """Return the topics of one arm; arguments and errors as `find_topic`."""
     return tuple(topic for topic in _listed(dialect, arm, namespace) if topic.arm == arm)
 
 
-def _listed(dialect: Dialect, arm: Arm | None, namespace: str | None) -> tuple[CrtkTopic, ...]:
+def _listed(dialect: DialectName, arm: Arm | None, namespace: str | None) -> tuple[CrtkTopic, ...]:
     if namespace is None:
         return topics(dialect)
     if dialect == "raven":
@@ -186,6 +186,6 @@ def _listed(dialect: Dialect, arm: Arm | None, namespace: str | None) -> tuple[C
     return crtk_topics(namespace, arm)
 
 
-def topic_name(dialect: Dialect, verb: str, arm: Arm | None = None) -> str:
+def topic_name(dialect: DialectName, verb: str, arm: Arm | None = None) -> str:
     """Return the name of the topic of a verb; see `find_topic`."""
     return find_topic(dialect, verb, arm).name
