@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from catenary.crtk.loopback import Loopback
 from catenary.errors import CatenaryError, FileFormatError, InputError, NotReadyError, UnsupportedModelError
-from catenary.nodes.deploy import reader_of
+from catenary.nodes.calibrated_topics import reader_of
 from catenary.nodes.serve import Serving
 from catenary.open_robot import KINDS, OverTopics, Simulated, open_robot, tilted_base
 from catenary.plant import require_ready

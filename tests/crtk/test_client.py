@@ -17,7 +17,7 @@ from catenary.recording.topics import JOINTS
 from catenary.sensing.bases import rules_for
 from catenary.sensing.mounting import Mounting
 from catenary.simulation.cable_plant import UNITS, CablePlant
-from catenary.workflows.robot.rest import pause
+from catenary.workflows.robot.motion import pause
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import CrtkRobot, RobotOnLoopback
 from oracles.ideal_plant import IdealPlant

@@ -14,8 +14,7 @@ from catenary.crtk.reader import CrtkReader
 from catenary.errors import NotReadyError, RobotHeldError
 from catenary.recording.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
-from catenary.workflows.robot.motion import move_to
-from catenary.workflows.robot.rest import at_rest_afterwards
+from catenary.workflows.robot.motion import at_rest_afterwards, move_to
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.ideal_plant import IdealPlant
 from served_robot import JointState, ServedRobot, shoulder

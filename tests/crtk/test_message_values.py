@@ -85,7 +85,9 @@ def test_a_joint_state_survives_the_way_there_and_back() -> None:
 
 
 def test_velocities_that_were_not_sent_are_nan_and_not_zero() -> None:
-    got = message_values.joint_state(message_values.joint_state_message(NAMES, 1, Q), NAMES, gravity=np.zeros(3))
+    got = message_values.joint_state(
+        message_values.joint_state_message(NAMES, 1, Q), NAMES, gravity=np.zeros(3)
+    )
     assert np.isnan(got.qd).all()
     assert np.isnan(got.tau).all()
 
@@ -118,7 +120,9 @@ def test_operating_states_survive_the_way_there_and_back(state: Any) -> None:
     sent = OperatingState(state, True, False)
     one = codec("crtk_msgs/operating_state")
     assert (
-        message_values.operating_state(one.decode(one.encode(message_values.operating_state_message(sent, 3), 1)))
+        message_values.operating_state(
+            one.decode(one.encode(message_values.operating_state_message(sent, 3), 1))
+        )
         == sent
     )
 

@@ -13,7 +13,7 @@ from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.crtk.reader import model_joints
 from catenary.crtk.topic_names import crtk_topics
 from catenary.errors import InputError, NotReadyError
-from catenary.nodes.deploy import CalibratedTopics, reader_of
+from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 from catenary.nodes.serve import Serving, make_server
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
@@ -24,8 +24,8 @@ from catenary.spatial import Pose
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
-from catenary.workflows.project.ros_robot import RosRobot
-from catenary.workflows.robot.guide import AnswerYes
+from catenary.workflows.project.robot import RosRobot
+from catenary.workflows.robot.homing import AnswerYes
 from catenary.workflows.robot.motion import move_to
 from oracles.psm_arms import homed_psm
 from oracles.ticking_clock import TickingClock

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from catenary.crtk.gravity_topic import ImuTopic
     from catenary.crtk.reader import CrtkReader
     from catenary.crtk.transport import Transport
-    from catenary.nodes.deploy import CalibratedTopics, WireReport
+    from catenary.nodes.calibrated_topics import CalibratedTopics, WireReport
     from catenary.workflows.project.folder import Project
     from catenary.workflows.project.robot import ProjectRobot
     from catenary.workflows.robot.topic_recorder import RecordedTopics
@@ -68,9 +68,8 @@ def ros_transport(version: int, name: str) -> "Iterator[Transport]":
 def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator[ProjectRobot]":
     """Open the robot that a project is about, for a command: its simulated one, or one on ROS."""
     from catenary.crtk.network import node_name
-    from catenary.workflows.project.ros_robot import RosRobot
-    from catenary.workflows.project.simulated_robot import SimulatedRobot
-    from catenary.workflows.robot.guide import AnswerYes
+    from catenary.workflows.project.robot import RosRobot, SimulatedRobot
+    from catenary.workflows.robot.homing import AnswerYes
 
     connection = project.settings.connection
     if connection == "simulation":
@@ -140,7 +139,7 @@ def deploy_beside(
     """Correct a robot's messages as they come, and publish them corrected."""
     from catenary.calibration.files import load_model
     from catenary.crtk.network import node_name
-    from catenary.nodes.deploy import CalibratedTopics, reader_of
+    from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 
     if arm not in ("gold", "green"):
         raise InputError(f'--arm "{arm}": expected gold or green')

@@ -83,7 +83,7 @@ def open_robot(
     from catenary.crtk.network import node_name
     from catenary.crtk.reader import CrtkReader
     from catenary.open_robot import OverTopics, Simulated, tilted_base
-    from catenary.workflows.robot.guide import clear_workspace
+    from catenary.workflows.robot.homing import clear_workspace
     from catenary.workflows.robot.operated_robot import operated_robot
 
     robot, tilt, seed, simulated = chosen.robot, chosen.base_tilt_deg, chosen.robot_seed, chosen.simulated
@@ -119,7 +119,7 @@ def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[
     if folder is None:
         yield lambda: None
         return
-    from catenary.workflows.robot.beside_recorder import BesideRecorder
+    from catenary.workflows.robot.topic_recorder import BesideRecorder
 
     recorder = BesideRecorder(robot, folder)
     try:

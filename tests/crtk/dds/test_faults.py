@@ -8,7 +8,7 @@ from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.topic_names import DialectName
 from catenary.nodes.serve import ParkedArm, Serving, make_server, prepare
 from catenary.simulation.cable_plant import JOINTS, UNITS
-from catenary.workflows.robot.watch import watch_robot
+from catenary.workflows.robot.snapshots import watch_robot
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import robot_over
 from patience import longer_limits

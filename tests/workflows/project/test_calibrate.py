@@ -8,7 +8,8 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.fitting import FitRun
 from catenary.errors import CatenaryError, InputError
 from catenary.reports.project import with_inputs
-from catenary.workflows.project import calibrate, simulated_robot
+from catenary.workflows.project import calibrate
+from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short

@@ -14,8 +14,8 @@ from catenary.cli.terminal import numbers, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.nodes.encoders import EncoderStatus
-    from catenary.nodes.gravity import GravityStatus
+    from catenary.nodes.encoder_node import EncoderStatus
+    from catenary.nodes.gravity_node import GravityStatus
 
 
 def encoders(
@@ -47,7 +47,7 @@ def encoders(
     from catenary.crtk.network import make_transport, node_name
     from catenary.devices.encoder_board import EncoderBoard
     from catenary.devices.encoder_rig import EncoderRig
-    from catenary.nodes.encoders import EncoderNode, publish_encoders
+    from catenary.nodes.encoder_node import EncoderNode, publish_encoders
 
     rig = EncoderRig(bits=bits, direction=np.array(numbers("--direction", direction)))
     with (
@@ -93,7 +93,7 @@ def gravity_node(
     from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
     from catenary.crtk.network import make_transport, node_name
     from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.nodes.gravity import GravityNode, publish_gravity
+    from catenary.nodes.gravity_node import GravityNode, publish_gravity
     from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
 

@@ -27,8 +27,7 @@ from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.imported import Imported, keep_imports, read_imports
 from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
-from catenary.workflows.project.robot import ProjectRobot
-from catenary.workflows.project.simulated_robot import SimulatedRobot
+from catenary.workflows.project.robot import ProjectRobot, SimulatedRobot
 from catenary.workflows.project.state import DeploymentFile, read_state
 
 TRAIN, TEST = "train", "test"

@@ -15,7 +15,7 @@ from catenary.nodes.serve import Serving, make_server, prepare
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.workflows.robot.operator_motion import random_motion
-from catenary.workflows.robot.watch import watch_log, watch_robot
+from catenary.workflows.robot.snapshots import watch_log, watch_robot
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot

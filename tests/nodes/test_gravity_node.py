@@ -7,7 +7,7 @@ from catenary.crtk.gravity_topic import IMU, VECTOR, GravityTopic, now_of
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.errors import InputError
-from catenary.nodes.gravity import GravityNode, publish_gravity
+from catenary.nodes.gravity_node import GravityNode, publish_gravity
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting

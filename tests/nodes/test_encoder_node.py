@@ -9,8 +9,8 @@ from catenary.crtk.clock import SECOND, Clock
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message_values import joint_values, operating_state_message
 from catenary.errors import InputError
-from catenary.nodes import encoders as encoder_node
-from catenary.nodes.encoders import STATE_TOPIC, EncoderNode, publish_encoders
+from catenary.nodes import encoder_node
+from catenary.nodes.encoder_node import STATE_TOPIC, EncoderNode, publish_encoders
 from catenary.plant import OperatingState
 from oracles.encoder_bench import AWAY, EncoderBench
 from oracles.manual_time import ManualTime

@@ -16,7 +16,7 @@ from catenary.crtk.message_values import joint_values, pose_of
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.nodes.deploy import LATE, CalibratedTopics
+from catenary.nodes.calibrated_topics import LATE, CalibratedTopics
 from catenary.plant import MotionLog
 from catenary.recording.topics import JOINTS
 from catenary.robots.catalog import load_robot

@@ -19,7 +19,7 @@ from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
 from catenary.crtk.transport import Latest
 from catenary.errors import InputError, TransportError
-from catenary.monitor.snapshot import EventRate, Snapshot
+from catenary.monitor import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
 from catenary.recording.raven_transmission import registrations
 from catenary.recording.synchronise import CALIBRATED
