@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.codec import codec
-from catenary.crtk.conversions import pose_message
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.names import COMMAND, CrtkTopic
+from catenary.crtk.message_bytes import codec
+from catenary.crtk.message_values import pose_message
 from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.topic_names import COMMAND, CrtkTopic
 from catenary.plant import STATE_COMMANDS
 from catenary.recording.messages import NUMBERS, TIMES, Field, fields
 from catenary.spatial import Pose, rotation_from_vector

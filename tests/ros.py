@@ -15,13 +15,13 @@ from typing import Protocol
 import numba
 import pytest
 
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.errors import MissingPackageError
 from patience import PATIENCE, until
 
 ROOT = Path(__file__).parents[1]
 MASTER = (
-    "import sys; from catenary.crtk.ros1.find_rospy import make_rospy_importable; make_rospy_importable();"
+    "import sys; from catenary.crtk.ros1.transport import make_rospy_importable; make_rospy_importable();"
     "import rosmaster; rosmaster.rosmaster_main(['rosmaster', '--core', '-p', sys.argv[1]])"
 )
 

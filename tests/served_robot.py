@@ -4,14 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.conversions import command_message
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
-from catenary.crtk.names import Dialect, find_topic
-from catenary.crtk.serving.parked_arm import ParkedArm
+from catenary.crtk.message_values import command_message
 from catenary.crtk.serving.server import Server
-from catenary.nodes.serve import Serving, make_server
+from catenary.crtk.topic_names import DialectName, find_topic
+from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import Plant
 from catenary.recording.topics import Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS
@@ -41,13 +40,13 @@ class ServedRobot:
 
     def __init__(
         self,
-        dialect: Dialect = "raven",
+        dialect: DialectName = "raven",
         *,
         state: str = "ENABLED",
         network: LoopbackNetwork | None = None,
         plant: Plant | None = None,
     ) -> None:
-        self.dialect: Dialect = dialect
+        self.dialect: DialectName = dialect
         self.clock: Any = SetClock() if network is None else network.clock
         self.network = network or LoopbackNetwork(clock=self.clock)
         self.plant: Any = plant or homed_plant("left")

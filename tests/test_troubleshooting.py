@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from catenary import errors
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.plant import OperatingState, require_ready
 from catenary.workflows.project.lock import FolderLock
 from command_line import catenary, in_its_own_process

@@ -6,8 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from catenary.monitor.screen import monitor_lines
-from catenary.monitor.snapshot import Snapshot
+from catenary.monitor import Snapshot, monitor_lines
 from catenary.visible import VisibleStream, visible
 from command_line import catenary
 

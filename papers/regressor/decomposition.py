@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from catenary import RobotModel, compact_regressor, gravity_regressor, load_robot
-from catenary.gravity.compact_regressor import LEVEL, CompactRegressor
+from catenary.gravity.compact_regressor import CompactRegressor
 from catenary.gravity.gravity_regressor import carried_links, gravity_parameters
 from catenary.gravity.symbols import expression_text, mass_expression, moment_expression
 from catenary.gravity.written_terms import SHORT, full_entry, terms_text
+from catenary.spatial import LEVEL
 from papers.experiment import Result, run
 
 ZERO, NO_EFFECT = 0, -1  # in place of a parameter's number, from 1

@@ -6,7 +6,7 @@ python3-rosmaster python3-std-msgs`), and starts a master of its own. Percentile
 
 import json
 
-from catenary.crtk.names import RAVEN
+from catenary.crtk.topic_names import RAVEN
 from ros import Program
 from tests.benchmarks.measure import Tables
 from tests.benchmarks.programs import master_and_folder, report_of_programs

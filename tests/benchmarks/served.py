@@ -3,7 +3,7 @@
 import json
 import time
 
-from catenary.crtk.names import topics
+from catenary.crtk.topic_names import topics
 from dds import Network
 from ros import COMMAND, Master, Program
 from tests.benchmarks.programs import memory

@@ -103,8 +103,8 @@ def _model() -> Reader:
 def _messages() -> Reader:
     import numpy as np
 
-    from catenary.crtk.codec import codec
-    from catenary.crtk.names import topics
+    from catenary.crtk.message_bytes import codec
+    from catenary.crtk.topic_names import topics
     from oracles.random_messages import random_message
 
     names = sorted({topic.type for dialect in ("raven", "crtk") for topic in topics(dialect)})  # type: ignore[arg-type]

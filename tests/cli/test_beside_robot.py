@@ -11,7 +11,7 @@ from catenary.calibration.model_file import save_model
 from catenary.cli import beside_robot
 from catenary.cli.beside_robot import TerminalGuide
 from catenary.errors import TransportError
-from catenary.nodes.deploy import CalibratedTopics
+from catenary.nodes.calibrated_topics import CalibratedTopics
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.recording.source import open_recording

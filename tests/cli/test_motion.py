@@ -5,8 +5,9 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
+from catenary.open_robot import Simulated
 from catenary.robots.catalog import load_robot
-from catenary.workflows.robot.operated_robot import OperatedRobot, simulated_robot
+from catenary.workflows.robot.operated_robot import OperatedRobot, operated_robot
 from catenary.workflows.robot.operator_motion import go_to_joints
 from command_line import catenary
 
@@ -56,7 +57,7 @@ def test_goto_a_place_says_how_far_from_it_the_tool_ended() -> None:
 
 def test_a_simulation_tells_the_true_error_of_joints_and_wrist() -> None:
     told = catenary("goto", "--q-deg", "33,88,395", "--fast", "--json").json
-    plant = simulated_robot("raven2", real_time=False).plant
+    plant = operated_robot("raven2", Simulated(), real_time=False).plant
     go_to_joints(
         OperatedRobot("raven2", plant, load_robot("raven2"), lambda: 0), np.array([0.57596, 1.53589, 0.395])
     )

@@ -167,7 +167,7 @@ REFUSALS = {
     "gravity raven2 --q 0,1": "expected 3 finite numbers",
     "gravity raven2": "give its 3 joints",
     "gravity nobody --q 0": "neither a file nor in the catalogue",
-    "track two_link --seed 1": "a seed draws the cables of raven2 or raven2_right",
+    "track two_link --seed 1": "a seed draws the cables of raven2, raven2_right, dvrk_psm",
     "track two_link --q 0.4,0.9 --axes x,z --controller best": "expected one of pd, sg, dg",
     "track two_link --motion dance": "expected one of cartesian, random, poses",
     "track two_link --q 0.4,0.9 --axes x,z --damping none": "expected one of relative, absolute",

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.crtk.bounds import Bounds, most_bytes, names_within
-from catenary.crtk.codec import codec
-from catenary.crtk.conversions import command_message, pose_message, pose_of
 from catenary.crtk.message import message_class
-from catenary.crtk.names import COMMAND
+from catenary.crtk.message_bytes import codec
+from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.crtk.serving.command_source import OF_A_TOPIC
 from catenary.crtk.serving.server import MOST, STOPS
+from catenary.crtk.topic_names import COMMAND
 from catenary.spatial import Pose
 from odd_messages import likely_message
 from served_robot import JointState, ServedRobot, shoulder
@@ -123,22 +122,6 @@ def test_messages_too_large_for_a_command_are_dropped_undecoded_and_counted(mess
     robot.tick(150)
     report = robot.server.reports.kinds["/arm1/servo_jp: too large"]
     assert report.text == f"1 commands of more than {source._subscription.largest} bytes or 32 names dropped"
-
-
-def test_largest_message_of_a_type_is_that_of_its_definition():
-    # header: seq, time, text; then texts and three times numbers, each behind their count
-    assert most_bytes("sensor_msgs/JointState", Bounds(4, 10)) == 4 + 8 + 14 + 4 + 4 * 14 + 3 * (4 + 4 * 8)
-    assert most_bytes("geometry_msgs/PoseStamped", Bounds(4, 10)) == 4 + 8 + 14 + 7 * 8
-
-
-def test_bytes_of_many_names_are_told_before_they_are_decoded():
-    few = names_within("sensor_msgs/JointState", Bounds(entries=3, text=10))
-    encode = codec("sensor_msgs/JointState").encode
-    assert few(encode(JointState(name=("a", "", "b"), position=np.zeros(100)), 0))
-    assert not few(encode(JointState(name=("",) * 4), 0))
-    assert few(b"")  # the decoder refuses it
-    assert few(encode(JointState(name=("a", "", "b")), 0)[:30])
-    assert names_within("geometry_msgs/PoseStamped", Bounds(3, 10))(b"\xff" * 100)
 
 
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])

@@ -8,16 +8,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND, ManualClock
-from catenary.crtk.joints import RobotJoints
-from catenary.crtk.latest import ImuTopic, published_gravity
+from catenary.crtk.gravity_topic import ImuTopic, published_gravity
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
+from catenary.crtk.reader import RobotJoints
 from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.recording.topics import JOINTS
 from catenary.sensing.bases import rules_for
 from catenary.sensing.mounting import Mounting
 from catenary.simulation.cable_plant import UNITS, CablePlant
-from catenary.workflows.robot.rest import pause
+from catenary.workflows.robot.motion import pause
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import CrtkRobot, RobotOnLoopback
 from oracles.ideal_plant import IdealPlant

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.message import message_class
+from catenary.crtk.message_values import pose_message, pose_of
 from catenary.crtk.serving.moves import joint_move, straight_move
 from catenary.spatial import Pose, rotation_from_rpy
 from served_robot import JointState, ServedRobot, shoulder

@@ -1,9 +1,14 @@
+import importlib.util
+import os
 import sys
+from pathlib import Path
 
 import pytest
 
 from catenary.crtk.loopback import Loopback
-from catenary.crtk.network import make_transport
+from catenary.crtk.network import make_transport, node_name
+from catenary.crtk.ros1 import transport as find_rospy
+from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.errors import InputError, MissingPackageError
 
 
@@ -24,3 +29,42 @@ def test_ros_2_without_its_package_says_what_to_install(monkeypatch: pytest.Monk
 def test_another_network_is_refused():
     with pytest.raises(InputError, match='ros "3": expected 1, 2 or none'):
         make_transport("3", "one")
+
+
+def test_names_are_unique_unless_one_is_chosen():
+    assert node_name("monitor") == f"catenary_monitor_{os.getpid()}"
+    assert node_name("gravity-node") == f"catenary_gravity_node_{os.getpid()}"
+    assert node_name("monitor", "/wall") == "wall"
+
+
+def test_a_name_that_no_node_can_have_is_refused():
+    with pytest.raises(InputError, match='--name "1 2"'):
+        node_name("monitor", "1 2")
+
+
+@pytest.fixture
+def without_rospy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A system without rospy; the folder where Debian would have it."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(find_rospy, "_FOLDERS", (tmp_path,))
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    return tmp_path
+
+
+def test_a_system_without_rospy_is_told_how_to_get_it(without_rospy: Path) -> None:
+    with pytest.raises(MissingPackageError, match=r"apt install python3-rospy.*loopback"):
+        make_rospy_importable()
+
+
+@pytest.mark.parametrize("fits", [True, False])
+def test_the_systems_packages_come_last_where_versions_agree(without_rospy, monkeypatch, fits) -> None:
+    (without_rospy / "rospy").mkdir()
+    (without_rospy / "rospy" / "__init__.py").touch()
+    before = list(sys.path)
+    monkeypatch.setattr(find_rospy, "_system_python", lambda: sys.version_info[:2] if fits else (3, 8))
+    if fits:
+        make_rospy_importable()
+        assert sys.path == [*before, str(without_rospy)]
+    else:
+        with pytest.raises(MissingPackageError, match="not found for Python"):
+            make_rospy_importable()

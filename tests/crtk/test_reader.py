@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.clock import ManualClock
-from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.reader import CrtkReader
 from catenary.errors import TransportError
 

@@ -4,9 +4,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.clock import SECOND, ManualClock
-from catenary.crtk.conversions import command_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork, LoopbackPublisher
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import command_message
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN

@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from catenary.crtk.ros1.transport import Ros1Transport
-from catenary.crtk.serving.parked_arm import ParkedArm
 from catenary.crtk.serving.server import Server
-from catenary.nodes.serve import Serving, make_server
+from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.simulation.cable_plant import JOINTS, UNITS
 from oracles.cable_arms import homed_plant
 from patience import PATIENCE
@@ -16,7 +15,7 @@ from ros import NODE, Master, Program
 
 CLIENT = """
 import socket, sys
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.recording.messages import full_definition
 make_rospy_importable()
 import rospy

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.slow
 LISTENER = f"""{OPEN}
 import json
 from pathlib import Path
-from catenary.crtk.bounds import Bounds
+from catenary.crtk.message_bytes import Bounds
 from catenary.crtk.clock import Rate
 heard = transport.subscribe("/x", "sensor_msgs/JointState", bounds=Bounds(32, 128))
 print(transport.node.uri)

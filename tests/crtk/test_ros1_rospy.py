@@ -5,8 +5,8 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from catenary.crtk.codec import codec
 from catenary.crtk.message import message_class
+from catenary.crtk.message_bytes import codec
 from catenary.recording.messages import MESSAGES, full_definition, md5_sum
 from oracles.random_messages import random_message
 from ros import OPEN, Master, Program, require_ros1
@@ -14,7 +14,7 @@ from ros import OPEN, Master, Program, require_ros1
 pytestmark = pytest.mark.slow
 
 ROSPY = """
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.ros1.transport import make_rospy_importable
 make_rospy_importable()
 import rospy, sys
 from sensor_msgs.msg import JointState, Imu

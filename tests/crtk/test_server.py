@@ -4,20 +4,31 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND, ManualClock
-from catenary.crtk.conversions import command_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header
-from catenary.crtk.names import BUTTON, BUTTON_TYPE, Dialect, find_topic
-from catenary.errors import InputError, NotReadyError, TransportError
-from catenary.nodes.serve import Serving, make_server
+from catenary.crtk.message_values import command_message
+from catenary.crtk.reader import CrtkReader
+from catenary.crtk.topic_names import (
+    BUTTON,
+    BUTTON_TYPE,
+    DIAGNOSTICS,
+    DIAGNOSTICS_TYPE,
+    DialectName,
+    find_topic,
+)
+from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
+from catenary.nodes.serve import ParkedArm, Serving, make_server
+from catenary.plant import OperatingState
+from catenary.recording.topics import EXT_JPOS, JOINT_ENC
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN, SetClock
 from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
 
-def living_client(state: str, command: str, *, dialect: Dialect = "raven", stamp: int = 0) -> ServedRobot:
+def living_client(state: str, command: str, *, dialect: DialectName = "raven", stamp: int = 0) -> ServedRobot:
     """A robot that starts on a network where a client has latched a command of its own."""
     network = LoopbackNetwork(clock=ManualClock(BEGIN))
     client = Loopback("client", network)
@@ -212,12 +223,12 @@ def test_nothing_but_states_for_who_may_come_is_made_while_nobody_listens():
     robot = ServedRobot()
     heard = robot.client.subscribe("/ravenstate", "raven_2/raven_state")
     robot.tick(200)
-    outlets = robot.server.outlets.values()
-    assert [outlet.topic.verb for outlet in outlets if outlet.heard] == ["ravenstate"]
-    sent = {outlet.topic.name: outlet.publisher._sent for outlet in outlets}
+    publishers = robot.server.publishers.values()
+    assert [lazy.topic.verb for lazy in publishers if lazy.heard] == ["ravenstate"]
+    sent = {lazy.topic.name: lazy.publisher._sent for lazy in publishers}
     assert len(heard.take()) == 200
     robot.tick(200)
-    more = {one.topic.name: one.publisher._sent - sent[one.topic.name] for one in outlets}
+    more = {one.topic.name: one.publisher._sent - sent[one.topic.name] for one in publishers}
     assert more.pop("/ravenstate") == 200
     states = [count for name, count in more.items() if name.endswith("operating_state")]
     assert all(count <= 3 for count in states)  # ten a second, for who may come
@@ -262,3 +273,164 @@ def test_what_was_latched_before_a_server_began_is_not_obeyed_where_the_clock_is
     publisher.publish(command_message("resume", 0))  # likewise of unknown age
     robot.tick(300)
     assert robot.state() == "PAUSED"
+
+
+WHY = "the software e-stop tripped: a motor's command was too large"
+
+
+@pytest.mark.parametrize("dialect", ["raven", "crtk"])
+def test_a_fault_is_told_with_its_reason(dialect):
+    robot = ServedRobot(dialect)
+    heard, told = robot.client.subscribe(DIAGNOSTICS, DIAGNOSTICS_TYPE), robot.hear("warning")
+    robot.tick(5)
+    (ok,) = heard.take()[-1].message.status
+    assert (ok.level, ok.message, ok.hardware_id) == (0, "ENABLED", "/arm1")
+    robot.plant._set_state("FAULT", WHY)
+    robot.tick(5)
+    (fault,) = heard.take()[-1].message.status
+    assert (fault.level, fault.message) == (2, f"FAULT: {WHY}")
+    assert f"gold: FAULT: {WHY}" in [one.message.data for one in told.take()]
+    before = len(heard.take())
+    robot.tick(500)
+    assert len(heard.take()) == before == 0  # once a second
+    robot.tick(600)
+    assert len(heard.take()) == 1
+
+
+def test_who_wants_to_move_it_is_told():
+    robot = ServedRobot("crtk")
+    sleep = robot.clock.sleep
+
+    def ticking(seconds):
+        for _ in range(max(1, round(seconds * 1000))):
+            sleep(0.001)
+            robot.server.tick()
+
+    robot.clock.sleep = ticking
+    client = CrtkClient(Loopback("mine", robot.network), dialect="crtk")
+    assert client.fault_reason == ""
+    robot.plant._set_state("FAULT", WHY)
+    client.wait()
+    with pytest.raises(NotReadyError, match=rf"the robot is FAULT \({WHY}\), expected ENABLED"):
+        client.servo_jr(shoulder(1e-3))
+    assert CrtkReader(Loopback("other", robot.network), dialect="crtk").fault_reason == WHY
+    client.state_command("disable")
+    assert client.fault_reason == ""
+    client.state_command("enable")
+
+
+def hear(robot, topic):
+    return robot.client.subscribe(topic.name, topic.type, depth=10_000)
+
+
+def positions(subscription):
+    return np.array([message.position for message, _ in subscription.take()])
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return ServedRobot()
+
+
+def test_both_topics_come_a_hundred_times_a_second(robot):
+    heard = [hear(robot, topic) for topic in (EXT_JPOS, JOINT_ENC)]
+    robot.tick(1150)
+    for one in heard:
+        stamps = [message.header.stamp for message, _ in one.take()][-100:]
+        assert_allclose(np.diff(stamps), 1e7)
+        one.close()
+
+
+def test_they_move_as_the_joints_do_and_not_as_the_robot_believes(robot):
+    counts, read = hear(robot, JOINT_ENC), hear(robot, EXT_JPOS)
+    robot.tick(130)
+    begin, believed = robot.plant.telemetry()["q_true"], robot.plant.measured_js().q[:3]
+    for _ in range(200):
+        robot.joints("servo_jr", [2e-3, 1e-3, 2e-5, 0, 0, 0, 0])
+        robot.tick()
+    robot.tick(1000)  # at rest
+    true = robot.plant.telemetry()["q_true"] - begin
+    believed = robot.plant.measured_js().q[:3] - believed
+    c, q = positions(counts), positions(read)
+    moved = q[-1] - q[0]
+    assert (np.abs(moved) > [0.2, 0.1, 5e-4]).all()  # they do move
+    resolution = 1.0 / robot.plant.rig.counts
+    assert (np.abs(moved - true) < 3.0 * resolution + 1e-3 * np.abs(true)).all()
+    assert (np.abs(believed - true) > np.abs(moved - true)).all()
+    assert (c == np.rint(c)).all()
+    assert_allclose((c[-1] - c[0]) * resolution, moved, rtol=1e-9)
+    counts.close()
+    read.close()
+
+
+def test_an_arm_that_is_not_homed_has_counts_and_no_positions():
+    robot = ServedRobot(plant=CablePlant(side="left"))
+    counts, read = hear(robot, JOINT_ENC), hear(robot, EXT_JPOS)
+    robot.tick(200)
+    assert len(positions(counts)) > 5
+    assert len(positions(read)) == 0
+    assert EXT_JPOS.name in robot.client.topics()  # whoever waits for the encoders' program sees it run
+
+
+def test_the_present_convention_knows_no_such_topics():
+    robot = ServedRobot("crtk")
+    robot.tick(5)
+    assert EXT_JPOS.name not in robot.client.topics()
+
+
+NONSENSE = {
+    "NaN": np.full(7, np.nan),
+    "infinite": np.full(7, np.inf),
+    "six": np.full(6, 1e-3),
+    "eight": np.full(8, 1e-3),
+    "none": np.zeros(0),
+}
+OF_CRTK = [
+    ("crtk", verb, {field: values})
+    for verb, field in (("servo_jp", "position"), ("servo_jv", "velocity"), ("servo_jf", "effort"))
+    for values in NONSENSE.values()
+]
+# of an increment with more than seven numbers the first seven count, and a single one is the grasp's
+OF_RAVEN = [
+    *(("raven", "servo_jr", {"position": NONSENSE[what]}) for what in ("NaN", "infinite", "six", "none")),
+    *(("raven", "servo_jp", {"position": np.full(length, 0.5)}) for length in (2, 6, 8, 15)),
+    ("raven", "servo_jr", {"name": tuple("abcdefg"), "position": np.full(7, 1e-3)}),
+]
+
+
+@pytest.mark.parametrize(("dialect", "verb", "fields"), OF_CRTK + OF_RAVEN)
+def test_numbers_that_make_no_sense_move_nothing_and_are_reported(dialect, verb, fields) -> None:
+    robot = ServedRobot(dialect)
+    before = robot.setpoint
+    robot.say(verb, JointState(**fields))
+    robot.tick(5)
+    assert_array_equal(robot.setpoint, before)
+    assert robot.server.reports.count(f"/arm1/{verb}: refused") == 1
+
+
+ARM = ParkedArm(("a", "b"), ("rad", "m"), [0.5, 0.1])
+
+
+def test_it_stays_disabled_where_it_was_put():
+    ARM.wait()
+    assert ARM.operating_state() == OperatingState("DISABLED", False, False)
+    assert_array_equal(ARM.measured_js().q, [0.5, 0.1])
+    assert_array_equal(ARM.setpoint_js().q, [0.5, 0.1])
+
+
+def test_joint_states_are_the_receivers_own():
+    ARM.measured_js().q[:] = 9.0
+    assert_array_equal(ARM.measured_js().q, [0.5, 0.1])
+
+
+@pytest.mark.parametrize("verb", ["servo_jp", "servo_jr", "servo_jf"])
+def test_it_obeys_nothing(verb):
+    with pytest.raises(UnsupportedCommandError, match="parked"):
+        getattr(ARM, verb)(np.zeros(2))
+    with pytest.raises(UnsupportedCommandError, match="parked"):
+        ARM.state_command("enable")
+
+
+def test_a_number_a_joint_is_needed():
+    with pytest.raises(InputError):
+        ParkedArm(("a", "b"), ("rad", "m"), [0.5])

@@ -103,7 +103,7 @@ sys.stdin.readline()
 CRTK = (
     CLIENT
     + """
-from catenary.crtk.conversions import pose_of, pose_message
+from catenary.crtk.message_values import pose_of, pose_message
 place = "/arm1/"
 state = Latest(place + "operating_state", "crtk_msgs/OperatingState")
 setpoint = Latest(place + "setpoint_js", "sensor_msgs/JointState")
@@ -205,7 +205,7 @@ def test_a_client_like_crtks_enables_servos_and_moves(tmp_path: Path):
 LISTEN = f"""{CLIENT}
 state = Latest("/operating_state", "crtk_msgs/operating_state")
 until(state)
-from catenary.crtk.names import BUTTON, BUTTON_TYPE
+from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
 answer = transport.call(BUTTON, BUTTON_TYPE, timeout=PATIENCE)
 print(json.dumps([state().state, answer.success, answer.message]))
 """

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from catenary.crtk.names import Dialect
 from catenary.crtk.serving.state_machine import StateMachine
+from catenary.crtk.topic_names import DialectName
 from catenary.plant import OperatingState, StateName
 from oracles.ideal_plant import IdealPlant
 
@@ -24,7 +24,7 @@ NO_MISTAKE = [("ENABLED", "enable"), ("DISABLED", "disable"), ("PAUSED", "pause"
 HARMLESS = ["home", "unhome"]  # of is_homed, not of the state
 
 
-def machine(dialect: Dialect, state: StateName, *, homed: bool = True) -> tuple[StateMachine, IdealPlant]:
+def machine(dialect: DialectName, state: StateName, *, homed: bool = True) -> tuple[StateMachine, IdealPlant]:
     plant = IdealPlant(np.zeros(3).tolist(), supports=frozenset({"state_command"}))
     plant.state = OperatingState(state, homed, False)
     return StateMachine(plant, dialect), plant
@@ -49,7 +49,7 @@ def test_a_command_changes_the_state_as_specified_or_is_refused(dialect, state, 
 
 @pytest.mark.parametrize("dialect", ["crtk", "raven"])
 @pytest.mark.parametrize("state", ["DISABLED", "ENABLED", "PAUSED", "FAULT"])
-def test_unhome_touches_only_that(dialect: Dialect, state: StateName) -> None:
+def test_unhome_touches_only_that(dialect: DialectName, state: StateName) -> None:
     states, plant = machine(dialect, state)
     assert states.command("unhome") is None
     assert plant.operating_state() == (state, False, False)

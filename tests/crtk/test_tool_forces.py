@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.conversions import pose_of
 from catenary.crtk.message import message_class
+from catenary.crtk.message_values import pose_of
 from catenary.crtk.serving.tool_forces import FrameOfForces as Frame
-from catenary.crtk.serving.tool_forces import exerted, torques_for
-from catenary.crtk.serving.tool_state import wrench_of
+from catenary.crtk.serving.tool_forces import exerted, torques_for, wrench_of
 from catenary.spatial import rotation_vector
 from served_robot import JointState, ServedRobot
 
@@ -64,7 +63,7 @@ def test_torques_of_a_wrench_do_its_work(robot: ServedRobot, frame: Frame) -> No
     """Virtual work: tau dq = F dx in every frame, for every motion of the joints that are pushed."""
     rng, arm = np.random.default_rng(0), robot.server.arms["gold"]
     force = rng.normal(size=6)
-    tau = torques_for(arm, force, frame)
+    tau = torques_for(arm.measured_tool, force, frame)
     assert np.isnan(tau[-2:]).all()  # jaws hold
     for _ in range(5):
         dq = np.concatenate([rng.normal(size=5), [0.0, 0.0]])
@@ -75,11 +74,11 @@ def test_torques_of_a_wrench_do_its_work(robot: ServedRobot, frame: Frame) -> No
 def test_the_force_of_torques_does_their_work(robot: ServedRobot, frame: Frame) -> None:
     arm = robot.server.arms["gold"]
     beyond_weight = arm.measured.tau - arm.gravity_torque(arm.measured.q, arm.measured.gravity)
-    force = exerted(arm, frame)
+    force = exerted(arm.measured_tool, frame)
     for dq in np.eye(7)[:5]:
         assert_allclose(force @ in_frame(robot, moved(robot, dq), frame), beyond_weight @ dq, atol=1e-6)
     message = robot.last(f"{frame.value}measured_cf").wrench
-    assert_allclose([*message.force, *message.torque], exerted(arm, frame), atol=1e-9)
+    assert_allclose([*message.force, *message.torque], exerted(arm.measured_tool, frame), atol=1e-9)
 
 
 def test_where_no_joint_feels_a_force_it_is_zero() -> None:

@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.devices.encoder_rig import EncoderRig
+from catenary.devices.encoder_counts import CountTracker, Verdict
+from catenary.devices.encoder_rig import LONGEST, EncoderRig, Registration
 from catenary.errors import InputError
+from catenary.simulation.cable_plant import CablePlant
 
 
 def test_a_quarter_turn_and_a_centimetre_from_the_stops():
@@ -27,3 +29,135 @@ def test_a_quarter_turn_and_a_centimetre_from_the_stops():
 def test_a_rig_that_cannot_be_is_refused(options, said):
     with pytest.raises(InputError, match=said):
         EncoderRig(**options)
+
+
+RIG = EncoderRig()
+PERIOD = 0.01
+STOPS = np.array([100.0, 30_000.0, 112_000.0])
+AWAY = STOPS - RIG.side * np.array([6000.0, 8000.0, 30_000.0])
+
+
+def leg(start, end, seconds):
+    share = np.linspace(0.0, 1.0, round(seconds / PERIOD))[:, None]
+    return np.round(start + (end - start) * share)
+
+
+def homing(rest=1.0):
+    """Straight into the stops, a rest, and home again; counts."""
+    return np.vstack([leg(AWAY, STOPS, 5.0), leg(STOPS, STOPS, rest), leg(STOPS, AWAY, 2.0)])
+
+
+def fed(registration, rows, begin=0.0):
+    for k, row in enumerate(rows):
+        registration.update(begin + PERIOD * k, row)
+    return registration
+
+
+def test_stops_are_found_without_being_told():
+    registration = fed(Registration(RIG), homing())
+    # what was seen within the window on the way in counts too, as on the rig
+    assert_allclose(registration.zero, STOPS, atol=3.0)
+    assert registration.reason == ""
+
+
+@pytest.mark.parametrize(
+    "rows", [homing()[:600], np.vstack([homing(rest=0.05)] * 3)], ids=["still at the stops", "turning points"]
+)
+def test_stops_are_where_joints_rest_and_leave(rows):
+    assert fed(Registration(RIG), rows).zero is None
+
+
+def test_a_joint_that_did_not_come_to_its_stop_is_named():
+    rows = homing()
+    rows[:, 1] = rows[0, 1]
+    rest = np.tile(rows[-1], (round(LONGEST / PERIOD), 1))
+    registration = fed(Registration(RIG), np.vstack([rows, rest]))
+    assert registration.zero is None
+    assert "elbow did not come to a stop within 60 s" in registration.reason
+
+
+@pytest.mark.parametrize(
+    ("rows", "homed", "reason"),
+    [
+        (homing()[:600], True, ""),
+        (homing(), False, "without the robot being homed"),
+        (np.tile(AWAY, (100, 1)), True, "without the joints having moved"),
+    ],
+    ids=["homed", "homing failed", "did not move"],
+)
+def test_the_robots_word_ends_the_registration(rows, homed, reason):
+    registration = Registration(RIG)
+    registration.tell(homing=True, homed=False)
+    fed(registration, rows)
+    registration.tell(homing=False, homed=homed)
+    assert reason in registration.reason
+    if reason:
+        assert registration.zero is None
+    else:
+        assert_allclose(registration.zero, STOPS, atol=3.0)
+
+
+def test_a_robot_that_does_not_home_registers_nothing():
+    registration = Registration(RIG)
+    registration.tell(homing=False, homed=True)
+    assert not registration.is_watching
+    assert fed(registration, homing()).zero is None
+
+
+def test_homing_again_registers_anew():
+    registration = fed(Registration(RIG), homing())
+    registration.tell(homing=True, homed=False)
+    assert registration.zero is None
+    fed(registration, homing() + 500.0)
+    registration.tell(homing=False, homed=True)
+    assert_allclose(registration.zero, STOPS + 500.0, atol=3.0)
+
+
+def test_a_joint_that_goes_past_its_stop_shows_that_it_was_none():
+    registration = fed(Registration(RIG), homing())
+    registration.update(100.0, STOPS + np.array([0.0, 0.0, 1000.0]))
+    assert registration.zero is None
+    assert "insertion went past what was taken for the stop" in registration.reason
+
+
+@pytest.fixture(scope="module")
+def simulated_homing():
+    """An arm homes, then moves 0.1 rad, 0.1 rad, 20 mm to and fro: every 4 ms time, counts, state, its rig's positions."""
+    plant = CablePlant(start=np.array([0.3, 1.7, 0.45]))
+    plant.state_command("enable")
+    plant.state_command("home")
+    rows = []
+
+    def look():
+        counts = plant.encoders.counts(plant.state.q)
+        rows.append((plant.time, counts, plant.operating_state(), plant.encoders.positions(counts)))
+
+    look()
+    while plant.operating_state().is_busy:
+        for _ in range(4):
+            plant.wait()
+        look()
+    home = plant.measured_js().q
+    for phase in np.linspace(0.0, 2.0 * np.pi, 250):
+        target = home + np.sin(phase) * np.array([0.1, 0.1, 0.02, 0.0, 0.0, 0.0, 0.0])
+        for _ in range(4):
+            plant.servo_jp(target)
+            plant.wait()
+        look()
+    return rows
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("told", [True, False])
+def test_a_simulated_arm_is_registered_as_its_own_rig_is(simulated_homing, told):
+    tracker, registration = CountTracker(RIG), Registration(RIG)
+    for time, row, state, _ in simulated_homing:
+        verdict, counts, _ = tracker.update(tuple(map(int, row)), time, period=0.004)
+        assert verdict is Verdict.GOOD
+        if told:
+            registration.tell(state.is_busy and not state.is_homed, state.is_homed)
+        registration.update(time, counts)
+    assert registration.zero is not None
+    _, counts, _, expected = simulated_homing[-1]
+    # the rig's own sees every ms from when the joints seek, this one every second
+    assert np.abs((RIG.positions(counts, registration.zero) - expected) * RIG.counts).max() < 1.0

@@ -8,13 +8,13 @@ from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.conversions import command_message, pose_message, pose_of
-from catenary.crtk.joints import model_joints
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
-from catenary.crtk.names import crtk_topics
+from catenary.crtk.message_values import command_message, pose_message, pose_of
+from catenary.crtk.reader import model_joints
+from catenary.crtk.topic_names import crtk_topics
 from catenary.errors import InputError, NotReadyError
-from catenary.nodes.deploy import CalibratedTopics, reader_of
+from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 from catenary.nodes.serve import Serving, make_server
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
@@ -25,8 +25,8 @@ from catenary.spatial import Pose
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
-from catenary.workflows.project.ros_robot import RosRobot
-from catenary.workflows.robot.guide import AnswerYes
+from catenary.workflows.project.robot import RosRobot
+from catenary.workflows.robot.homing import AnswerYes
 from catenary.workflows.robot.motion import move_to
 from oracles.psm_arms import homed_psm
 from oracles.ticking_clock import TickingClock
@@ -242,8 +242,8 @@ def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
     ("options", "message"),
     [
         ({"robot": "panda"}, "expected raven2 or dvrk_psm"),
-        ({"robot": "dvrk_psm"}, "speaks the dialect crtk, got raven"),
-        ({"robot": "dvrk_psm", "dialect": "crtk", "payload": 0.1}, "has no payload"),
+        ({"robot": "dvrk_psm"}, "speaks crtk, not raven"),
+        ({"robot": "dvrk_psm", "dialect": "crtk", "with_green": True}, "has no green arm"),
         ({"robot": "dvrk_psm", "dialect": "crtk", "namespace": "/MTML"}, "begins with PSM"),
     ],
 )

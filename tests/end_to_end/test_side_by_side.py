@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 # what rosbag play --loop does, by the library of Debian's python3-rosbag: its own binary is in another package
 PLAY = """
 import sys, time
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.ros1.transport import make_rospy_importable
 make_rospy_importable()
 import rosbag, rospy
 rospy.init_node("play")

@@ -17,8 +17,8 @@ from numpy.testing import assert_allclose
 from catenary import CrtkClient, MotionLog, forward_kinematics, gravity_torque, load_robot
 from catenary.calibration.model_file import save_model
 from catenary.crtk import network
-from catenary.crtk.conversions import joint_values, pose_of
-from catenary.crtk.names import find_topic
+from catenary.crtk.message_values import joint_values, pose_of
+from catenary.crtk.topic_names import find_topic
 from catenary.recording.source import open_recording
 from catenary.recording.topics import topic_named
 from command_line import Outcome, catenary

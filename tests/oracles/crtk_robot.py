@@ -5,15 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.conversions import Stamps, joint_state_message, joint_values, operating_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
-from catenary.crtk.names import BUTTON, BUTTON_TYPE, NAMESPACES, Dialect, crtk_topics, find_topic
-from catenary.crtk.raven_conversions import CHANNELS
+from catenary.crtk.message_values import Stamps, joint_state_message, joint_values, operating_state_message
+from catenary.crtk.raven_telemetry import CHANNELS
+from catenary.crtk.reader import CrtkReader
+from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, NAMESPACES, DialectName, crtk_topics, find_topic
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
+from catenary.open_robot import OverTopics
 from catenary.plant import Plant
 from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Arm
+from catenary.workflows.robot.operated_robot import OperatedRobot, operated_robot
 from oracles.ticking_clock import TickingClock
 
 _DEGREES = 180.0 / np.pi  # the robot multiplies every position and velocity by it, metres too
@@ -32,7 +35,7 @@ class CrtkRobot:
         transport: Transport,
         plant: Plant,
         *,
-        dialect: Dialect = "raven",
+        dialect: DialectName = "raven",
         arm: Arm = "gold",
         encoders: bool = True,
         second: bool = False,
@@ -148,3 +151,12 @@ class RobotOnLoopback:
         """Put another one in its place."""
         self.robot = CrtkRobot(Loopback("robot", self.network), plant, **self.options)
         self.clock.robots.append(self.robot)
+
+
+def robot_over(
+    transport: Transport, robot: str = "raven2", **options: Any
+) -> tuple[OperatedRobot, CrtkReader]:
+    """A robot behind a transport, and the client that is its plant."""
+    opened = operated_robot(robot, OverTopics(transport, **options))
+    assert isinstance(opened.plant, CrtkReader)
+    return opened, opened.plant

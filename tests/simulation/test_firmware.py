@@ -375,7 +375,7 @@ def test_a_robot_without_it_takes_no_gravity() -> None:
 
 def test_a_served_robot_has_it_if_asked_for_and_says_so_in_its_torques() -> None:
     for grav_dir in (None, NOMINAL):
-        serving = Serving(homed=True, grav_dir=grav_dir)  # homed, and PAUSED
+        serving = Serving(simulated=Simulated(grav_dir=grav_dir))  # homed, and PAUSED
         network = LoopbackNetwork()
         client = Loopback("client", network)
         heard = client.subscribe("/ravenstate", "raven_2/raven_state")

@@ -10,7 +10,7 @@ import pytest
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import message_class
-from catenary.crtk.names import JOINT_STATE, find_topic
+from catenary.crtk.topic_names import JOINT_STATE, find_topic
 from dds import Network
 from patience import PATIENCE, until
 from ros import COMMAND, PATIENT_COMMAND, Program

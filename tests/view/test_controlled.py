@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.loopback import Loopback
-from catenary.crtk.names import JOINT_STATE, find_topic
+from catenary.crtk.message_values import joint_state_message
+from catenary.crtk.topic_names import JOINT_STATE, find_topic
 from catenary.errors import RobotHeldError
 from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.view.controlled import ControlledArm
@@ -15,8 +15,7 @@ from catenary.view.controls import NOBODY, Change, ControlTab, HeldControl
 from catenary.view.shapes import arm_shapes
 from catenary.view.state import ViewState
 from catenary.view.watched import WatchedArm
-from catenary.workflows.robot.operated_robot import robot_over
-from oracles.crtk_robot import RobotOnLoopback
+from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot
 

@@ -1,11 +1,12 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
+from catenary.open_robot import Simulated, tilted_base
 from catenary.view.controls import Change
 from catenary.view.shapes import arm_shapes
 from catenary.view.state import ViewState
 from catenary.view.watched import WatchedArm
-from catenary.workflows.robot.operated_robot import simulated_robot
+from catenary.workflows.robot.operated_robot import operated_robot
 
 
 class Glance:
@@ -26,7 +27,7 @@ class Glance:
 
 
 def test_robot_is_shown_and_never_moved() -> None:
-    robot = simulated_robot("raven2", base_tilt_deg=(30.0, 0.0))
+    robot = operated_robot("raven2", Simulated(base=tilted_base((30.0, 0.0))))
     before = robot.plant.measured_js().q
     watched, page = WatchedArm(robot, arm_shapes(robot.model)), Glance(5)
     assert watched.shown("x").tabs == ()

@@ -14,10 +14,10 @@ from catenary.cli.terminal import announce, print_json, print_notes, print_table
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.crtk.latest import ImuTopic
+    from catenary.crtk.gravity_topic import ImuTopic
     from catenary.crtk.reader import CrtkReader
     from catenary.crtk.transport import Transport
-    from catenary.nodes.deploy import CalibratedTopics, WireReport
+    from catenary.nodes.calibrated_topics import CalibratedTopics, WireReport
     from catenary.workflows.project.folder import Project
     from catenary.workflows.project.robot import ProjectRobot
     from catenary.workflows.robot.topic_recorder import RecordedTopics
@@ -67,10 +67,9 @@ def ros_transport(version: int, name: str) -> "Iterator[Transport]":
 @contextmanager
 def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator[ProjectRobot]":
     """Open the robot that a project is about, for a command: its simulated one, or one on ROS."""
-    from catenary.crtk.node_name import node_name
-    from catenary.workflows.project.ros_robot import RosRobot
-    from catenary.workflows.project.simulated_robot import SimulatedRobot
-    from catenary.workflows.robot.guide import AnswerYes
+    from catenary.crtk.network import node_name
+    from catenary.workflows.project.robot import RosRobot, SimulatedRobot
+    from catenary.workflows.robot.homing import AnswerYes
 
     connection = project.settings.connection
     if connection == "simulation":
@@ -93,7 +92,7 @@ def record_others(
     progress: Callable[[float], None],
 ) -> "RecordedTopics":
     """Record a robot that somebody else moves."""
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import node_name
     from catenary.recording.journal import About
     from catenary.workflows.project.kinds import kind_of
     from catenary.workflows.robot.topic_recorder import record_topics
@@ -139,8 +138,8 @@ def deploy_beside(
 ) -> None:
     """Correct a robot's messages as they come, and publish them corrected."""
     from catenary.calibration.model_file import load_model
-    from catenary.crtk.node_name import node_name
-    from catenary.nodes.deploy import CalibratedTopics, reader_of
+    from catenary.crtk.network import node_name
+    from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 
     if arm not in ("gold", "green"):
         raise InputError(f'--arm "{arm}": expected gold or green')

@@ -157,7 +157,7 @@ def deploy(
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot
-    from catenary.workflows.project.simulated_robot import left_at, make_plant
+    from catenary.workflows.project.robot import left_at, make_plant
 
     loaded, _ = load_model(model)
     loaded = replace(loaded, mends={}) if no_mend else loaded

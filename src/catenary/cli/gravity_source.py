@@ -14,7 +14,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.crtk.latest import ImuTopic
+    from catenary.crtk.gravity_topic import ImuTopic
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
@@ -150,7 +150,7 @@ class GravityOptions(RuleOptions):
             raise InputError(
                 "--mounting-on, --sensor-noise, --rule and --hanging go with --imu; a gravity node has its own"
             )
-        from catenary.crtk.latest import ImuTopic, published_gravity
+        from catenary.crtk.gravity_topic import ImuTopic, published_gravity
         from catenary.sensing.mounting import Mounting, load_mounting
 
         if self.gravity is not None:

@@ -58,8 +58,7 @@ def home(
         return
     if arm.payload is not None or arm.side is not None:
         raise InputError("--payload and --side go with a project; without one give --robot raven2_right")
-    from catenary.workflows.robot.guide import AnswerYes
-    from catenary.workflows.robot.homing import home_operated
+    from catenary.workflows.robot.homing import AnswerYes, home_operated
 
     chosen = PacedRobot(
         robot=robot or "raven2",

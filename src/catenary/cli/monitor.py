@@ -16,7 +16,7 @@ from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.monitor.snapshot import Snapshot
+    from catenary.monitor import Snapshot
     from catenary.teleop.terminal import RawTerminal
 
 
@@ -66,7 +66,7 @@ def monitor(
         if log is not None:
             from catenary.calibration.model_file import load_model
             from catenary.workflows.calibration_model import recording_for
-            from catenary.workflows.robot.watch import watch_log
+            from catenary.workflows.robot.snapshots import watch_log
 
             loaded = None if model is None else load_model(model)[0]
             played = recording_for(loaded, log, mending.reading(foreign))
@@ -76,7 +76,7 @@ def monitor(
             import numpy as np
 
             from catenary.workflows.robot.operator_motion import random_motion
-            from catenary.workflows.robot.watch import watch_robot
+            from catenary.workflows.robot.snapshots import watch_robot
 
             announce("preparing the robot ...")
             opened = stack.enter_context(open_robot(robot, "monitor", moves=False, imu=source))
@@ -98,7 +98,7 @@ def _on_screen(
 ) -> None:
     import os
 
-    from catenary.monitor.screen import monitor_lines
+    from catenary.monitor import monitor_lines
 
     begin: float | None = None  # of the first sample: what it takes to prepare is not watched
     colour = "NO_COLOR" not in os.environ
@@ -114,7 +114,7 @@ def _on_screen(
 
 
 def _in_lines(samples: "Iterator[Snapshot]", seconds: float | None, as_json: bool) -> None:
-    from catenary.monitor.screen import plain_line
+    from catenary.monitor import plain_line
 
     begin: float | None = None  # of the first sample
     for sample in samples:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 from typer import Option
 
@@ -14,7 +14,7 @@ from catenary.cli.terminal import base_tilt, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.crtk.latest import ImuTopic
+    from catenary.crtk.gravity_topic import ImuTopic
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
 
@@ -33,7 +33,9 @@ class WatchedRobot:
     ros: Annotated[
         int | None, Option(metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]")
     ] = None
-    dialect: Annotated[str, Option(help="With --ros: raven or crtk.")] = "raven"
+    dialect: Annotated[str | None, Option(help="With --ros: raven or crtk. [default: the robot's own]")] = (
+        None
+    )
     namespace: Annotated[
         str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None
@@ -78,29 +80,31 @@ def open_robot(
 ) -> "Iterator[OperatedRobot]":
     """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is."""
     from catenary.crtk.client import CrtkClient
-    from catenary.crtk.node_name import node_name
-    from catenary.workflows.robot.guide import clear_workspace
-    from catenary.workflows.robot.operated_robot import robot_over, simulated_robot
+    from catenary.crtk.network import node_name
+    from catenary.crtk.reader import CrtkReader
+    from catenary.open_robot import OverTopics, Simulated, tilted_base
+    from catenary.workflows.robot.homing import clear_workspace
+    from catenary.workflows.robot.operated_robot import operated_robot
 
     robot, tilt, seed, simulated = chosen.robot, chosen.base_tilt_deg, chosen.robot_seed, chosen.simulated
     yes = isinstance(chosen, MovedRobot) and chosen.yes
     fast = isinstance(chosen, PacedRobot) and chosen.fast
     if chosen.ros is None:
         named = chosen.namespace is not None or chosen.name is not None
-        if named or simulated or yes or chosen.dialect != "raven":
+        if named or simulated or yes or chosen.dialect is not None:
             raise InputError(
                 "--dialect, --namespace, --name, --simulated and --yes go with --ros; this robot is simulated here"
             )
-        angles = base_tilt(tilt)
-        yield simulated_robot(robot, seed=seed, base_tilt_deg=angles, homed=homed, real_time=not fast)
+        where = Simulated(seed, tilted_base(base_tilt(tilt)), homed=homed)
+        yield operated_robot(robot, where, real_time=not fast)
         return
     if tilt is not None or seed is not None or fast:
         raise InputError("--base-tilt-deg, --robot-seed and --fast go with a simulated robot, not with --ros")
     with beside_robot.ros_transport(chosen.ros, node_name(command, chosen.name)) as transport:
-        opened, client = robot_over(
-            transport, robot, dialect=chosen.dialect, namespace=chosen.namespace, simulated=simulated, imu=imu,
-            only_read=not isinstance(chosen, MovedRobot),
-        )  # fmt: skip
+        is_read = not isinstance(chosen, MovedRobot)
+        there = OverTopics(transport, chosen.dialect, chosen.namespace, simulated, imu, only_read=is_read)
+        opened = operated_robot(robot, there)
+        client = cast(CrtkReader, opened.plant)
         with client:
             if moves and not simulated and not yes:
                 clear_workspace(beside_robot.TerminalGuide())
@@ -115,7 +119,7 @@ def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[
     if folder is None:
         yield lambda: None
         return
-    from catenary.workflows.robot.beside_recorder import BesideRecorder
+    from catenary.workflows.robot.topic_recorder import BesideRecorder
 
     recorder = BesideRecorder(robot, folder)
     try:

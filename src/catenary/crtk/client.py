@@ -22,11 +22,11 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import Stamps, command_message, joint_state_message
-from catenary.crtk.conversions import operating_state as operating_state_of
-from catenary.crtk.holder import OtherCommanders
-from catenary.crtk.names import find_topic
+from catenary.crtk.exclusive_control import OtherCommanders
+from catenary.crtk.message_values import Stamps, command_message, joint_state_message
+from catenary.crtk.message_values import operating_state as operating_state_of
 from catenary.crtk.reader import CrtkReader
+from catenary.crtk.topic_names import find_topic
 from catenary.crtk.transport import Publisher
 from catenary.errors import NotReadyError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from catenary.crtk.bounds import ANY, Bounds, most_bytes, names_within
 from catenary.crtk.message import Message, has_header
+from catenary.crtk.message_bytes import ANY, Bounds, most_bytes, names_within
 from catenary.errors import FileFormatError, InputError
 
 

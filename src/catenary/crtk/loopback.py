@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from catenary.crtk.clock import Clock
-from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
+from catenary.crtk.message_bytes import codec
 from catenary.crtk.transport import (
     Connections,
     Handler,

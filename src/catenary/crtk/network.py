@@ -1,4 +1,7 @@
-"""Joining a network of messages by its name."""
+"""Joining ROS 1, ROS 2 or nothing by its name, under a name of the program's own."""
+
+import os
+import re
 
 from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments
 from catenary.crtk.transport import Transport
@@ -33,3 +36,15 @@ def make_transport(ros: str, name: str) -> Transport:
 
         return Loopback(name)
     raise InputError(f'ros "{ros}": expected 1, 2 or none')
+
+
+def node_name(program: str, given: str | None = None) -> str:
+    """Return a program's name: the one given, else catenary_PROGRAM_PID, as catenary_monitor_12345.
+
+    ROS 1 ends the older of two programs of one name.
+    """
+    if given is None:
+        return f"catenary_{re.sub(r'[^A-Za-z0-9_]', '_', program)}_{os.getpid()}"
+    if not re.fullmatch(r"/?[A-Za-z]\w*", given, re.ASCII):
+        raise InputError(f'--name "{given}": expected a letter, then letters, digits and underscores')
+    return given.removeprefix("/")

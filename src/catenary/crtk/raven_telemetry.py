@@ -1,16 +1,22 @@
-"""What a RAVEN-II publishes beside its joint states: raven_state, and the external encoders where they are mounted."""
+"""What a RAVEN-II publishes beside its joint states: `raven_state` in SI, external encoders, its registration.
+
+The traps of raven_state, by the one table of `recording.topics`: every position and velocity is multiplied by 180/pi,
+metres of insertion too; `pos` is in whole micrometres; `tau` is what was commanded. Arms come as 8 channels each, gold
+first.
+"""
 
 from collections.abc import Mapping
+from typing import Protocol, cast
 
 import numpy as np
 
-from catenary.arrays import Floats
-from catenary.crtk.latest import Latest
+from catenary.arrays import Floats, as_array
+from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message
-from catenary.crtk.raven_conversions import arm_channels, raven_state_column, raven_state_columns
-from catenary.crtk.transport import Transport
-from catenary.plant import Column, OperatingState
-from catenary.recording.raven_transmission import COUPLING
+from catenary.crtk.transport import Latest, Transport
+from catenary.errors import InputError, TransportError
+from catenary.plant import Column, OperatingState, Plant
+from catenary.recording.raven_transmission import COUPLING, RATIO, shift_of
 from catenary.recording.synchronise import CALIBRATED, JOINT_TORQUE
 from catenary.recording.topics import (
     EXT_JPOS,
@@ -22,6 +28,32 @@ from catenary.recording.topics import (
     TopicColumn,
 )
 from catenary.transmission.cable_coupling import joint_forces
+
+_COLUMNS = {column.name: column for column in RAVENSTATE.columns}
+# channels of measured_js's joints: shoulder, elbow, insertion, roll, wrist, two jaws
+CHANNELS: Mapping[str, tuple[int, ...]] = {
+    "gold": (0, 1, 2, 4, 5, 6, 7),
+    "green": (8, 9, 10, 12, 13, 14, 15),
+}
+
+
+def raven_state_columns(message: Message) -> dict[str, Floats]:
+    """Return raven_state's fields in SI, each (width,)."""
+    return {name: raven_state_column(message, name) for name in _COLUMNS}
+
+
+def raven_state_column(message: Message, name: str) -> Floats:
+    """Return one of raven_state's fields in SI, (width,)."""
+    values = np.atleast_1d(np.asarray(getattr(message, name), dtype=np.float64))
+    return values / SECOND if name == "dt" else values * _COLUMNS[name].to_si
+
+
+def arm_channels(values: Floats, arm: Arm) -> Floats:
+    """Return the seven joints of one arm, in the order of measured_js, out of 16 channels."""
+    if arm not in CHANNELS:
+        raise InputError(f'arm "{arm}": expected {" or ".join(CHANNELS)}')
+    return as_array("channels", values, (16,), finite=False).take(CHANNELS[arm])
+
 
 # state that a run level stands for: emergency stop, init, pedal up, pedal down
 _RUN_LEVELS = {
@@ -104,3 +136,35 @@ class RavenTelemetry:
 def _unit(column: TopicColumn) -> str:
     """Return the units of a column's numbers, in their order; 1 where none is stated."""
     return "|".join(dict.fromkeys(unit for unit in column.units if unit)) or "1"
+
+
+COLUMN = "encoffsets"
+BOTH_ARMS = 16  # channels of raven_state
+
+
+class CrtkArm(Protocol):
+    """An arm behind topics."""
+
+    arm: Arm
+
+
+def registration_of(plant: Plant) -> Floats | None:
+    """Return `shift_of` of a robot's encoder offsets, (3,) [rad, rad, m]; None of one that tells none, or of NaN.
+
+    Args:
+        plant: A simulated arm, whose telemetry has seven axes, or one behind topics, which has both arms' channels.
+    """
+    offsets = plant.telemetry().get(COLUMN)
+    if offsets is None:
+        return None
+    own = arm_channels(offsets, cast(CrtkArm, plant).arm) if len(offsets) == BOTH_ARMS else offsets
+    shift = shift_of(own[: len(RATIO)])
+    return shift if np.isfinite(shift).all() else None
+
+
+def registration_heard(plant: Plant) -> Floats | None:
+    """Return `registration_of` of a robot; None also while its raven_state has not come yet."""
+    try:
+        return registration_of(plant)
+    except TransportError:
+        return None

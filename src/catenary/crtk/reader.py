@@ -9,25 +9,68 @@ hold a loop up: its silence shows in `measured_js`, which refuses a state older 
 """
 
 from collections.abc import Mapping
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import joint_state, joint_values
-from catenary.crtk.conversions import operating_state as operating_state_of
-from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
-from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity
+from catenary.crtk.gravity_topic import ImuTopic, MeasuredGravity
 from catenary.crtk.message import Message
-from catenary.crtk.names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, Dialect, find_topic
+from catenary.crtk.message_values import joint_state, joint_values
+from catenary.crtk.message_values import operating_state as operating_state_of
 from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
-from catenary.crtk.transport import Transport
+from catenary.crtk.topic_names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, DialectName, find_topic
+from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError, TransportError, UnsupportedCommandError
-from catenary.plant import Column, JointState, OperatingState, StateCommand
-from catenary.recording.topics import Arm
+from catenary.plant import JOINT_UNITS, Column, JointState, OperatingState, StateCommand
+from catenary.recording.topics import JOINTS, Arm
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
+
+
+class RobotJoints(NamedTuple):
+    """Joints of a robot, in the order of its messages."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]  # rad or m
+    lower: Floats  # (n,) [rad|m]
+    upper: Floats  # (n,) [rad|m]
+
+
+def raven_joints(arm: Arm = "gold") -> RobotJoints:
+    """Return the seven joints of a RAVEN-II's arm; the tool's angle lies between the jaws, which have its limits."""
+    model = load_robot("raven2_full" if arm == "gold" else "raven2_full_right")
+    places = [model.joint_names.index("tool" if name.startswith("jaw") else name) for name in JOINTS]
+    units = tuple(model.joint_units[place] for place in places)
+    return RobotJoints(JOINTS, units, model.lower[places], model.upper[places])
+
+
+def model_joints(model: RobotModel) -> RobotJoints:
+    """Return the joints of a model, for a robot whose messages have the same names."""
+    return checked_joints(RobotJoints(model.joint_names, model.joint_units, model.lower, model.upper))
+
+
+def checked_joints(joints: RobotJoints) -> RobotJoints:
+    """Refuse joints that no robot has; return them with arrays of their own."""
+    names, units = tuple(joints.names), tuple(joints.units)
+    n = len(names)
+    if n == 0 or len(set(names)) < n or len(units) != n or any(unit not in JOINT_UNITS for unit in units):
+        raise InputError(
+            f"joints: expected different names, each in rad or m; "
+            f"got {', '.join(names) or 'none'} in {', '.join(units)}"
+        )
+    lower, upper = (
+        as_array(f"{which} limits", values, (n,), finite=False).copy()
+        for which, values in (("lower", joints.lower), ("upper", joints.upper))
+    )
+    wrong = [names[j] for j in np.flatnonzero(~(lower < upper))]
+    if wrong:
+        raise InputError(f"joints: {', '.join(wrong)}: expected a lower limit below the upper one")
+    return RobotJoints(names, units, lower, upper)
+
 
 STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
 _LOOKS = 10  # for what waits to be received, when nothing seems to come
@@ -45,7 +88,7 @@ class CrtkReader:
         self,
         transport: Transport,
         *,
-        dialect: Dialect = "raven",
+        dialect: DialectName = "raven",
         arm: Arm = "gold",
         namespace: str | None = None,
         joints: RobotJoints | None = None,

@@ -9,17 +9,17 @@ Callbacks and services run where `poll` is called, in that thread and nowhere el
 """
 
 import logging
+import math
 import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Self
 
-from catenary.crtk.bounds import Bounds
-from catenary.crtk.clock import Clock, Rate
-from catenary.crtk.codec import codec
+from catenary.crtk.clock import SECOND, Clock, Rate
 from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
 from catenary.crtk.message import Message, message_class
+from catenary.crtk.message_bytes import Bounds, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
@@ -255,6 +255,38 @@ class Transport(ABC):
 
     @abstractmethod
     def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message: ...
+
+
+class Latest:
+    """Keeps the newest message of a topic, for programs that look once a tick; older ones are dropped unread."""
+
+    def __init__(self, transport: Transport, topic: str, type_name: str) -> None:
+        """Begin to receive."""
+        self.topic = topic
+        self._transport = transport
+        self._subscription = transport.subscribe(topic, type_name, depth=1)
+        self._message: Message = None
+        self.arrived: int | None = None  # [ns] by the transport's `steady`; None before the first message
+
+    def message(self) -> Message:
+        """Return the newest message, or None before the first."""
+        for received in self._subscription.take():
+            self._message, self.arrived = received
+        return self._message
+
+    def age(self) -> float:
+        """Return the seconds since the newest message came in; infinite before the first.
+
+        By arrival, not by stamp: the robot's clock need not be ours.
+        """
+        self.message()
+        if self.arrived is None:
+            return math.inf
+        return max(0, self._transport.steady() - self.arrived) / SECOND
+
+    def close(self) -> None:
+        """Receive no more."""
+        self._subscription.close()
 
 
 def answer_of(

@@ -1,26 +1,139 @@
-"""An accelerometer board on a serial line, read by a thread of its own into a mailbox."""
+"""An accelerometer board on a serial line, read by a thread of its own into a mailbox: lines, clock, samples.
+
+The line protocol, one checksummed ASCII line a sample, is described in docs/devices.md.
+"""
 
 import math
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from catenary.devices.board_clock import BoardClock
-from catenary.devices.line_protocol import (
-    ACCELERATION_UNITS,
-    RATE_UNITS,
-    BoardSample,
-    ChecksumError,
-    Hello,
-    parse_line,
-)
 from catenary.devices.serial_board import BAUD, SerialBoard
 from catenary.errors import InputError, SensorError
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
+
+VERSION = 1
+ACCELERATION_UNITS = {"m/s2": 1.0, "cm/s2": 0.01, "g": 9.80665, "mg": 0.00980665}  # [m/s2]
+RATE_UNITS = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "none": 0.0}  # [rad/s]
+
+
+class Hello(NamedTuple):
+    """A board's description of itself, sent when asked and once a second."""
+
+    sensor: str
+    acceleration_unit: str  # a key of ACCELERATION_UNITS
+    acceleration_range: float  # in that unit
+    rate_unit: str  # a key of RATE_UNITS; "none" without gyroscope
+    rate_range: float  # in that unit
+    rate_hz: float
+
+    @property
+    def has_gyroscope(self) -> bool:
+        """Samples carry angular rates."""
+        return self.rate_unit != "none"
+
+
+class BoardSample(NamedTuple):
+    """One line of measurements, in the units of the hello."""
+
+    number: int  # of samples, modulo 2^16
+    micros: int  # [us] of the board's clock, modulo 2^32
+    acceleration: tuple[float, float, float]  # specific force: upwards at rest
+    rate: tuple[float, float, float] | None
+
+
+def checksum(body: str) -> str:
+    """Return the exclusive or of all characters between $ and *, as NMEA 0183 has it: two hexadecimal digits."""
+    value = 0
+    for character in body:
+        value ^= ord(character)
+    return f"{value:02X}"
+
+
+def parse_line(line: str) -> Hello | BoardSample:
+    """Read a line without its end."""
+    if not line.startswith("$") or line[-3:-2] != "*":
+        raise ChecksumError(f"not a line of the protocol: {line[:40]!r}")
+    body = line[1:-3]
+    if checksum(body) != line[-2:].upper():
+        raise ChecksumError(f"checksum {line[-2:]}, expected {checksum(body)}")
+    kind, *fields = body.split(",")
+    try:
+        if kind == "CATHI":
+            return _hello(fields)
+        if kind == "CATAC" and len(fields) in (5, 8):
+            values = [float(text) for text in fields[2:]]
+            x, y, z, *rates = values
+            number, micros = int(fields[0]), int(fields[1])
+            rate = (rates[0], rates[1], rates[2]) if rates else None
+            return BoardSample(number % 2**16, micros % 2**32, (x, y, z), rate)
+    except ValueError as error:
+        raise InputError(f"{kind}: {error}") from error
+    raise InputError(f"{kind} with {len(fields)} fields: expected CATHI with 7, or CATAC with 5 or 8")
+
+
+class ChecksumError(InputError):
+    """A line was damaged on its way: noise, a lost byte, another speed."""
+
+
+def _hello(fields: list[str]) -> Hello:
+    if len(fields) != 7 or int(fields[0]) != VERSION:
+        raise InputError(
+            f"hello: expected version {VERSION} and 7 fields, got version {fields[:1]}, {len(fields)} fields"
+        )
+    _, sensor, unit, end, rate_unit, rate_end, rate_hz = fields
+    for name, value, choices in (("unit", unit, ACCELERATION_UNITS), ("rate unit", rate_unit, RATE_UNITS)):
+        if value not in choices:
+            raise InputError(f'hello: {name} "{value}": expected one of {", ".join(choices)}')
+    hello = Hello(sensor, unit, float(end), rate_unit, float(rate_end), float(rate_hz))
+    if not (hello.acceleration_range > 0.0 and hello.rate_hz > 0.0 and hello.rate_range >= 0.0):
+        raise InputError(f"hello: expected positive ranges and rate, got {fields}")
+    return hello
+
+
+WRAP = 2**32  # [us] at which a board's clock begins anew: every 71.6 minutes
+DRIFT = 0.01  # by which the clocks may run apart; ceramic resonators are good to 0.005
+RESTART = 10.0  # [s] of a leap that means that the board was restarted
+
+
+class BoardClock:
+    """Turns a board's microseconds into the host's seconds.
+
+    A sample never arrives before it was taken, and now and then with hardly any delay: the smallest difference
+    between arrival and board time is the offset of the clocks. It may grow by DRIFT, so that a slow board is
+    followed too. What is left is the smallest delay of the line, a millisecond or two over USB, and constant.
+    """
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._elapsed = 0.0  # [s] on the board's clock since it was first heard
+        self._offset = 0.0
+        self.restarts = 0
+
+    def stamp(self, micros: int, arrival: float) -> float:
+        """Return a sample's time [s] on the host's clock, from the board's [us], modulo 2^32, and its arrival [s]."""
+        if self._last is None:
+            self._begin(arrival)
+        else:
+            step = (micros - self._last) % WRAP * 1e-6
+            if step > RESTART:  # back, or far ahead
+                self.restarts += 1
+                self._begin(arrival)
+            else:
+                self._elapsed += step
+                self._offset = min(self._offset + DRIFT * step, arrival - self._elapsed)
+        self._last = micros
+        return self._offset + self._elapsed
+
+    def _begin(self, arrival: float) -> None:
+        self._elapsed = 0.0
+        self._offset = arrival
+
 
 ASK = b"?\n"  # the board answers with a hello
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from catenary.arrays import Floats, frozen
 from catenary.devices.encoder_counts import CountTracker, Verdict, parse_counts
-from catenary.devices.encoder_rig import EncoderRig
-from catenary.devices.registration import Registration
+from catenary.devices.encoder_rig import EncoderRig, Registration
 from catenary.devices.serial_board import BAUD, SerialBoard
 from catenary.errors import InputError, SensorError
 

@@ -1,8 +1,16 @@
-"""Encoders at the joints themselves, as the RAVEN-II's calibration rig has them: their scale, stops and limits."""
+"""Encoders at the joints themselves, as the RAVEN-II's calibration rig has them, and their registration at the stops.
 
+Their zero is found while the robot homes, which runs each joint into its stop. The rig's rule
+[raven2_CRTK_Python_controller]: within 60 s each joint runs into its stop; zero is the mean of the counts within a
+window of the farthest ones. The rig begins when it is started; here the robot's state says when it homes, or, where
+nobody tells, the counts do.
+"""
+
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError
@@ -52,3 +60,116 @@ class EncoderRig:
         """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
         positions: Floats = self.stop + (counts - zero) / self.counts
         return positions
+
+
+Flags = NDArray[np.bool_]
+LONGEST = 60.0  # [s]
+# beyond its farthest by a push into the stop, cables give way and the joint creeps back by as much
+REST = 100.0  # counts from the farthest, within which a joint stands at its stop: 0.45 deg, 0.5 mm
+TOGETHER = 0.2  # [s] for which all joints stand at their stops at once: the robot waits so long to register
+TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)  # [rad, rad, m] that a joint must come towards its stop
+BEYOND = TRAVEL  # past a stop, which then was none
+
+
+class Registration:
+    """Finds the counts at the stops.
+
+    When the robot tells that it homes (`tell`), what lies between the begin and the end of it counts. When nobody
+    does, all three joints must have come towards their stops, have stood at their farthest together, and have left.
+    A joint that later goes past its stop shows that it was none, and the registration is void.
+    """
+
+    def __init__(self, rig: EncoderRig) -> None:
+        self._rig = rig
+        self.zero: Floats | None = None  # (3,) counts at the stops
+        self.reason = "not registered: home the robot"  # why there is none
+        self._told: bool | None = None  # whether the robot homes; None: nobody tells
+        self._travel = np.array(TRAVEL) * rig.counts
+        self._beyond = np.array(BEYOND) * rig.counts
+        self._clear()
+
+    @property
+    def is_watching(self) -> bool:
+        """Whether counts are being watched for the stops."""
+        return self.zero is None and self._told is not False
+
+    def _clear(self) -> None:
+        self._seen: list[Floats] = []
+        self._start = np.zeros(3)
+        self._peak = np.zeros(3)  # farthest towards the stop, times its side
+        self._anchor = np.zeros(3)  # the farthest when they began to stand together
+        self._moving_since, self._together_since = math.inf, math.inf
+
+    def lose(self, reason: str) -> None:
+        """Forget the zero: counts were lost."""
+        self.zero, self.reason = None, f"{reason}; not registered: home the robot again"
+        self._clear()
+
+    def tell(self, homing: bool, homed: bool) -> None:
+        """Take the robot's operating state: whether it homes now, and whether it is homed."""
+        was, self._told = self._told, homing
+        if homing and not was:
+            self.zero, self.reason = None, "not registered: the robot homes"
+            self._clear()
+        elif was and not homing and self.zero is None:
+            travelled = len(self._seen) and (self._peak - self._start * self._rig.side > self._travel).any()
+            if homed and travelled:
+                self._register()
+            else:
+                self.reason = "not registered: homing ended without " + (
+                    "the joints having moved" if homed else "the robot being homed"
+                )
+            self._seen.clear()
+
+    def update(self, time: float, counts: Floats) -> None:
+        """Take a good row of counts (3,), at a time [s]."""
+        toward = counts * self._rig.side
+        if self.zero is not None:
+            past = toward - self.zero * self._rig.side > self._beyond
+            if past.any():
+                which = ", ".join(name for name, is_past in zip(JOINTS, past, strict=True) if is_past)
+                self.lose(f"{which} went past what was taken for the stop")
+            return
+        if self._told is False:
+            return
+        if not self._seen:
+            self._start, self._peak = counts, toward
+            self._moving_since = self._together_since = math.inf
+        self._seen.append(counts)
+        self._peak = np.maximum(self._peak, toward)
+        came = self._peak - self._start * self._rig.side > self._travel
+        if self._moving_since == math.inf:
+            if np.abs(counts - self._start).max() <= REST:
+                del self._seen[:-1]  # it has not begun; what was before is of no use
+                self._peak = toward
+                return
+            self._moving_since = time
+        if self._told is None and self._has_left(time, toward, came):
+            self._register()
+        elif time - self._moving_since > LONGEST:
+            self._give_up(came)
+
+    def _has_left(self, time: float, toward: Floats, came: Flags) -> bool:
+        """Return whether all joints stood at their farthest together, and one has left."""
+        if came.all() and (self._peak - toward <= REST).all():
+            # where one still goes on towards its stop, nobody stands yet
+            if self._together_since == math.inf or (self._peak - self._anchor > REST).any():
+                self._together_since, self._anchor = time, self._peak
+            return False
+        stood = time - self._together_since >= TOGETHER
+        self._together_since = math.inf
+        return stood
+
+    def _register(self) -> None:
+        """Take the mean of the counts within a window of the farthest for zero."""
+        seen, side = np.array(self._seen), self._rig.side
+        near = self._peak - seen * side <= self._rig.window
+        self.zero = frozen(np.where(near, seen, 0.0).sum(axis=0) / near.sum(axis=0))
+        self.reason = ""
+        self._clear()
+
+    def _give_up(self, came: Flags) -> None:
+        absent = [name for name, moved in zip(JOINTS, came, strict=True) if not moved]
+        why = f"{', '.join(absent)} did not come to a stop" if absent else "the stops were not left"
+        self._clear()
+        self.reason = f"not registered: {why} within {LONGEST:g} s; home the robot"

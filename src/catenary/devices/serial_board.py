@@ -9,12 +9,28 @@ from typing import Self
 import serial
 import serial.tools.list_ports
 
-from catenary.devices.line_protocol import LineSplitter
 from catenary.errors import SensorError
 
 BAUD = 115200
 RETRY = 0.25  # [s] between attempts to find a board that was unplugged
+_LONGEST = 200  # bytes of a line; what is longer is noise
 _log = logging.getLogger(__name__)
+
+
+class LineSplitter:
+    """Splits bytes, which come in pieces, into lines; noise without line ends is dropped."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[str]:
+        """Take bytes, and return the lines that are whole by now, without their ends."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > _LONGEST:
+            lines.append(self._rest)  # it will be refused, and counted
+            self._rest = b""
+        # what is not ASCII fails the checksum
+        return [line.strip(b"\r").decode("ascii", errors="replace") for line in lines if line.strip()]
 
 
 class SerialBoard(ABC):

@@ -3,38 +3,36 @@
 import gc
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple, Self, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.control.realtime import RealTime
-from catenary.crtk.names import Dialect, crtk_topics
 from catenary.crtk.serving.crtk_dialect import CrtkDialect
-from catenary.crtk.serving.parked_arm import ParkedArm
+from catenary.crtk.serving.dialect import Dialect
 from catenary.crtk.serving.raven_dialect import RavenDialect
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import GravityTorque, ServedArm
-from catenary.crtk.serving.served_encoders import ServedEncoders, has_encoders
-from catenary.crtk.serving.server import Server
-from catenary.crtk.serving.speaker import Speaker
+from catenary.crtk.serving.server import ServedEncoders, Server, has_encoders
 from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.crtk.topic_names import DialectName, crtk_topics
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError
+from catenary.errors import InputError, UnsupportedCommandError
 from catenary.gravity.torque import gravity_kernel
-from catenary.plant import Plant
+from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
+from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
 from catenary.recording.topics import psm_topic, psm_topics
 from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import FixedBase
-from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.psm_parameters import load_psm
-from catenary.simulation.psm_plant import PsmPlant
+from catenary.spatial import LEVEL
 
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
-RAVEN, PSM = "raven2", "dvrk_psm"
-MODELS: dict[str, str] = {"gold": "raven2", "green": "raven2_right"}
+SERVED = ("raven2", "dvrk_psm")
 
 
 @dataclass(frozen=True)
@@ -42,33 +40,31 @@ class Serving:
     """Settings of a served robot."""
 
     robot: str = "raven2"  # or dvrk_psm, which speaks crtk
-    dialect: Dialect = "raven"
-    seed: int | None = None
-    base_tilt_deg: tuple[float, float] = (0.0, 0.0)  # roll, pitch
-    payload: float = 0.0  # [kg]
+    dialect: DialectName = "raven"
+    simulated: Simulated = field(default_factory=lambda: Simulated(homed=False))  # the robot that is served
     with_green: bool = False  # a green arm that moves, in place of a parked one
-    homed: bool = False  # begin as after homing
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
-    # [cm/s2] of the robot's own gravity compensation; None: without
-    grav_dir: tuple[int, int, int] | None = None
     torque_arm: str | None = None  # dialect raven: whose servo_jp carries torques of its motors [mNm]
     namespace: str = "/PSM1"  # of a PSM
 
     def __post_init__(self) -> None:
-        if self.robot not in (RAVEN, PSM):
+        if self.robot not in SERVED:
             raise InputError(
-                f'robot "{self.robot}": expected {RAVEN} or {PSM}, the robots that can be served'
+                f'robot "{self.robot}": expected {" or ".join(SERVED)}, the robots that can be served'
             )
+        spoken_dialect(self.robot, self.dialect)
+        refuse_unsupported(self.robot, self.simulated)
         if self.torque_arm is not None and self.dialect != "raven":
             raise InputError("torques in place of positions go with dialect raven; crtk has servo_jf")
-        if self.robot == PSM:
-            if self.dialect != "crtk":
-                raise InputError(f"robot {PSM}: speaks the dialect crtk, got {self.dialect}")
-            if self.payload or self.with_green or self.grav_dir is not None:
-                raise InputError(
-                    f"robot {PSM}: has no payload, no green arm and no grav_dir; they are a RAVEN-II's"
-                )
+        if self.is_psm:
+            if self.with_green:
+                raise InputError(f"robot {self.robot}: has no green arm, which is a RAVEN-II's")
             psm_topics(self.namespace)  # refuses a namespace that no PSM has
+
+    @property
+    def is_psm(self) -> bool:
+        """Whether a PSM is served, a RAVEN-II otherwise."""
+        return self.robot == PSM.robot
 
 
 class ServerStatus(NamedTuple):
@@ -114,8 +110,8 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    listed = crtk_topics(serving.namespace, *arms) if serving.robot == PSM else None
-    speaker: Speaker = (
+    listed = crtk_topics(serving.namespace, *arms) if serving.is_psm else None
+    speaker: Dialect = (
         RavenDialect(arms, torque_arm=serving.torque_arm)
         if serving.dialect == "raven"
         else CrtkDialect(arms, listed)
@@ -130,7 +126,7 @@ def make_server(
     encoders = None
     if is_raven and serving.with_encoders and has_encoders(arms["gold"].plant):
         encoders = ServedEncoders(transport, arms["gold"].plant)
-    if serving.robot == PSM and serving.with_encoders:
+    if serving.is_psm and serving.with_encoders:
         (psm,) = arms.values()
         encoders = ServedEncoders(
             transport, psm.plant, (psm_topic(serving.namespace, "tracker/measured_js"),)
@@ -139,42 +135,32 @@ def make_server(
 
 
 def _plants(serving: Serving) -> dict[str, Plant]:
-    roll, pitch = np.deg2rad(serving.base_tilt_deg)
-    if serving.robot == PSM:
-        psm = PsmPlant(seed=serving.seed, base=FixedBase(float(roll), float(pitch)))
-        if serving.homed:
-            psm.home()
-            psm.state_command("disable")
-        return {serving.namespace.strip("/"): psm}
+    where = serving.simulated
 
-    def made(side: str) -> CablePlant:
-        plant = CablePlant(
-            side=side,
-            seed=serving.seed,
-            payload=serving.payload,
-            base=FixedBase(float(roll), float(pitch)),
-            grav_dir=serving.grav_dir,
-        )
-        if serving.homed:
-            plant.home()
+    def opened(robot: str) -> Plant:
+        plant = open_robot(robot, where)
+        if where.homed:
             plant.state_command("pause" if serving.dialect == "raven" else "disable")
         return plant
 
-    gold = made("left")
+    if serving.is_psm:
+        return {serving.namespace.strip("/"): opened(serving.robot)}
+    gold = opened("raven2")
     if serving.with_green:
-        return {"gold": gold, "green": made("right")}
-    return {"gold": gold, "green": ParkedArm(JOINTS, UNITS, gold.firmware.home_value, period=gold.period)}
+        return {"gold": gold, "green": opened("raven2_right")}
+    home = cast(CablePlant, gold).firmware.home_value
+    return {"gold": gold, "green": ParkedArm(gold.joint_names, gold.joint_units, home, period=gold.period)}
 
 
 def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
-    if serving.robot == PSM:
-        tool = ToolPose(load_robot("dvrk_psm"), plant.joint_names)
-        weight = gravity_kernel(load_psm().loaded_model())
-        return ServedArm(plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=weight)
-    model = MODELS[name]
-    tool = ToolPose(load_robot(model.replace("raven2", "raven2_full", 1)), plant.joint_names)
-    gravity = _gravity_torque(model, len(plant.joint_names))
-    return ServedArm(plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=gravity)
+    kind = PSM if serving.is_psm else KINDS["raven2" if name == "gold" else "raven2_right"]
+    tool = ToolPose(load_robot(kind.whole), plant.joint_names)
+    weight = (
+        gravity_kernel(load_psm().loaded_model())
+        if kind is PSM
+        else _gravity_torque(kind.robot, len(plant.joint_names))
+    )
+    return ServedArm(plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=weight)
 
 
 def _gravity_torque(name: str, n: int) -> GravityTorque:
@@ -280,3 +266,63 @@ def _state_text(arm: ServedArm) -> str:
         return "parked"
     words = [state.state, "homed" if state.is_homed else "not homed"]
     return " ".join([*words, "busy"] if state.is_busy else words)
+
+
+class ParkedArm:
+    """A `Plant` that is DISABLED for good, in the place of an arm that a robot has but nobody uses."""
+
+    simulated = True
+    supports: frozenset[str] = frozenset()
+    columns: tuple[Column, ...] = ()
+
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        joint_units: tuple[str, ...],
+        q: ArrayLike,
+        *,
+        period: float = 1e-3,
+    ) -> None:
+        """Park an arm at joints q (n,) [rad|m]."""
+        self.joint_names, self.joint_units, self.period = joint_names, joint_units, period
+        n = len(joint_names)
+        place = as_array("q", q, (n,))
+        self.lower, self.upper = place.copy(), place.copy()
+        rest = np.zeros(n)
+        self._state = JointState(0.0, place, rest, rest, np.zeros(0), LEVEL.copy(), np.inf)
+
+    def measured_js(self) -> JointState:
+        """Where it stands."""
+        state = self._state
+        return state._replace(q=state.q.copy(), qd=state.qd.copy(), tau=state.tau.copy())
+
+    def setpoint_js(self) -> JointState:
+        """Where it stands."""
+        return self.measured_js()
+
+    def operating_state(self) -> OperatingState:
+        """Disabled."""
+        return OperatingState("DISABLED", False, False)
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Nothing."""
+        return {}
+
+    def wait(self) -> None:
+        """Stand."""
+
+    def state_command(self, command: StateCommand) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError(f'state command "{command}": the arm is parked')
+
+    def servo_jp(self, q: Floats) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError("servo_jp: the arm is parked")
+
+    def servo_jr(self, dq: Floats) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError("servo_jr: the arm is parked")
+
+    def servo_jf(self, tau: Floats) -> None:
+        """Refuse."""
+        raise UnsupportedCommandError("servo_jf: the arm is parked")

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from catenary.errors import CatenaryError, TransportError
 from catenary.plant import OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
-from catenary.teleop.motion import FASTER, SLOWER, TeleopMotion
+from catenary.teleop.key_motion import FASTER, SLOWER, TeleopMotion
 
 TWICE = 2.0  # [s] within which the key that homes comes a second time
 HOLD = " "

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from catenary.errors import CatenaryError
-from catenary.monitor.snapshot import Snapshot
+from catenary.monitor import Snapshot
 from catenary.plant import Bounded
 from catenary.teleop.driver import COMMANDS, HOLD, TeleopDriver
-from catenary.teleop.motion import AXES, BACKWARD, FORWARD
+from catenary.teleop.key_motion import AXES, BACKWARD, FORWARD
 from catenary.view.controls import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl
 from catenary.view.page_process import StatePage
 from catenary.view.shapes import ArmShapes

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.monitor.snapshot import Snapshot
+from catenary.monitor import Snapshot
 from catenary.view.controls import Value
 from catenary.view.state import ViewState, unknown_state
 

@@ -15,7 +15,7 @@ from catenary.control.loop_report import LoopReport
 from catenary.control.pd import SplitController
 from catenary.errors import CatenaryError
 from catenary.gravity.torque import gravity_torque
-from catenary.monitor.snapshot import EventRate, Snapshot
+from catenary.monitor import EventRate, Snapshot
 from catenary.plant import JointState, Plant, fault_of
 from catenary.simulation.base_motion import SteeredBase
 from catenary.simulation.cable_plant import CablePlant

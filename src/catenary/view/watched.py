@@ -4,13 +4,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from catenary.monitor.snapshot import Snapshot
+from catenary.monitor import Snapshot
 from catenary.view.from_snapshot import state_in_words, view_state
 from catenary.view.page_process import StatePage
 from catenary.view.shapes import ArmShapes
 from catenary.view.shown import Shown
 from catenary.workflows.robot.operated_robot import OperatedRobot
-from catenary.workflows.robot.watch import watch_robot
+from catenary.workflows.robot.snapshots import watch_robot
 
 
 class WatchedArm:

@@ -17,7 +17,7 @@ def encoders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Simula
     """A board that sends the same counts at 100 Hz."""
     board = SimulatedEncoders(tmp_path / "board")
     time = BoardTime(board, lambda: board.line([6366, 17825, 76000]))
-    time.rule(monkeypatch, "catenary.nodes.encoders", "catenary.devices.encoder_board")
+    time.rule(monkeypatch, "catenary.nodes.encoder_node", "catenary.devices.encoder_board")
     yield board
     board.close()
 

@@ -65,7 +65,7 @@ def test_commands_that_are_none_move_nothing_and_the_arm_says_why(
         until(tick_and_look, every=0.001)
 
     ticks(lambda: writer.get_publication_matched_status().current_count)
-    ticks(lambda: server.outlets["warning", "gold"].heard)
+    ticks(lambda: server.publishers["warning", "gold"].heard)
     for message, reason in bad(start):
         server.reports.kinds.clear()  # of a streamed command one is told in 5 s; here each is looked at
         said: list[str] = []

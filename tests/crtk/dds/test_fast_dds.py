@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from catenary.crtk.conversions import joint_state_message
-from catenary.crtk.dds.names import dds_type
+from catenary.crtk.dds.types import dds_type
 from catenary.crtk.message import message_class
+from catenary.crtk.message_values import joint_state_message
 from fast_dds import FastPeer
 from patience import PATIENCE, until
 

@@ -5,13 +5,12 @@ import threading
 import pytest
 
 from catenary.crtk.dds.transport import DdsTransport
-from catenary.crtk.names import Dialect
-from catenary.crtk.serving.parked_arm import ParkedArm
-from catenary.nodes.serve import Serving, make_server, prepare
+from catenary.crtk.topic_names import DialectName
+from catenary.nodes.serve import ParkedArm, Serving, make_server, prepare
 from catenary.simulation.cable_plant import JOINTS, UNITS
-from catenary.workflows.robot.operated_robot import robot_over
-from catenary.workflows.robot.watch import watch_robot
+from catenary.workflows.robot.snapshots import watch_robot
 from oracles.cable_arms import homed_plant
+from oracles.crtk_robot import robot_over
 from patience import longer_limits
 
 WHY = "the software e-stop tripped: a motor's command was too large"
@@ -19,7 +18,7 @@ WHY = "the software e-stop tripped: a motor's command was too large"
 
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])
 def test_monitor_shows_why_a_robot_is_in_fault(
-    dds_domain: int, dialect: Dialect, monkeypatch: pytest.MonkeyPatch
+    dds_domain: int, dialect: DialectName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for longer in longer_limits():  # a busy machine is late, and the robot not silent
         monkeypatch.setattr(*longer)

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import joint_state_message
 from dds import ROOT, VARIABLES
 from patience import until
 

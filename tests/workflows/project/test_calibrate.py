@@ -7,7 +7,8 @@ import simulated_arm
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.errors import CatenaryError, InputError
 from catenary.reports.project import with_inputs
-from catenary.workflows.project import calibrate, simulated_robot
+from catenary.workflows.project import calibrate
+from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short

@@ -16,7 +16,7 @@ from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import Deployment, deploy_on_robot
-from catenary.workflows.project.simulated_robot import make_plant
+from catenary.workflows.project.robot import make_plant
 from catenary.workflows.simulated_recording import record_simulated
 from recordings import data_of, fitted, recording
 from simulated_project import POSITIONS, SHORT

@@ -13,13 +13,13 @@ from catenary.errors import LimitError, NotReadyError
 from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.smoothed_path import follow_waypoints
-from catenary.workflows.project import calibrate, ros_robot
+from catenary.workflows.project import calibrate
+from catenary.workflows.project import robot as ros_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, TRAIN, calibrate_robot
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
-from catenary.workflows.project.robot import set_aside
-from catenary.workflows.project.ros_robot import RosRobot
-from catenary.workflows.robot.guide import AnswerYes
+from catenary.workflows.project.robot import RosRobot, set_aside
+from catenary.workflows.robot.homing import AnswerYes
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, START, EncodedPlant
 from person import Person

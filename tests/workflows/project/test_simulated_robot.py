@@ -14,11 +14,11 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.cable_telemetry import telemetry_of
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
-from catenary.workflows.project import simulated_robot
+from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import TEST, TRAIN, excitation, random_motion
 from catenary.workflows.project.folder import Project
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
-from catenary.workflows.project.simulated_robot import SimulatedRobot
+from catenary.workflows.project.robot import SimulatedRobot
 from catenary.workflows.project.state import ExtractionFile, read_state
 from simulated_project import SHORT
 

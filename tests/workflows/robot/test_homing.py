@@ -3,14 +3,12 @@ from typing import Any
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.joints import model_joints
+from catenary.crtk.reader import model_joints
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState, StateCommand
 from catenary.robots.catalog import load_robot
-from catenary.workflows.robot.guide import AnswerYes, Guide
-from catenary.workflows.robot.homing import Homing, home_client, home_operated
-from catenary.workflows.robot.operated_robot import robot_over
-from oracles.crtk_robot import RobotOnLoopback
+from catenary.workflows.robot.homing import AnswerYes, Guide, Homing, home_client, home_operated
+from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import OFFSET, EncodedPlant
 from oracles.ideal_plant import IdealPlant
 from person import Person

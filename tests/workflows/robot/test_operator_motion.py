@@ -5,12 +5,13 @@ from numpy.testing import assert_allclose
 from catenary.cli.signals import EndedBySignal
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, LimitError, NotReadyError, TransportError
+from catenary.open_robot import Simulated
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.robot import operator_motion
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import check_motion
-from catenary.workflows.robot.operated_robot import simulated_robot
+from catenary.workflows.robot.operated_robot import operated_robot
 from catenary.workflows.robot.operator_motion import follow, go_to_joints, joints_at, random_motion
 from oracles.ideal_plant import IdealPlant, ideal_robot
 
@@ -49,7 +50,7 @@ def test_the_tip_arrives_where_it_was_sent() -> None:
 
 @pytest.mark.parametrize("side", ["raven2", "raven2_right"])
 def test_the_tool_of_a_raven_arrives_where_it_was_sent_not_its_wrist(side: str) -> None:
-    robot = simulated_robot(side, real_time=False)
+    robot = operated_robot(side, Simulated(), real_time=False)
     q = robot.plant.setpoint_js().q
     goal = robot.tool_position(q) + np.array([0.004, -0.006, 0.005])
     found = joints_at(robot, goal, rng=np.random.default_rng(0))

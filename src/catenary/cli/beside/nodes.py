@@ -14,8 +14,8 @@ from catenary.cli.terminal import numbers, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.nodes.encoders import EncoderStatus
-    from catenary.nodes.gravity import GravityStatus
+    from catenary.nodes.encoder_node import EncoderStatus
+    from catenary.nodes.gravity_node import GravityStatus
 
 
 def encoders(
@@ -44,11 +44,10 @@ def encoders(
     """
     import numpy as np
 
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.devices.encoder_board import EncoderBoard
     from catenary.devices.encoder_rig import EncoderRig
-    from catenary.nodes.encoders import EncoderNode, publish_encoders
+    from catenary.nodes.encoder_node import EncoderNode, publish_encoders
 
     rig = EncoderRig(bits=bits, direction=np.array(numbers("--direction", direction)))
     with (
@@ -92,10 +91,9 @@ def gravity_node(
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
     from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.nodes.gravity import GravityNode, publish_gravity
+    from catenary.nodes.gravity_node import GravityNode, publish_gravity
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import Mailbox
 

@@ -89,11 +89,11 @@ def serve(
 
     Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
     """
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.serving.server import whole_numbers
     from catenary.nodes.serve import Serving, make_server, prepare
     from catenary.nodes.serve import serve as run
+    from catenary.open_robot import Simulated, tilted_base
 
     is_raven = robot == "raven2"
     dialect = dialect or ("raven" if is_raven else "crtk")
@@ -107,8 +107,9 @@ def serve(
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     if is_raven and namespace is not None:
         raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
+    where = Simulated(seed, tilted_base(tilt), payload, homed=homed, grav_dir=by)
     serving = Serving(
-        robot, dialect, seed, tilt, payload, green, homed, encoders, by,  # type: ignore[arg-type]
+        robot, dialect, where, green, encoders,  # type: ignore[arg-type]
         torque_arm=torque_arm, namespace=namespace or "/PSM1",
     )  # fmt: skip
     with make_transport(ros, node_name("robot", name)) as transport:
@@ -132,9 +133,8 @@ def serve(
 
 def button(ros: Carrier = "1", name: NodeName = None, as_json: AsJson = False) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
-    from catenary.crtk.names import BUTTON, BUTTON_TYPE
-    from catenary.crtk.network import make_transport
-    from catenary.crtk.node_name import node_name
+    from catenary.crtk.network import make_transport, node_name
+    from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
 
     with make_transport(ros, node_name("button", name)) as transport:
         answer = transport.call(BUTTON, BUTTON_TYPE)

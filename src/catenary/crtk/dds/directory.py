@@ -1,17 +1,148 @@
-"""Who is on the network: ends of topics, with what they offer or ask for, and the ROS nodes that they belong to."""
+"""Who is on the network: ends of topics, the quality they offer or ask for, their ROS nodes, and who hears whom not.
 
-from collections.abc import Iterable, Iterator
+Each program writes rmw_dds_common/ParticipantEntitiesInfo to DDS's topic `ros_discovery_info`: its own number, and for
+each node its name and the numbers of its readers and writers (ROS 2 design 151). A number (Gid) is DDS's of 16 bytes,
+followed by zeros up to 24 in distributions up to Humble.
+"""
+
+import logging
+import time
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import DDSStatus
 from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import make_idl_struct
+from cyclonedds.idl import types as idl
+from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 
-from catenary.crtk.dds.discovery import Gid, node_names
-from catenary.crtk.dds.names import ros_topic, ros_type
-from catenary.crtk.dds.qualities import Quality, quality_of, user_data_of
+from catenary.crtk.dds.types import array, dds_type, ros_topic, ros_type, sequence
+
+_NEVER = 0  # [ns] that a publisher waits for its readers
+
+
+class Quality(NamedTuple):
+    """What peers have to agree on; a reader gets nothing of a writer that offers less than it asks for."""
+
+    is_reliable: bool = True  # lost messages are sent again; else best effort, as of sensors
+    is_latched: bool = False  # transient local: whoever comes later gets the last message; else volatile
+    is_plain: bool = True  # CDR of version 1, the only one that ROS 2 speaks
+
+    def __str__(self) -> str:
+        """Say it in ROS 2's words."""
+        words = ["reliable" if self.is_reliable else "best effort"]
+        words.append("transient local" if self.is_latched else "volatile")
+        return ", ".join(words if self.is_plain else [*words, "CDR version 2 only"])
+
+    def lacks(self, asked: "Quality") -> tuple[str, ...]:
+        """Return what a reader asks for and this, a writer's, does not offer, in ROS 2's names of policies."""
+        found = []
+        if asked.is_reliable and not self.is_reliable:
+            found.append("reliability")
+        if asked.is_latched and not self.is_latched:
+            found.append("durability")
+        if asked.is_plain is not self.is_plain:
+            found.append("data representation")
+        return tuple(found)
+
+
+def profile(quality: Quality, depth: int, user_data: str = "") -> Qos:
+    """Return the policies of a reader or writer that keeps `depth` messages."""
+    policies = [
+        Policy.Reliability.Reliable(_NEVER) if quality.is_reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if quality.is_latched else Policy.Durability.Volatile,
+        Policy.History.KeepLast(depth),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.WriterDataLifecycle(autodispose=False),  # the end of a writer is no message
+    ]
+    if quality.is_latched:
+        # who comes later gets the last one, however many are kept for readers that are slow
+        policies.append(Policy.DurabilityService(0, Policy.History.KeepLast(1), -1, -1, -1))
+    if user_data:
+        policies.append(Policy.Userdata(user_data.encode()))
+    return Qos(*policies)
+
+
+def quality_of(qos: Qos) -> Quality:
+    """Return what a peer offers or asks for, as DDS's discovery tells."""
+    representation = qos[Policy.DataRepresentation]
+    return Quality(
+        isinstance(qos[Policy.Reliability], Policy.Reliability.Reliable),
+        qos[Policy.Durability] not in (None, Policy.Durability.Volatile),
+        representation is None or representation.use_cdrv0_representation,
+    )
+
+
+def user_data_of(qos: Qos) -> dict[str, str]:
+    """Return what a peer says of itself: `key=value;` and so on."""
+    data = qos[Policy.Userdata]
+    text = "" if data is None else data.data.decode("utf-8", "replace")
+    pairs = (part.partition("=") for part in text.split(";"))
+    return {key: value for key, found, value in pairs if found}
+
+
+Gid = bytes  # 16 of them
+
+
+class _Types(NamedTuple):
+    gid: Any
+    node: Any
+    program: Any
+
+
+@cache
+def _types(gid_bytes: int) -> _Types:
+    """Return DDS's classes, with numbers of so many bytes."""
+    gid = _struct("Gid", data=array[idl.uint8, gid_bytes])
+    gids = sequence[gid]
+    node = _struct(
+        "NodeEntitiesInfo", node_namespace=str, node_name=str, reader_gid_seq=gids, writer_gid_seq=gids
+    )
+    return _Types(
+        gid, node, _struct("ParticipantEntitiesInfo", gid=gid, node_entities_info_seq=sequence[node])
+    )
+
+
+def _struct(name: str, **members: Any) -> Any:
+    return make_idl_struct(f"{name}_", f"rmw_dds_common::msg::dds_::{name}_", members)
+
+
+def discovery_type(gid_bytes: int) -> Any:
+    """Return DDS's class of what a program tells, with numbers of so many bytes."""
+    return _types(gid_bytes).program
+
+
+def discovery_profile(depth: int = 1) -> Qos:
+    """Return the policies of `ros_discovery_info`; a reader keeps more than one, since programs are not told apart."""
+    return profile(Quality(is_latched=True), depth)
+
+
+def presence(
+    gid_bytes: int, program: Gid, namespace: str, node: str, readers: Iterable[Gid], writers: Iterable[Gid]
+) -> Any:
+    """Return what a program of one node tells of itself; `namespace` begins with a slash."""
+    types = _types(gid_bytes)
+
+    def gid(number: Gid) -> Any:
+        return types.gid(data=list(number.ljust(gid_bytes, b"\0")))
+
+    ends = ([gid(number) for number in listed] for listed in (readers, writers))
+    return types.program(gid(program), [types.node(namespace, node, *ends)])
+
+
+def node_names(told: Any) -> tuple[Gid, dict[Gid, str]]:
+    """Return a program's number, and the names of the nodes that its ends of topics belong to."""
+    names: dict[Gid, str] = {}
+    for node in told.node_entities_info_seq:
+        name = f"{node.node_namespace.rstrip('/')}/{node.node_name}"
+        for gid in (*node.reader_gid_seq, *node.writer_gid_seq):
+            names[bytes(gid.data)[:16]] = name
+    return bytes(told.gid.data)[:16], names
+
 
 MANY = 1000  # of anything that is taken at once
 HANDLES = 2**64  # what Cyclone calls ends of topics by; its Python gives half of them as negative numbers
@@ -120,3 +251,57 @@ def _endpoint(sample: Any) -> Endpoint:
         quality_of(sample.qos),
         user_data_of(sample.qos),
     )
+
+
+_PATIENCE = 1.0  # [s] until a program without a ROS node is called by its number
+_logger = logging.getLogger(__name__)
+Ours = Mapping[str, tuple[str, Quality]]  # type and quality, by DDS's names of topics
+
+
+class Mismatches:
+    """Compares the ends of this program's topics with those of others."""
+
+    def __init__(self, directory: Directory, own: bytes, node: str) -> None:
+        """Prepare; `own` is this program's number."""
+        self._directory, self._own, self._node = directory, own, node
+        self._said: set[bytes] = set()  # ends by their numbers
+        self._seen: dict[bytes, float] = {}  # when, of those whose node is not known yet
+        self._changes = -1
+
+    @property
+    def is_due(self) -> bool:
+        """Return whether others have come since the last look, or wait to be named."""
+        return self._changes != self._directory.changes or bool(self._seen)
+
+    def look(self, published: Ours, heard: Ours) -> None:
+        """Warn of those that have come; called where that is due."""
+        self._changes = self._directory.changes
+        for dds_name, (kind, quality) in published.items():
+            topic = ros_topic(dds_name)
+            for end in self._others(self._directory.subscribers(dds_name)):
+                if end.type_name != dds_type(kind):
+                    self._say(
+                        end, f"{topic}: {{}} takes {ros_type(end.type_name)}, {self._node} publishes {kind}"
+                    )
+                elif missing := quality.lacks(end.quality):
+                    asked = f"it asks for {end.quality}, offered is {quality} ({', '.join(missing)})"
+                    self._say(end, f"{topic}: {{}} hears nothing of {self._node}: {asked}")
+        for dds_name, (kind, quality) in heard.items():
+            topic = ros_topic(dds_name)
+            for end in self._others(self._directory.publishers(dds_name)):
+                if end.type_name != dds_type(kind):
+                    self._say(
+                        end, f"{topic}: {{}} publishes {ros_type(end.type_name)}, {self._node} takes {kind}"
+                    )
+                elif end.quality.is_plain is not quality.is_plain:
+                    self._say(end, f"{topic}: {self._node} hears nothing of {{}}, which offers {end.quality}")
+
+    def _others(self, ends: list[Endpoint]) -> Iterator[Endpoint]:
+        return (end for end in ends if end.participant != self._own and end.guid not in self._said)
+
+    def _say(self, end: Endpoint, text: str) -> None:
+        since = self._seen.setdefault(end.guid, time.monotonic())
+        if self._directory.is_named(end) or time.monotonic() > since + _PATIENCE:
+            del self._seen[end.guid]
+            self._said.add(end.guid)
+            _logger.warning("topic %s", text.format(self._directory.node(end)))

@@ -20,12 +20,18 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from catenary.crtk.dds.directory import MANY, Directory, Endpoint
-from catenary.crtk.dds.discovery import discovery_profile, discovery_type, presence
-from catenary.crtk.dds.distributions import Distribution
+from catenary.crtk.dds.directory import (
+    MANY,
+    Directory,
+    Endpoint,
+    Quality,
+    discovery_profile,
+    discovery_type,
+    presence,
+    profile,
+)
 from catenary.crtk.dds.domain import enter_domain
-from catenary.crtk.dds.names import DISCOVERY
-from catenary.crtk.dds.qualities import Quality, profile
+from catenary.crtk.dds.types import DISCOVERY, Distribution
 from catenary.errors import TransportError
 
 _LOOK = 100_000_000  # [ns] between looks where nothing comes

@@ -15,15 +15,12 @@ from functools import partial
 from itertools import count
 from typing import Any, NamedTuple
 
-from catenary.crtk.dds.cdr import FRONT, cdr_decoder, cdr_encoder
-from catenary.crtk.dds.directory import HANDLES, Endpoint
-from catenary.crtk.dds.distributions import half_hash
-from catenary.crtk.dds.names import dds_half, reply_topic, request_topic
+from catenary.crtk.dds.directory import HANDLES, Endpoint, Quality
 from catenary.crtk.dds.program import Program
-from catenary.crtk.dds.qualities import Quality
-from catenary.crtk.dds.types import half_type
+from catenary.crtk.dds.types import dds_half, half_hash, half_type, reply_topic, request_topic
 from catenary.crtk.inbox import Inbox, Request
 from catenary.crtk.message import Message, message_class
+from catenary.crtk.message_bytes import CDR, codec
 from catenary.crtk.transport import Handler
 from catenary.errors import FileFormatError, TransportError
 
@@ -229,17 +226,17 @@ def _failure(type_name: str, text: str) -> Message:
 
 def _encoded(name: str, message: Message) -> bytes:
     """Return a half of a service as CDR, without the bytes in front; who asked has 16, which changes no place."""
-    return cdr_encoder(name)(message)[len(FRONT) :]
+    return codec(name, CDR).encode(message)[len(CDR.front) :]
 
 
 def _decoded(name: str, body: bytes) -> Message:
-    return cdr_decoder(name)(FRONT + body)
+    return codec(name, CDR).decode(CDR.front + body)
 
 
 def _joined(asked: tuple[int, int], body: bytes) -> bytes:
-    return FRONT + _ASKED.pack(*asked) + body
+    return CDR.front + _ASKED.pack(*asked) + body
 
 
 def _split(data: bytes) -> tuple[tuple[int, int], bytes]:
-    client, number = _ASKED.unpack_from(data, len(FRONT))
-    return (client, number), data[len(FRONT) + _ASKED.size :]
+    client, number = _ASKED.unpack_from(data, len(CDR.front))
+    return (client, number), data[len(CDR.front) + _ASKED.size :]

@@ -1,18 +1,131 @@
-"""DDS's types, made at run time from the descriptions that ROS 1's messages have too.
+"""ROS 2's names, types and their hashes in DDS, and what differs between its distributions.
 
-What an instance carries is the message's bytes (CDR), made and read elsewhere: `serialize` and `deserialize` pass them
-on. DDS itself needs the fields to tell types apart and to refuse bytes that are no message of the type.
+Topic `/arm1/measured_js` is DDS's `rt/arm1/measured_js`; requests of service `/silver_button` go over
+`rq/silver_buttonRequest`, its answers over `rr/silver_buttonReply`. Type sensor_msgs/msg/JointState is
+`sensor_msgs::msg::dds_::JointState_`. (ROS 2's design, "Topic and Service name mapping to DDS".)
+
+Types are made at run time from the descriptions that ROS 1's messages have too. What an instance carries is the
+message's bytes (CDR), made and read elsewhere; DDS itself needs the fields to tell types apart and to refuse bytes that
+are no message of the type.
 """
 
+import os
+import re
+from collections.abc import Mapping
 from functools import cache
-from types import new_class
-from typing import Any
+from types import MappingProxyType, new_class
+from typing import Any, NamedTuple
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl import types as idl
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
-from catenary.crtk.dds.names import dds_half, dds_type
-from catenary.recording.messages import Field, fields
+from catenary.errors import InputError
+from catenary.recording.messages import SERVICES, Field, current_name, fields, ros2_name, typestore
+
+DISCOVERY = "ros_discovery_info"  # where each program tells which nodes it has; no topic of ROS
+_TYPE = re.compile(r"(\w+)::msg::dds_::(\w+)_")
+
+
+def dds_topic(topic: str) -> str:
+    """Return DDS's name of a topic."""
+    return f"rt{topic}"
+
+
+def ros_topic(name: str) -> str | None:
+    """Return the topic that DDS calls so, or None where it is none of ROS."""
+    return name[2:] if name.startswith("rt/") else None
+
+
+def request_topic(service: str) -> str:
+    """Return DDS's name of the topic of a service's requests."""
+    return f"rq{service}Request"
+
+
+def reply_topic(service: str) -> str:
+    """Return DDS's name of the topic of a service's answers."""
+    return f"rr{service}Reply"
+
+
+def dds_type(name: str) -> str:
+    """Return DDS's name of a message type, or of a field's."""
+    package, _, message = current_name(name).partition("/")
+    return f"{package}::msg::dds_::{message}_"
+
+
+def dds_half(service: str, half: str) -> str:
+    """Return DDS's name of half a service type, which is `Request` or `Response`."""
+    package, _, name = service.partition("/")
+    return f"{package}::srv::dds_::{name}_{half}_"
+
+
+def ros_type(name: str) -> str:
+    """Return the message type that DDS calls so; a name that is none of ROS's as it is."""
+    found = _TYPE.fullmatch(name)
+    return current_name(f"{found[1]}/{found[2]}") if found else name
+
+
+class Distribution(NamedTuple):
+    """A distribution of ROS 2, as its programs find each other."""
+
+    name: str
+    gid: int  # bytes by which a program or a topic's end is told in ros_discovery_info
+    has_hashes: bool  # topics' ends carry a hash of their type, which ROS 2 warns without
+
+
+# rmw's storage of a gid had 24 bytes up to Humble; type hashes came with Iron (REP 2016)
+DISTRIBUTIONS: Mapping[str, Distribution] = MappingProxyType(
+    {
+        name: Distribution(name, gid, has_hashes)
+        for name, gid, has_hashes in (
+            ("humble", 24, False),
+            ("iron", 16, True),
+            ("jazzy", 16, True),
+            ("kilted", 16, True),
+            ("rolling", 16, True),
+        )
+    }
+)
+DEFAULT = "jazzy"  # the newest with support of five years
+
+
+def distribution(name: str | None = None) -> Distribution:
+    """Return a distribution: the one named, else ROS_DISTRO where ROS 2's setup was sourced, else `DEFAULT`."""
+    if name is None:
+        return DISTRIBUTIONS.get(os.environ.get("ROS_DISTRO", ""), DISTRIBUTIONS[DEFAULT])
+    if name not in DISTRIBUTIONS:
+        raise InputError(f'ROS 2 distribution "{name}": expected one of {", ".join(DISTRIBUTIONS)}')
+    return DISTRIBUTIONS[name]
+
+
+def message_hash(name: str) -> str:
+    """Return ROS 2's hash of a message type (REP 2016), by which its programs tell versions of it apart."""
+    return _hash(ros2_name(name))
+
+
+def half_hash(service: str, half: str) -> str:
+    """Return ROS 2's hash of a service's Request or Response."""
+    package, _, name = service.partition("/")
+    return _hash(f"{package}/srv/{name}_{half}")
+
+
+@cache
+def _hash(name: str) -> str:
+    return _services().hash_rihs01(name) if "/srv/" in name else typestore(2).hash_rihs01(name)
+
+
+@cache
+def _services() -> Typestore:
+    """Return halves of services under ROS 2's names, with the messages that they contain."""
+    store, halves = get_typestore(Stores.EMPTY), dict(typestore(2).fielddefs)
+    for service in SERVICES:
+        package, _, name = service.partition("/")
+        for half in ("Request", "Response"):
+            halves[f"{package}/srv/{name}_{half}"] = typestore(2).fielddefs[ros2_name(f"{service}{half}")]
+    store.register(halves)
+    return store
+
 
 _NUMBERS = {
     "bool": bool, "byte": idl.uint8, "char": idl.uint8,

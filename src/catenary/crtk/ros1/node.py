@@ -3,6 +3,9 @@
 Imports rospy, so it is imported only when a `Ros1Transport` is made. rospy keeps its state in module globals: a process
 has one node with one name until it ends. Its signal handlers are not installed and it writes no log files; its loggers
 (`rospy`, `rosout`) are the program's.
+
+rospy carries messages whose bytes are made and read elsewhere: a class of genpy's protocol for each type has its name,
+md5 sum and definition, by which ROS's programs tell types apart, and passes the bytes on.
 """
 
 import atexit
@@ -11,14 +14,57 @@ import os
 import threading
 import warnings
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
+import genpy
 import rospy
 
 from catenary.crtk.ros1 import peers
 from catenary.crtk.ros1.master import Master, Refused, bound_to_all
-from catenary.crtk.ros1.messages import raw_class, service_class
 from catenary.errors import TransportError
+from catenary.recording.messages import full_definition, md5_sum, service_md5_sum
+
+
+class RawMessage(genpy.Message):  # type: ignore[misc]  # genpy is not typed
+    """A message as bytes."""
+
+    __slots__ = ("data",)
+    _slot_types: tuple[str, ...] = ()
+    _has_header = False  # rospy would count in it; whoever makes the bytes does
+
+    def __init__(self, data: bytes = b"") -> None:
+        self.data = data
+
+    def serialize(self, buffer: Any) -> None:
+        """Write the bytes."""
+        buffer.write(self.data)
+
+    def deserialize(self, data: bytes) -> "RawMessage":
+        """Keep the bytes."""
+        self.data = data
+        return self
+
+
+@cache
+def raw_class(name: str) -> type[RawMessage]:
+    """Return the class that stands for a message type towards rospy and its peers, under the spelling given."""
+    attributes = {
+        "__slots__": (),
+        "_type": name,
+        "_md5sum": md5_sum(name),
+        "_full_text": full_definition(name),
+    }
+    return type(name.rpartition("/")[2], (RawMessage,), attributes)
+
+
+@cache
+def service_class(name: str) -> type:
+    """Return the class that stands for a service type towards rospy and its peers."""
+    halves = {f"_{half.lower()}_class": raw_class(f"{name}{half}") for half in ("Request", "Response")}
+    attributes = {"_type": name, "_md5sum": service_md5_sum(name), **halves}
+    return type(name.rpartition("/")[2], (), attributes)
+
 
 WATCH = 0.5  # [s] between looks at the master
 _logger = logging.getLogger(__name__)

@@ -28,7 +28,7 @@ import rospy
 from rospy.exceptions import TransportTerminated
 from rospy.impl import tcpros_base
 
-from catenary.crtk.bounds import ANY
+from catenary.crtk.message_bytes import ANY
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone
 _LENGTH = struct.Struct("<I")  # in front of each message

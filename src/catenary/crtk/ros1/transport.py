@@ -6,14 +6,16 @@ it is back, which rospy alone does not do.
 """
 
 import importlib
+import importlib.util
+import sys
 import threading
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
-from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.message_bytes import codec
 from catenary.crtk.ros1.master import master_uri
 from catenary.crtk.transport import (
     Connections,
@@ -24,8 +26,39 @@ from catenary.crtk.transport import (
     answer_of,
     other_type,
 )
-from catenary.errors import TransportError
+from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name
+
+# where Debian and ROS noetic put it, for the system's Python
+_FOLDERS = (Path("/usr/lib/python3/dist-packages"), Path("/opt/ros/noetic/lib/python3/dist-packages"))
+
+
+def make_rospy_importable() -> None:
+    """Find rospy, where need be outside this environment."""
+    if importlib.util.find_spec("rospy") is not None:
+        return
+    if _system_python() == sys.version_info[:2]:
+        for folder in _FOLDERS:
+            if (folder / "rospy" / "__init__.py").is_file():
+                sys.path.append(str(folder))
+                importlib.invalidate_caches()
+                return
+    version = ".".join(map(str, sys.version_info[:2]))
+    raise MissingPackageError(
+        f"rospy: not found for Python {version}. On Debian 12, with its Python 3.11: apt install python3-rospy "
+        "python3-rosmaster. Without ROS, the loopback transport carries messages within one process"
+    )
+
+
+def _system_python() -> tuple[int, int] | None:
+    """Return the version of Python for which the system's packages are made."""
+    try:
+        name = Path("/usr/bin/python3").resolve(strict=True).name
+        major, _, minor = name.removeprefix("python").partition(".")
+        return int(major), int(minor)
+    except (OSError, ValueError):
+        return None
+
 
 _open: "Ros1Transport | None" = None  # rospy has one node a process
 

@@ -1,13 +1,23 @@
-"""What a served arm says, verb by verb: its joints, jaws, tool and operating state as messages."""
+"""What a served arm says, verb by verb: joints, jaws, tool and state as messages, and CRTK's kinematics services.
 
+Services: joints are those of `measured_js`, in its order; poses are the tool's in the base. What cannot be answered
+says so in `result` and `message`, and moves nothing. [crtk_msgs: QueryForwardKinematics, QueryInverseKinematics]
+"""
+
+from collections.abc import Callable, Iterator
 from functools import cache
+from typing import NamedTuple
 
-from catenary.arrays import Floats
-from catenary.crtk.conversions import operating_state_message, pose_message
+import numpy as np
+
+from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.message_values import operating_state_message, pose_message, rotation_of
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.tool_forces import FrameOfForces, exerted, jacobian
+from catenary.errors import CatenaryError, LimitError
 from catenary.plant import JointState
+from catenary.spatial import Pose
 
 BASE, TOOL = "base", "tool"  # frames: of all poses; of what is said in the tool's own axes
 _JointState = message_class("sensor_msgs/JointState")
@@ -67,7 +77,7 @@ def measured_cf(
     """Return the force [N] and moment [Nm] that the tool exerts, by the torques beyond the arm's own weight."""
     if frame is FrameOfForces.BODY and arm.forces_in_base_axes:
         frame = FrameOfForces.TOOL_IN_BASE_AXES
-    x, y, z, a, b, c = exerted(arm, frame).tolist()
+    x, y, z, a, b, c = exerted(arm.measured_tool, frame).tolist()
     where = TOOL if frame is FrameOfForces.BODY else BASE
     return _WrenchStamped(header(stamp, where), _Wrench(_Vector3(x, y, z), _Vector3(a, b, c)))
 
@@ -76,7 +86,7 @@ def jacobian_matrix(
     arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES
 ) -> Message:
     """Return the Jacobian (6, n) by rows: velocity over angular velocity, of the joints as `measured_js` has them."""
-    matrix = jacobian(arm, frame)
+    matrix = jacobian(arm.measured_tool, frame)
     rows, columns = matrix.shape
     return _MultiArray(_layout(rows, columns), matrix.ravel())
 
@@ -113,3 +123,55 @@ def _jaw(arm: ServedArm, state: JointState, stamp: int, name: str) -> Message:
     jaws = arm.tool.jaws
     position, velocity, effort = (row[-jaws:].sum() for row in (state.q, state.qd, state.tau))
     return _JointState(header(stamp), (name,), [position], [velocity], [effort / jaws])
+
+
+FORWARD, INVERSE = "crtk_msgs/QueryForwardKinematics", "crtk_msgs/QueryInverseKinematics"
+
+
+class Service(NamedTuple):
+    """A service of a robot."""
+
+    name: str
+    type: str
+    answer: Callable[[Message], Message]
+
+
+def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
+    """Yield both services of an arm, below its namespace `place`."""
+    yield Service(
+        f"{place}/forward_kinematics", FORWARD, lambda request: _answer(FORWARD, _pose_at, arm, request)
+    )
+    yield Service(
+        f"{place}/inverse_kinematics", INVERSE, lambda request: _answer(INVERSE, _joints_at, arm, request)
+    )
+
+
+def _answer(
+    kind: str, compute: Callable[[ServedArm, Message], dict[str, Message]], arm: ServedArm, request: Message
+) -> Message:
+    response = message_class(f"{kind}Response")
+    try:
+        return response(result=True, **compute(arm, request))
+    except CatenaryError as error:
+        return response(result=False, message=str(error))
+
+
+def _pose_at(arm: ServedArm, request: Message) -> dict[str, Message]:
+    pose = arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
+    return {"cp": pose_message(pose, 0, BASE).pose}
+
+
+def _joints_at(arm: ServedArm, request: Message) -> dict[str, Floats]:
+    """Return joints at a pose, the nearest to those of the request; to the setpoint where it has none."""
+    n = len(arm.reported)
+    near = arm.setpoint.q if not len(request.jp) else arm.whole(as_array("jp", request.jp, (n,)))
+    goal = Pose(rotation_of(request.cp.orientation), as_array("position", tuple(request.cp.position), (3,)))
+    q = arm.tool.joints(goal, near)
+    beyond = np.flatnonzero((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9))
+    if len(beyond):
+        j = int(beyond[0])
+        raise LimitError(
+            f'joint "{arm.names[j]}": {q[j]:.6g} {arm.plant.joint_units[j]} outside '
+            f"[{arm.lower[j]:.6g}, {arm.upper[j]:.6g}]"
+        )
+    return {"jp": q[:n]}

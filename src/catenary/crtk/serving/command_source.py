@@ -16,12 +16,12 @@ at any time.
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from catenary.crtk.bounds import Bounds
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, stamp_of
-from catenary.crtk.names import COMMAND, GRAV_DIR, CrtkTopic
+from catenary.crtk.message_bytes import Bounds
 from catenary.crtk.serving.reports import Reports
+from catenary.crtk.topic_names import COMMAND, GRAV_DIR, CrtkTopic
 from catenary.crtk.transport import Transport
 
 OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed

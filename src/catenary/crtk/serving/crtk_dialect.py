@@ -9,15 +9,14 @@ from functools import partial
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.message import Message
-from catenary.crtk.names import CrtkTopic, topics
-from catenary.crtk.serving import arm_messages, cartesian_commands
-from catenary.crtk.serving.kinematics_services import kinematics_services
-from catenary.crtk.serving.moves import joint_move, straight_move
+from catenary.crtk.message_values import joint_values, pose_of
+from catenary.crtk.serving import arm_messages, moves
+from catenary.crtk.serving.arm_messages import kinematics_services
+from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.crtk.serving.tool_forces import FrameOfForces, torques_for
+from catenary.crtk.topic_names import CrtkTopic, topics
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.spatial import Pose, rotation_vector
@@ -47,7 +46,7 @@ _PUBLISHED: dict[str, MakeMessage] = {
 }
 
 
-class CrtkDialect(Speaker):
+class CrtkDialect(Dialect):
     """Speaks for any arms, each in its namespace.
 
     The operating state is latched, and sent when it changes and ten times a second while it is busy; not otherwise:
@@ -77,18 +76,18 @@ class CrtkDialect(Speaker):
         )
         self._told: dict[str, tuple[OperatingState, int]] = {}
 
-    def begin(self, outlets: Outlets) -> None:
-        """Prepare to publish by outlets; called once, before `publish`."""
-        super().begin(outlets)
-        self._states = [(name, arm, outlets["operating_state", name]) for name, arm in self.arms.items()]
+    def begin(self, publishers: Publishers) -> None:
+        """Prepare to publish by publishers; called once, before `publish`."""
+        super().begin(publishers)
+        self._states = [(name, arm, publishers["operating_state", name]) for name, arm in self.arms.items()]
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        for name, arm, outlet in self._states:
+        for name, arm, lazy in self._states:
             told, tick = self._told.get(name, (None, 0))
             if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
                 self._told[name] = arm.state, arm.tick
-                outlet.publish(arm_messages.operating_state(arm, now))
+                lazy.publish(arm_messages.operating_state(arm, now))
         super().publish(now)
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
@@ -115,7 +114,7 @@ def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
     wrench = as_array("wrench", [*message.wrench.force, *message.wrench.torque], (6,))
     if frame is FrameOfForces.BODY and arm.forces_in_base_axes:
         frame = FrameOfForces.TOOL_IN_BASE_AXES
-    arm.push_with(torques_for(arm, wrench, frame))
+    arm.push_with(torques_for(arm.measured_tool, wrench, frame))
 
 
 def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
@@ -175,7 +174,7 @@ def _twist(message: Message) -> Floats:
 
 def _servo_cr(arm: ServedArm, message: Message) -> None:
     step = pose_of(message)
-    cartesian_commands.servo_pose_increment(arm, step.position, rotation_vector(step.rotation))
+    moves.servo_pose_increment(arm, step.position, rotation_vector(step.rotation))
 
 
 _OBEYED: dict[str, Obey] = {
@@ -183,23 +182,25 @@ _OBEYED: dict[str, Obey] = {
     "servo_jr": lambda arm, message: arm.increment(_increments(arm, message)),
     "servo_jv": lambda arm, message: arm.run_at(_increments(arm, message, "velocity")),
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
-    "servo_cp": lambda arm, message: cartesian_commands.servo_pose(arm, pose_of(message)),
+    "servo_cp": lambda arm, message: moves.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
-    "servo_cv": lambda arm, message: cartesian_commands.servo_twist(arm, _twist(message)),
+    "servo_cv": lambda arm, message: moves.servo_twist(arm, _twist(message)),
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
-    "move_jp": lambda arm, message: arm.move(joint_move(arm, _goal(arm, message))),
-    "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _increments(arm, message))),
-    "move_cp": lambda arm, message: arm.move_when_planned(straight_move(arm, pose_of(message))),
-    "move_cr": lambda arm, message: arm.move_when_planned(straight_move(arm, _moved(arm, message))),
+    "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
+    "move_jr": lambda arm, message: arm.move(
+        moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))
+    ),
+    "move_cp": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, pose_of(message))),
+    "move_cr": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
     "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
     "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "jaw/servo_jf": _jaw_servo_jf,
     "jaw/move_jp": lambda arm, message: arm.move(
-        joint_move(arm, arm.joints_at_opening(single_number(message)))
+        moves.joint_move(arm, arm.joints_at_opening(single_number(message)))
     ),
     "jaw/move_jr": lambda arm, message: arm.move(
-        joint_move(arm, arm.setpoint.q + arm.jaw_increments(single_number(message)))
+        moves.joint_move(arm, arm.setpoint.q + arm.jaw_increments(single_number(message)))
     ),
 }

@@ -1,30 +1,105 @@
-"""What the public RAVEN-II software (branch crtk) says and obeys, topic for topic; see docs/crtk.md."""
+"""The public RAVEN-II software's dialect (branch crtk), topic for topic, /ravenstate too; see docs/crtk.md."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import (
+from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.message_values import (
     joint_values,
     named_joints,
     operating_state_message,
     pose_of,
     rotation_of,
 )
-from catenary.crtk.message import Message, header, message_class
-from catenary.crtk.names import GRAV_DIR, RAVEN, CrtkTopic
-from catenary.crtk.raven_telemetry import joint_torques
-from catenary.crtk.serving import arm_messages, cartesian_commands
-from catenary.crtk.serving.raven_state import RavenState
-from catenary.crtk.serving.served_arm import ServedArm
-from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
+from catenary.crtk.raven_telemetry import CHANNELS, joint_torques
+from catenary.crtk.serving import arm_messages, moves
+from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
+from catenary.crtk.serving.served_arm import JAWS, ServedArm
 from catenary.crtk.serving.state_machine import robot_state
+from catenary.crtk.topic_names import GRAV_DIR, RAVEN, CrtkTopic
 from catenary.errors import InputError
 from catenary.plant import OperatingState
+from catenary.recording.messages import NUMBERS, fields
 from catenary.spatial import Pose, rotation_vector
+
+_DEGREES = 180.0 / np.pi  # every position and velocity is multiplied by it, metres too
+_UM = 1e6  # truncated to whole ones, as the robot does
+_PLACE: dict[str, int] = {"gold": 0, "green": 1}
+_RavenState = message_class("raven_2/raven_state")
+_ARRAYS = {
+    field.name: (field.length, np.dtype(NUMBERS[field.type]))
+    for field in fields("raven_2/raven_state")
+    if field.length
+}
+# fields of 16 channels, with what a number in SI is multiplied by; those below are columns of telemetry
+_JOINTS = {"jpos": _DEGREES, "jvel": _DEGREES, "jpos_d": _DEGREES}
+_TELEMETRY = {"tau": 1.0, "mpos": _DEGREES, "mvel": _DEGREES, "mpos_d": _DEGREES, "encoffsets": 1.0}
+_COUNTS = ("encVals", "dac_val")
+
+
+class RavenState:
+    """Makes the message of arms of seven joints; what an arm does not know is zero, as the robot sends it."""
+
+    def __init__(self, arms: Mapping[str, ServedArm], period: float) -> None:
+        """Prepare; `period` [s] of a tick."""
+        self._arms = arms
+        self._channels = {name: np.array(CHANNELS[name]) for name in arms}
+        self._moving = [arm for arm in arms.values() if arm.machine.can_change]
+        self._nanoseconds = round(SECOND * period)
+        self._arrays: dict[str, Floats] = {name: np.zeros(n, kind) for name, (n, kind) in _ARRAYS.items()}
+        factors = _JOINTS | _TELEMETRY
+        self._factors = np.array([*factors.values()])[:, np.newaxis]
+        # rows of channels, which the message's arrays are
+        self._floats = np.zeros((len(factors), 16), _ARRAYS["tau"][1])
+        self._counts = np.zeros((len(_COUNTS), 16), _ARRAYS["encVals"][1])
+        self._arrays |= dict(zip(factors, self._floats, strict=True)) | dict(
+            zip(_COUNTS, self._counts, strict=True)
+        )
+        self._written: dict[str, int] = {}  # change of an arm that the arrays show
+
+    def message(self, stamp: int) -> Message:
+        """Return the message at `stamp` [ns]; the next one reuses its arrays."""
+        for name, arm in self._arms.items():
+            if self._written.get(name) != arm.changes:
+                self._written[name] = arm.changes
+                self._write(name, arm)
+        # the arm that is furthest
+        level = max((arm.machine.run_level(arm.state) for arm in self._moving), default=0)
+        # branch crtk puts there whether all joints are homed [local_io.cpp: publish_ravenstate_ros, robot_ready]
+        sublevel = int(robot_state([arm.state for arm in self._moving]).is_homed)
+        return _RavenState(
+            header(stamp), runlevel=level, sublevel=sublevel, dt=self._nanoseconds, **self._arrays
+        )
+
+    def _write(self, name: str, arm: ServedArm) -> None:
+        arrays, place, channels = self._arrays, _PLACE[name], self._channels[name]
+        measured, setpoint = arm.measured, arm.setpoint
+        telemetry, unknown = arm.plant.telemetry(), np.zeros(len(channels))
+
+        def rows(names: Iterable[str]) -> list[Floats]:
+            found = (telemetry.get(name, unknown) for name in names)
+            return [row if len(row) == len(channels) else unknown for row in found]
+
+        joints = [measured.q, measured.qd, setpoint.q, *rows(_TELEMETRY)]
+        self._floats[:, channels] = self._factors * joints
+        self._counts[:, channels] = rows(_COUNTS)
+        arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
+        # velocity and angular velocity of the tool in its own axes; the robot, too, sends them twice
+        twist = (arm.measured_tool.twist.reshape(2, 3) @ arm.measured_tool.pose.rotation).ravel()
+        for twice in ("jac_vel", "jac_f"):
+            arrays[twice][6 * place : 6 * place + 6] = twist
+        for pose, position, rotation in (
+            (arm.measured_tool.pose, "pos", "ori"),
+            (arm.setpoint_tool.pose, "pos_d", "ori_d"),
+        ):
+            in_frame_0 = arm.tool.in_frame_0(pose)
+            arrays[position][3 * place : 3 * place + 3] = _UM * in_frame_0.position
+            arrays[rotation][9 * place : 9 * place + 9] = in_frame_0.rotation.ravel()
+
 
 _JointState = message_class("sensor_msgs/JointState")
 SLOW = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
@@ -47,7 +122,7 @@ _PUBLISHED: dict[str, MakeMessage] = {
 }
 
 
-class RavenDialect(Speaker):
+class RavenDialect(Dialect):
     """Speaks for a robot of a gold and a green arm, which have one operating state between them."""
 
     is_one_robot = True
@@ -70,13 +145,13 @@ class RavenDialect(Speaker):
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])
         self._slow: int | None = None
 
-    def begin(self, outlets: Outlets) -> None:
-        """Prepare to publish by outlets; called once, before `publish`."""
-        super().begin(outlets)
+    def begin(self, publishers: Publishers) -> None:
+        """Prepare to publish by publishers; called once, before `publish`."""
+        super().begin(publishers)
         for name in (None, *self.arms):  # one robot, one state, whichever arm is asked
-            self._outlets.append((outlets["operating_state", name], self._state_message, self._leader))
+            self._publishers.append((publishers["operating_state", name], self._state_message, self._leader))
         self._raven_state = RavenState(self.arms, self._leader.plant.period)
-        self._whole, self._joint_states = outlets["ravenstate", None], outlets["joint_states", None]
+        self._whole, self._joint_states = publishers["ravenstate", None], publishers["joint_states", None]
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
@@ -139,9 +214,7 @@ class RavenDialect(Speaker):
             vector = rotation_vector(rotation_of(turn.rotation)) if any(turn.rotation) else np.zeros(3)
             if not (step.any() or vector.any()) or not arm.is_ready:
                 continue
-            cartesian_commands.servo_pose_increment(
-                arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector)
-            )
+            moves.servo_pose_increment(arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector))
 
 
 def _whole(vector: Message) -> tuple[int, int, int]:
@@ -201,12 +274,12 @@ def _grasp_servo_jv(arm: ServedArm, message: Message) -> None:
 
 def _servo_cr(arm: ServedArm, message: Message) -> None:
     pose = _increment_of(message)
-    cartesian_commands.servo_pose_increment(arm, pose.position, rotation_vector(pose.rotation))
+    moves.servo_pose_increment(arm, pose.position, rotation_vector(pose.rotation))
 
 
 def _servo_cv(arm: ServedArm, message: Message) -> None:
     pose, dt = _increment_of(message), arm.plant.period
-    cartesian_commands.servo_pose_increment(arm, dt * pose.position, dt * rotation_vector(pose.rotation))
+    moves.servo_pose_increment(arm, dt * pose.position, dt * rotation_vector(pose.rotation))
 
 
 def _increment_of(message: Message) -> Pose:
@@ -221,7 +294,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_jr": _servo_jr,
     "servo_jp": _servo_jp,
     "servo_jv": _servo_jv,
-    "servo_cp": lambda arm, message: cartesian_commands.servo_pose(arm, pose_of(message)),
+    "servo_cp": lambda arm, message: moves.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
     "servo_cv": _servo_cv,
     "grasp_servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),

@@ -1,24 +1,130 @@
 """A robot as a server: reads commands once a tick, moves, publishes; the same over ROS 1, ROS 2 and within a process.
 
 The server keeps no time: `tick` is called at the robot's rate by whoever does (`catenary.nodes.serve`, a test).
+
+Beside its dialect it publishes `/diagnostics` (each arm's state, and why it is in FAULT, once a second and when a state
+changes [diagnostic_msgs/DiagnosticArray; ROS REP 107: name, hardware_id]) and external encoders.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from catenary.crtk.conversions import Stamps
-from catenary.crtk.message import Message, message_class
-from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, WARNING, CrtkTopic
+import numpy as np
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.exclusive_control import WATCH, Commander
+from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.message_values import Stamps, joint_state_message
 from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
-from catenary.crtk.serving.commander import WATCH, Commander
-from catenary.crtk.serving.diagnostics import Diagnostics
-from catenary.crtk.serving.outlet import Outlet
+from catenary.crtk.serving.dialect import Dialect, LazyPublisher
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.crtk.serving.served_encoders import ServedEncoders
-from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.serving.state_machine import why_not_obeyed
+from catenary.crtk.topic_names import (
+    BUTTON,
+    BUTTON_TYPE,
+    COMMAND,
+    DIAGNOSTICS,
+    DIAGNOSTICS_TYPE,
+    JOINT_STATE,
+    WARNING,
+    CrtkTopic,
+)
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, InputError
+from catenary.plant import OperatingState, Plant, fault_of
+from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Topic
+
+_Array, _Status, _KeyValue = (
+    message_class(f"diagnostic_msgs/{name}") for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
+)
+OK, WARN, ERROR = 0, 1, 2  # levels
+
+
+class Diagnostics:
+    """Publishes a status for each arm that moves."""
+
+    def __init__(self, transport: Transport, arms: Mapping[str, ServedArm], reports: Reports) -> None:
+        """Begin to publish."""
+        self._publisher = transport.publisher(DIAGNOSTICS, DIAGNOSTICS_TYPE, latch=True)
+        self._arms = {name: arm for name, arm in arms.items() if arm.machine.can_change}
+        self._reports = reports
+        self._told: dict[str, OperatingState] = {}
+        self._at: int | None = None  # [ns]
+
+    def publish(self, now: int, stamp: int) -> None:
+        """Publish at `now` [ns], stamped so [ns], if it is time or something has changed; say why a new fault came."""
+        states = {name: arm.state for name, arm in self._arms.items()}
+        if states == self._told and self._at is not None and 0 <= now - self._at < SECOND:
+            return
+        for name, arm in self._arms.items():
+            if states[name].state == "FAULT" and (
+                name not in self._told or self._told[name].state != "FAULT"
+            ):
+                why = fault_of(arm.plant) or "the robot does not say why"
+                self._reports.say(f"{name}: FAULT", why, now, to=(name,), each=True)
+        self._told, self._at = states, now
+        self._publisher.publish(
+            _Array(header(stamp), tuple(self._status(name, arm) for name, arm in self._arms.items()))
+        )
+
+    def _status(self, name: str, arm: ServedArm) -> Message:
+        state = arm.state
+        refused = sum(one.count for kind, one in self._reports.kinds.items() if kind.endswith(": refused"))
+        level, text = (
+            (OK, state.state) if state.is_homed or state.is_busy else (WARN, f"{state.state}, not homed")
+        )
+        if state.state == "FAULT":
+            level, text = ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
+        values = {
+            "state": state.state,
+            "is_homed": str(state.is_homed),
+            "is_busy": str(state.is_busy),
+            "commands refused": str(refused),
+        }
+        pairs = tuple(_KeyValue(key, value) for key, value in values.items())
+        return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
+
+
+OF_RAVEN = (JOINT_ENC, EXT_JPOS)
+
+
+def has_encoders(plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> bool:
+    """Return whether a plant's telemetry holds what external encoders read, as topics carry it."""
+    return {topic.columns[0].name for topic in topics} <= {c.name for c in plant.columns}
+
+
+class ServedEncoders:
+    """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known: no zero stands for what is not.
+
+    Or, in place of a RAVEN-II's encoders, what a tracker sees of another arm's joints.
+    """
+
+    def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> None:
+        """Begin to publish what a plant's telemetry holds, over topics."""
+        self._plant = plant
+        self.publishers = tuple(
+            LazyPublisher(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.columns[0].name))
+            for topic in topics
+        )
+        self._joints = topics[0].joint_names
+        self._every = min(round(SECOND / topic.rate) for topic in topics)  # [ns]
+        self._due: int | None = None
+
+    def publish(self, now: int, stamp: int) -> None:
+        """Publish at `now` [ns], stamped so [ns], if it is time and anybody listens."""
+        if self._due is not None and 0 <= self._due - now < self._every:
+            return
+        # on a grid, so that ticks that come late do not make it slower; never two to catch up
+        late = now - self._due if self._due is not None else 0
+        self._due = now + self._every - (late if 0 <= late < self._every else 0)
+        if not any(lazy.heard for lazy in self.publishers):
+            return
+        telemetry = self._plant.telemetry()
+        for lazy in self.publishers:
+            values = telemetry[lazy.topic.verb]
+            if lazy.heard and np.isfinite(values).all():
+                lazy.publish(joint_state_message(self._joints, stamp, values))
+
 
 _STARTS = ": starts"
 STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
@@ -44,7 +150,7 @@ class Server:
         self,
         transport: Transport,
         arms: Mapping[str, ServedArm],
-        dialect: Speaker,
+        dialect: Dialect,
         reports: Reports,
         *,
         button: bool = False,
@@ -79,16 +185,18 @@ class Server:
         self._commanders = {name: Commander(transport) for name in arms}
         self._arrivals = 0  # messages that were looked at, or wait
         self._is_behind = False  # some wait
-        self.outlets = {
-            (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
+        self.publishers = {
+            (topic.verb, topic.arm): LazyPublisher(transport, topic)
+            for topic in wanted
+            if topic.direction == "out"
         }
-        dialect.begin(self.outlets)
+        dialect.begin(self.publishers)
         for topic in wanted:
             if topic.verb == "state_command" and topic.arm is not None:
                 arms[topic.arm].place = topic.name.rpartition("/")[0]
         self._diagnostics = Diagnostics(transport, arms, reports)
         self._encoders = encoders
-        self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
+        self._heard = (*self.publishers.values(), *(() if encoders is None else encoders.publishers))
         self._watched = beginning.time
         for service in dialect.services:
             transport.service(service.name, service.type, service.answer)
@@ -114,7 +222,7 @@ class Server:
             self.reports.say("robot: stopped", settled, now, to=tuple(self.arms))
         self._diagnostics.publish(now, stamp)
         for name, line in self.reports.take_told():
-            self.outlets[WARNING, name].publish(_String(line))
+            self.publishers[WARNING, name].publish(_String(line))
         if self.ticks % self._every == 0:
             self._dialect.publish(stamp)
         if self._encoders is not None:
@@ -122,8 +230,8 @@ class Server:
         self.ticks += 1
         if not 0 <= now - self._watched < WATCH:
             self._watched = now
-            for outlet in self._heard:
-                outlet.watch()
+            for lazy in self._heard:
+                lazy.watch()
             for source in self._sources:
                 source.watch(now)
             for name, arm in self.arms.items():
@@ -193,8 +301,8 @@ class Server:
     def clients(self) -> set[str]:
         """Names of the programs that listen or command."""
         found: set[str] = set()
-        for outlet in self._heard:
-            found.update(self.transport.connections(outlet.topic.name).subscribers)
+        for lazy in self._heard:
+            found.update(self.transport.connections(lazy.topic.name).subscribers)
         for source in self._sources:
             found.update(self.transport.connections(source.topic.name).publishers)
         return found
@@ -207,7 +315,7 @@ class Server:
     @property
     def overflowed(self) -> int:
         """Messages that slow clients missed."""
-        return sum(outlet.publisher.overflowed for outlet in self._heard)
+        return sum(lazy.publisher.overflowed for lazy in self._heard)
 
     def _pressed(self, request: Message) -> Message:
         said = self.press_button()

@@ -11,7 +11,7 @@ pressed, ENABLED; `pause` for the pedal released; `disable` for the emergency st
 from collections.abc import Mapping, Sequence
 from typing import Literal, cast
 
-from catenary.crtk.names import Dialect
+from catenary.crtk.topic_names import DialectName
 from catenary.errors import NotReadyError
 from catenary.plant import STATE_COMMANDS, TRANSITIONS, OperatingState, Plant, StateCommand, StateName
 
@@ -44,7 +44,7 @@ def robot_state(arms: Sequence[OperatingState]) -> OperatingState:
 class StateMachine:
     """Decides about one arm's state commands."""
 
-    def __init__(self, plant: Plant, dialect: Dialect) -> None:
+    def __init__(self, plant: Plant, dialect: DialectName) -> None:
         self._plant = plant
         self._table = _RAVEN if dialect == "raven" else TRANSITIONS
         self._pauses = dialect == "raven"

@@ -10,13 +10,62 @@ What is measured are torques of the motors' commands less those that hold the ar
 and the arm's acceleration take of them is in it: at rest an arm "exerts" what its friction holds.
 """
 
+from collections.abc import Callable
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.spatial import Pose
+
+NOT_FELT = 1e-4  # share of the Jacobian's largest gain below which joints do not feel a force: it reads zero
+
+
+class ToolState:
+    """Pose, Jacobian, velocity and force of a tool; several messages of a tick tell of the same ones."""
+
+    def __init__(self, tool: ToolPose, q: Floats, qd: Floats, beyond_weight: Callable[[], Floats]) -> None:
+        """Note where the joints are; nothing is computed yet.
+
+        Args:
+            tool: Kinematics.
+            q: (n,) joints [rad|m].
+            qd: (n,) their velocities.
+            beyond_weight: Gives the joint torques (n,) that do not bear the arm's own weight.
+        """
+        self.kinematics, self._q, self._qd, self._beyond_weight = tool, q, qd, beyond_weight
+
+    @cached_property
+    def _motion(self) -> tuple[Pose, Floats]:
+        return self.kinematics.motion(self._q)
+
+    @property
+    def pose(self) -> Pose:
+        """Pose of the tool in the base."""
+        return self._motion[0]
+
+    @cached_property
+    def jacobian(self) -> Floats:
+        """Jacobian (6, n) of the robot's joints, in base axes."""
+        return self.kinematics.of_robot(self._motion[1])
+
+    @cached_property
+    def twist(self) -> Floats:
+        """Velocity [m/s] over angular velocity [rad/s] in base axes, (6,)."""
+        twist: Floats = self.jacobian @ self._qd
+        return twist
+
+    @cached_property
+    def wrench(self) -> Floats:
+        """Force [N] over moment [Nm] at the tool's point that the joints exert beyond the arm's weight, (6,)."""
+        return wrench_of(self._motion[1], self.kinematics.model_torques(self._beyond_weight()))
+
+
+def wrench_of(jacobian: Floats, tau: Floats) -> Floats:
+    """Return the wrench F (6,) of least size with J^T F = tau, for J (6, n) and tau (n,)."""
+    return np.array(np.linalg.lstsq(jacobian.T, tau, rcond=NOT_FELT)[0], dtype=float)
 
 
 class FrameOfForces(Enum):
@@ -27,21 +76,19 @@ class FrameOfForces(Enum):
     SPATIAL = "spatial/"
 
 
-def jacobian(arm: ServedArm, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+def jacobian(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
     """Return the Jacobian (6, n) at the measured joints: velocity over angular velocity, per joint speed."""
-    tool = arm.measured_tool
     if frame is FrameOfForces.TOOL_IN_BASE_AXES:
         return tool.jacobian
     found: Floats = _twist_map(tool.pose, frame) @ tool.jacobian
     return found
 
 
-def exerted(arm: ServedArm, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
     """Return force [N] over moment [Nm] (6,) that the tool exerts by the joint torques beyond the arm's weight.
 
     Directions in which no joint feels a force are zero, as at a singular pose.
     """
-    tool = arm.measured_tool
     force, moment = tool.wrench[:3], tool.wrench[3:]
     if frame is FrameOfForces.BODY:
         turn = tool.pose.rotation.T
@@ -55,15 +102,15 @@ def exerted(arm: ServedArm, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AX
     return tool.wrench
 
 
-def torques_for(arm: ServedArm, wrench: Floats, frame: FrameOfForces) -> Floats:
+def torques_for(tool: ToolState, wrench: Floats, frame: FrameOfForces) -> Floats:
     """Return joint torques (n,) [Nm|N] that exert a wrench (6,): J^T F; NaN for jaws, which hold their opening.
 
     An arm whose jaws turn the tool keeps them where they are; they bear what the wrench asks of them.
     """
-    in_base = _twist_map(arm.measured_tool.pose, frame).T @ wrench
-    tau: Floats = arm.measured_tool.jacobian.T @ in_base
-    if arm.tool.has_jaws:
-        tau[-arm.tool.jaws :] = np.nan
+    in_base = _twist_map(tool.pose, frame).T @ wrench
+    tau: Floats = tool.jacobian.T @ in_base
+    if tool.kinematics.has_jaws:
+        tau[-tool.kinematics.jaws :] = np.nan
     return tau
 
 

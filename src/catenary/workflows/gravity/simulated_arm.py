@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +18,8 @@ from catenary.control.gains import (
     torque_at_joints,
 )
 from catenary.control.limits import TorqueLimits
-from catenary.errors import InputError, UnsupportedModelError
-from catenary.gravity.payload import Payload
+from catenary.errors import InputError
+from catenary.open_robot import Simulated, open_robot, refuse_unsupported
 from catenary.plant import Plant
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
@@ -29,7 +30,6 @@ from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.joint_hardware import JointHardware
-from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.records import POSITIONING
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
@@ -93,15 +93,14 @@ def simulated_arm(
         InputError: A negative payload, gain or friction, or another number of them than joints.
         NotReadyError: An axis that homes met no stop.
     """
+    drives = None if friction is None and viscous is None else JointHardware()  # which only some robots have
+    where = Simulated(seed, base, payload, hardware=drives)
+    refuse_unsupported(robot, where)
     if robot not in RAVEN_SIDES:
-        if seed is not None:
-            raise UnsupportedModelError(
-                f'robot "{robot}": a seed draws the cables of {" or ".join(sorted(RAVEN_SIDES))}; this one has none'
-            )
         model = load_robot(robot, massless=massless, strict=strict)
         own = None if model.actuation is None else joint_drives(model.actuation, model.n)
         given = {"friction": friction, "damping": viscous}
-        drives = {
+        friction_of_joints = {
             key: value if value is not None else 0.0 if own is None else getattr(own, key)
             for key, value in given.items()
         }
@@ -115,17 +114,11 @@ def simulated_arm(
             model,
             base=base,
             payload=payload,
-            hardware=JointHardware(**drives),
+            hardware=JointHardware(**friction_of_joints),
             motor_inertia=None if own is None else own.armature,
         )
         return with_gains(arm, kp, kd)
-    if friction is not None or viscous is not None:
-        raise UnsupportedModelError(
-            f'robot "{robot}": friction comes from its cables; joint friction is for robots without'
-        )
-    plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, payload=payload, base=base)
-    plant.home()
-    return with_gains(raven_arm(plant), kp, kd)
+    return with_gains(raven_arm(cast(CablePlant, open_robot(robot, where))), kp, kd)
 
 
 def with_gains(arm: SimulatedArm, kp: ArrayLike | None, kd: ArrayLike | None) -> SimulatedArm:
@@ -164,14 +157,8 @@ def rigid_arm(
     n = model.n
     rotors = as_array("motor_inertia", np.zeros(n) if motor_inertia is None else motor_inertia, (n,))
     added = np.diag(rotors) if rotors.any() else None
-    plant = MujocoPlant(
-        model,
-        base=base,
-        start=start,
-        hardware=replace(hardware or JointHardware(), armature=rotors),
-        payload=Payload(payload) if payload != 0.0 else None,
-    )
-    plant.home()
+    drives = replace(hardware or JointHardware(), armature=rotors)
+    plant = open_robot(model, Simulated(base=base, payload=payload, start=start, hardware=drives))
     return SimulatedArm(
         plant=plant,
         model=model,

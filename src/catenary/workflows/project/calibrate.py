@@ -35,8 +35,7 @@ from catenary.workflows.project.recordings import (
     motion_log_path,
     read_imports,
 )
-from catenary.workflows.project.robot import ProjectRobot
-from catenary.workflows.project.simulated_robot import SimulatedRobot
+from catenary.workflows.project.robot import ProjectRobot, SimulatedRobot
 from catenary.workflows.project.state import read_state
 
 TRAIN, TEST = "train", "test"

@@ -3,18 +3,18 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
+from catenary.open_robot import OverTopics, Simulated, open_robot, tilted_base
 from catenary.recording.synchronise import CALIBRATED, ROBOT, Synchronisation, SynchroniseOptions, synchronise
 from catenary.recording.synchronise_psm import ROBOT as PSM
 from catenary.recording.synchronise_psm import synchronise_psm
 from catenary.recording.topics import EXT_JPOS, PSM_JOINTS, Arm, Topic, psm_topics, raven_topics
-from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.cable_telemetry import COLUMNS, telemetry_of
@@ -38,7 +38,7 @@ _PSM_SLOWEST = np.array([*np.deg2rad([1.5, 1.5]), 0.004, *np.deg2rad([6.0, 5.0, 
 _PSM_FASTEST = np.array([*np.deg2rad([4.0, 4.0]), 0.012, *np.deg2rad([20.0, 16.0, 16.0])])
 
 
-class RobotKind(ABC):
+class ProjectKind(ABC):
     """A kind of robot that can be calibrated in a project."""
 
     name: ClassVar[str]  # as people say it
@@ -57,6 +57,16 @@ class RobotKind(ABC):
 
     @property
     @abstractmethod
+    def robot(self) -> str:
+        """Robot of the catalogue that it is, as `open_robot` takes it."""
+
+    @property
+    def namespace(self) -> str | None:
+        """Namespace of its topics; None of a robot whose topics are fixed."""
+        return None
+
+    @property
+    @abstractmethod
     def recorded_as(self) -> str:
         """Robot that recordings say they are of."""
 
@@ -70,9 +80,12 @@ class RobotKind(ABC):
     def required(self) -> tuple[Topic, ...]:
         """Topics without which a recording is no calibration: the robot's state, and what sees its joints."""
 
-    @abstractmethod
     def plant(self) -> FirmwarePlant[Any]:
         """Return the simulated robot, just switched on."""
+        settings = self.settings
+        base = tilted_base(settings.base_tilt_deg)
+        where = Simulated(settings.seed, base, settings.payload_kg, homed=False)
+        return cast(FirmwarePlant[Any], open_robot(self.robot, where))
 
     @abstractmethod
     def numbers(self) -> Any:
@@ -99,16 +112,13 @@ class RobotKind(ABC):
     def synchronise(self, folder: Path) -> Synchronisation:
         """Return the motion log of an extracted recording."""
 
-    @abstractmethod
     def client(self, transport: Transport, *, simulated: bool) -> CrtkClient:
         """Return the robot behind a transport."""
-
-    def _base(self) -> FixedBase:
-        roll, pitch = np.deg2rad(self.settings.base_tilt_deg)
-        return FixedBase(float(roll), float(pitch))
+        where = OverTopics(transport, namespace=self.namespace, simulated=simulated)
+        return cast(CrtkClient, open_robot(self.robot, where))
 
 
-class RavenKind(RobotKind):
+class RavenProject(ProjectKind):
     """A RAVEN-II's left or right arm."""
 
     name = "RAVEN-II"
@@ -121,6 +131,11 @@ class RavenKind(RobotKind):
     @property
     def _arm(self) -> Arm:
         return "gold" if self.settings.side == "left" else "green"
+
+    @property
+    def robot(self) -> str:
+        """Arm by its side."""
+        return "raven2" if self.settings.side == "left" else "raven2_right"
 
     @property
     def recorded_as(self) -> str:
@@ -137,13 +152,6 @@ class RavenKind(RobotKind):
         """Its state, and the external encoders."""
         return tuple(
             topic for topic in self.topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS
-        )
-
-    def plant(self) -> CablePlant:
-        """Return the simulated arm, just switched on."""
-        settings = self.settings
-        return CablePlant(
-            side=settings.side, seed=settings.seed, payload=settings.payload_kg, base=self._base()
         )
 
     def numbers(self) -> Any:
@@ -176,21 +184,21 @@ class RavenKind(RobotKind):
         """Return the log on the stamps of raven_state."""
         return synchronise(folder, SynchroniseOptions(arm=self._arm, columns=self.settings.columns))
 
-    def client(self, transport: Transport, *, simulated: bool) -> CrtkClient:
-        """Return the arm behind its own topics."""
-        return CrtkClient(transport, arm=self._arm, simulated=simulated)
 
-
-class PsmKind(RobotKind):
+class PsmProject(ProjectKind):
     """A da Vinci PSM under the dVRK, with a tracker that sees its joints."""
 
     name = "dVRK PSM"
     joints = PSM_JOINTS
     approach = (0.2, 0.2, 0.02, 0.5, 0.5, 0.5)
     encoders = "start the program that publishes where a tracker sees the joints"
-    model = PSM
-    recorded_as = PSM
+    model = robot = recorded_as = PSM
     columns = PSM_COLUMNS
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of its topics."""
+        return self.settings.namespace
 
     @property
     def topics(self) -> tuple[Topic, ...]:
@@ -201,10 +209,6 @@ class PsmKind(RobotKind):
     def required(self) -> tuple[Topic, ...]:
         """Its measured_js, and the tracker."""
         return tuple(topic for topic in self.topics if not topic.name.endswith("setpoint_js"))
-
-    def plant(self) -> PsmPlant:
-        """Return the simulated arm, just switched on."""
-        return PsmPlant(seed=self.settings.seed, base=self._base())
 
     def numbers(self) -> Any:
         """Return the numbers of its drives, controller, tracker and links."""
@@ -231,17 +235,7 @@ class PsmKind(RobotKind):
         """Return the log on the stamps of measured_js."""
         return synchronise_psm(folder, self.settings.namespace)
 
-    def client(self, transport: Transport, *, simulated: bool) -> CrtkClient:
-        """Return the arm behind its namespace."""
-        from catenary.crtk.joints import model_joints
-        from catenary.robots.catalog import load_robot
 
-        return CrtkClient(
-            transport, dialect="crtk", namespace=self.settings.namespace,
-            joints=model_joints(load_robot(PSM)), simulated=simulated,
-        )  # fmt: skip
-
-
-def kind_of(settings: ProjectSettings) -> RobotKind:
+def kind_of(settings: ProjectSettings) -> ProjectKind:
     """Return the kind of robot that a project is about."""
-    return PsmKind(settings) if settings.robot == "dvrk_psm" else RavenKind(settings)
+    return PsmProject(settings) if settings.robot == "dvrk_psm" else RavenProject(settings)

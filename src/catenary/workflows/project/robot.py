@@ -1,4 +1,9 @@
-"""The steps of a project that need a robot, simulated or real."""
+"""The steps of a project that need a robot, simulated or on ROS: home it, drive and record it, deploy on it.
+
+A simulated one goes on from where it was left; the same settings give the same robot. Beside one on ROS a person is
+asked for what has to be done, and it is done when the robot's own topics show it: encoders when their readings come,
+the start button when it is homed, the pedal when it is ENABLED. Whatever ends a step, the robot holds and is paused.
+"""
 
 import logging
 from abc import ABC, abstractmethod
@@ -8,11 +13,48 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from catenary.calibration.fit_options import Progress, silent
 from catenary.calibration.model import CalibrationModel
+from catenary.config import plain_data
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.transport import Transport
+from catenary.errors import ConfigError, FileFormatError, NotReadyError
+from catenary.plant import JointState, OperatingState
+from catenary.recording.journal import About
+from catenary.recording.recorder import Recorder
 from catenary.recording.topics import Arm
-from catenary.trajectories.reference import Trajectory
-from catenary.workflows.project.folder import Project
+from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
+from catenary.simulation.plant_state import restore_plant, save_plant
+from catenary.simulation.simulated_plant import PERIOD
+from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.smoothed_path import go_to
+from catenary.workflows.project.deploy import deploy_on_robot
+from catenary.workflows.project.folder import Project, ProjectSettings, write
+from catenary.workflows.project.kinds import ProjectKind, kind_of
+from catenary.workflows.robot.homing import (
+    HOMING,
+    LOOK,
+    PATIENCE,
+    AnswerYes,
+    Check,
+    Guide,
+    clear_workspace,
+    have_done,
+    home_client,
+)
+from catenary.workflows.robot.motion import (
+    at_rest_afterwards,
+    check_motion,
+    move_to,
+    pause,
+    paused_if_interrupted,
+    run_trajectory,
+)
+from catenary.workflows.robot.topic_recorder import TopicRecorder, refuse_missing
+from catenary.workflows.simulated_recording import driven
 
 _log = logging.getLogger(__name__)
 
@@ -106,3 +148,255 @@ def empty(folder: Path) -> None:
     if folder.exists():
         shutil.rmtree(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
+
+
+CHUNK = 20_000  # ticks whose telemetry is held at once
+
+
+class SimulatedRobot(ProjectRobot):
+    """The robot of a project without a real one; the same settings give the same robot."""
+
+    def home(self, project: Project) -> bool:
+        """Home it; again when another version's robot has other numbers, or cannot read the state that was left."""
+        folder = project.folder / "robot"
+        homed = folder / "homed.npz"
+        readable = True
+        if homed.is_file():
+            try:
+                restore_plant(make_plant(project.settings), homed)
+            except FileFormatError:
+                readable = False
+
+        def work() -> None:
+            folder.mkdir(exist_ok=True)
+            for left in folder.glob("after_*.npz"):
+                left.unlink()  # of the robot before it was homed again
+            plant = make_plant(project.settings)
+            plant.home()
+            save_plant(plant, homed)
+            content = {
+                "simulated": True,
+                "seconds": plant.time,
+                "joint_names": plant.joint_names,
+                "believed": plant.control.joint,
+                "external_encoders": plant.external_encoders(),
+                "true": plant.state.q,
+            }
+            write(folder / "home.json", content)
+
+        files = [homed, folder / "home.json"]
+        return project.run("home", _simulated_settings(project.settings), files, work, trusted=readable)
+
+    def files(self, project: Project, take: Take) -> list[Path]:
+        """Return the recording's folder, and the robot as it was left."""
+        return [take.folder, left_at(project, take.name)]
+
+    def drive(self, project: Project, take: Take) -> None:
+        """Record as fast as the machine runs, from where the step before left the robot; then put it away again."""
+        settings, before = project.settings, left_at(project, take.after)
+        if not before.is_file():
+            raise ConfigError(f"{before}: is missing; do the step {take.after} first")
+        plant = make_plant(settings)
+        restore_plant(plant, before)
+        plant.state_command("enable")
+        kind = kind_of(settings)
+        check_motion(plant, take.trajectory, joints=kind.joints)
+        empty(take.folder)
+        made = {"motion": take.motion}
+        about = About(robot=kind.recorded_as, simulated=True, seed=settings.seed, configuration=made)
+        rng = np.random.default_rng([0 if settings.seed is None else settings.seed, *take.name.encode()])
+        start, speeds = plant.control.setpoint[: len(kind.joints)], np.array(kind.approach)
+        approach = go_to(start, take.trajectory(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
+        for _ in driven(plant, approach, CHUNK):
+            pass
+        begin = plant.time
+        with Recorder(take.folder, kind.topics, kind.columns, rng, about=about) as recorder:
+            for log, done in driven(plant, take.trajectory, CHUNK):
+                time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
+                recorder.observe_many(np.round(time, 6), kind.telemetry(plant, log))
+                take.progress(done)
+        plant.state_command("pause")
+        save_plant(plant, left_at(project, take.name))
+
+    def deploy(
+        self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
+    ) -> Mapping[str, Any]:
+        """Run a model in its loop in real time, from where `after` left the robot."""
+        plant = make_plant(project.settings)
+        restore_plant(plant, left_at(project, after))
+        plant.state_command("enable")
+        return dict(plain_data(deploy_on_robot(plant, model, trajectory, real_time=True)))
+
+
+def left_at(project: Project, step: str) -> Path:
+    """Return the file in which the robot was put away after homing or a recording."""
+    return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
+
+
+def make_plant(settings: ProjectSettings) -> FirmwarePlant[Any]:
+    """Return the robot of a project, just switched on."""
+    return kind_of(settings).plant()
+
+
+def _simulated_settings(settings: ProjectSettings) -> Any:
+    """Return all that makes the robot another one; a new version may bring other numbers, or another form of states."""
+    who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
+    return [*who, STATE_FORMAT, kind_of(settings).numbers()]
+
+
+COLLECT_EVERY = 20  # ticks between two looks at what has come
+SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
+
+
+class RosRobot(ProjectRobot):
+    """A RAVEN-II's arm behind a transport."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        guide: Guide,
+        *,
+        simulated: bool = False,
+        patience: float = PATIENCE,
+        homing_patience: float = HOMING,
+    ) -> None:
+        """Take a transport; the robot is looked for when a step needs it.
+
+        Args:
+            transport: Brings and takes messages; stays open.
+            guide: Asks the person beside the robot.
+            simulated: What is behind the topics, which do not say it.
+            patience: [s] until the robot must report what a person has done.
+            homing_patience: [s] from the press of its button until it must be homed.
+        """
+        self._transport, self._guide = transport, guide
+        self._simulated, self._patience = simulated, patience
+        self._homing_patience = homing_patience
+        self._is_clear = False  # whether the workspace was said to be
+
+    def home(self, project: Project) -> bool:
+        """Home it with its encoders mounted; return whether that had to be done."""
+        path = project.folder / "robot" / "home.json"
+
+        def work() -> None:
+            path.parent.mkdir(exist_ok=True)
+            with self._connected(project) as client, paused_if_interrupted(client):
+                self._make_homed(client, project)
+                pause(client)  # nobody moves it now; one that homes by its own button is paused already
+                believed, encoders = client.measured_js().q, client.external_encoders()
+                found = {
+                    "joint_names": client.joint_names,
+                    "believed": believed,
+                    "external_encoders": encoders,
+                }
+                write(path, {"simulated": self._simulated, **found})
+
+        return project.run("home", _ros_settings(project), [path], work)
+
+    def drive(self, project: Project, take: Take) -> None:
+        """Record over the robot's topics; a recording that was interrupted is begun anew."""
+        with self._connected(project) as client, paused_if_interrupted(client):
+            joints = kind_of(project.settings).joints
+            check_motion(client, take.trajectory, joints=joints)
+            self._make_homed(client, project)
+            client.require_free()
+            with at_rest_afterwards(client):
+                self._enable(client)
+                move_to(client, take.trajectory(0.0).q, joints=joints)
+                set_aside(project, take.name)
+                self._record(client, project, take)
+
+    def deploy(
+        self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
+    ) -> Mapping[str, Any]:
+        """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
+        with self._connected(project) as client, paused_if_interrupted(client):
+            self._make_homed(client, project)
+            client.require_free()
+            with at_rest_afterwards(client):
+                self._enable(client)
+                found = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
+        return dict(plain_data(found))
+
+    def _connected(self, project: Project) -> CrtkClient:
+        return kind_of(project.settings).client(self._transport, simulated=self._simulated)
+
+    def _make_homed(self, client: CrtkClient, project: Project) -> None:
+        """Home it if it is not, with encoders whose readings come."""
+        if not self._is_clear:
+            clear_workspace(self._guide)
+            self._is_clear = True
+        if isinstance(self._guide, AnswerYes) and client.operating_state().state == "FAULT":
+            raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
+        kind = kind_of(project.settings)
+        if not client.operating_state().is_homed:
+            self._have(
+                kind.encoders, lambda: self._no_encoders(kind)
+            )  # their readings count from the homing on
+            home_client(client, self._guide, patience=self._homing_patience)
+        if not self._comes(lambda: _not_registered(client, kind)):
+            self._have(kind.encoders, lambda: _not_registered(client, kind))
+
+    def _enable(self, client: CrtkClient) -> None:
+        if client.operating_state().state == "ENABLED":
+            return
+        if (
+            isinstance(self._guide, AnswerYes) or client.dialect == "crtk"
+        ):  # a dVRK has no pedal that enables it
+            client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
+        pedal = "press the pedal, so that the robot is ENABLED"
+        self._have(pedal, lambda: _not_enabled(client.operating_state()))
+
+    def _have(self, text: str, missing: Check) -> None:
+        have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
+
+    def _comes(self, missing: Check) -> bool:
+        """Wait a little for what needs nobody's help; return whether the robot reports it."""
+        for _ in range(round(SOON / LOOK)):
+            if missing() is None:
+                return True
+            self._transport.sleep(LOOK)
+        return missing() is None
+
+    def _no_encoders(self, kind: ProjectKind) -> str | None:
+        topic = kind.required[-1].name
+        return None if topic in self._transport.topics() else f"nobody publishes {topic}"
+
+    def _record(self, client: CrtkClient, project: Project, take: Take) -> None:
+        kind = kind_of(project.settings)
+        made = {"motion": take.motion}
+        about = About(robot=kind.recorded_as, simulated=self._simulated, configuration=made)
+        tick = 0
+
+        with TopicRecorder(self._transport, take.folder, kind.topics, about=about) as recorder:
+
+            def observe(_: JointState, __: Reference) -> None:
+                nonlocal tick
+                tick += 1
+                if tick % COLLECT_EVERY == 0:
+                    recorder.collect()
+
+            run_trajectory(
+                client, take.trajectory, joints=kind.joints, observe=observe, progress=take.progress
+            )
+            recorder.collect()
+            refuse_missing(recorder.counts, [topic.name for topic in kind.required])
+        for problem in recorder.problems():
+            self._guide.say(problem)
+
+
+def _not_enabled(now: OperatingState) -> str | None:
+    return None if now.state == "ENABLED" else f"the robot is {now.state}"
+
+
+def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:
+    """Return what is wrong with the encoders of a homed robot, or None."""
+    if np.isfinite(client.external_encoders()).all():
+        return None
+    return f"no reading comes on {kind.required[-1].name}"
+
+
+def _ros_settings(project: Project) -> Any:
+    settings = project.settings
+    place = [settings.namespace] if settings.robot == "dvrk_psm" else []
+    return [settings.robot, settings.side, settings.connection, *place]

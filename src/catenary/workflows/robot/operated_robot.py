@@ -8,28 +8,16 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.client import CrtkClient
-from catenary.crtk.joints import model_joints, raven_joints
-from catenary.crtk.latest import ImuTopic
-from catenary.crtk.names import Dialect
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.serving.tool_pose import ToolPose
-from catenary.crtk.transport import Transport
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import InputError
+from catenary.open_robot import KINDS, OverTopics, Simulated, open_robot
 from catenary.plant import JointState, Plant
-from catenary.recording.topics import Arm
-from catenary.robots.catalog import RAVEN_SIDES, load_robot
+from catenary.robots.catalog import load_robot
 from catenary.robots.model import Frame, RobotModel
-from catenary.simulation.base_motion import FixedBase
-from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.simulation.psm_plant import PsmPlant
 from catenary.simulation.simulated_plant import PacedPlant
 
 TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
-PSM, PSM_PLACE = "dvrk_psm", "/PSM1"
-DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
 
 
 class Truth(NamedTuple):
@@ -80,11 +68,10 @@ class OperatedRobot:
 
         A RAVEN-II's model ends at its wrist, before the joints that turn the tool.
         """
-        if self.model.name not in RAVEN_SIDES or self.plant.joint_names != raven_joints("gold").names:
+        kind = KINDS.get(self.model.name)
+        if kind is None or kind.whole == kind.robot or self.plant.joint_names != kind.joints:
             return None
-        return ToolPose(
-            load_robot(self.model.name.replace("raven2", "raven2_full", 1)), self.plant.joint_names
-        )
+        return ToolPose(load_robot(kind.whole), self.plant.joint_names)
 
     def tool_position(self, q: Floats) -> Floats:
         """Return where the tool is at all of the plant's joints [rad|m], (3,) [m] in the base frame; NaN at NaN."""
@@ -118,84 +105,18 @@ def distance(a: Floats, b: Floats) -> float:
     return float(np.linalg.norm(a - b))
 
 
-def simulated_robot(
-    robot: str = "raven2",
-    *,
-    seed: int | None = None,
-    base_tilt_deg: tuple[float, float] = (0.0, 0.0),
-    homed: bool = True,
-    real_time: bool = True,
-) -> OperatedRobot:
-    """Set up a simulated robot, enabled and homed: RAVEN-II and PSM with their cables, any other by MuJoCo.
+def operated_robot(robot: str, where: Simulated | OverTopics, *, real_time: bool = True) -> OperatedRobot:
+    """Open a robot that is operated; errors as `open_robot`.
 
     Args:
-        robot: Name in the catalogue, or a robot file with inertia.
-        seed: Draws another RAVEN-II or PSM of the kind; the nominal one when None.
-        base_tilt_deg: Roll about x, then pitch about y, of the base.
-        homed: False leaves it as it is when switched on.
-        real_time: False lets its ticks be as short as the machine makes them.
-
-    Raises:
-        InputError: A seed for a robot that is always the same.
-        MissingPackageError: MuJoCo is not installed.
-        MissingInertiaError: Links without inertia.
+        robot: Name in the catalogue, or a robot file.
+        where: Simulated here, or behind a transport: the plant then is a client, the caller's to close.
+        real_time: False lets the ticks of a simulated one be as short as the machine makes them.
     """
-    base = FixedBase(*(float(angle) for angle in np.deg2rad(base_tilt_deg)))
-    model = load_robot(robot)
-    plant: CablePlant | PsmPlant | MujocoPlant
-    if robot == PSM:
-        plant = PsmPlant(seed=seed, base=base)
-    elif robot in RAVEN_SIDES:
-        plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, base=base)
-    elif seed is not None:
-        raise InputError(f'robot "{robot}": there is one simulated robot of it, --seed draws no other')
-    else:
-        plant = MujocoPlant(model, base=base)
-    if homed:
-        plant.home()
+    plant, model = open_robot(robot, where), load_robot(robot)
+    if isinstance(plant, CrtkReader):
+        return OperatedRobot(model.name, plant, model, lambda: plant.late)
     if not real_time:
         return OperatedRobot(model.name, plant, model, lambda: 0)
     paced = PacedPlant(plant)
     return OperatedRobot(model.name, cast(Plant, paced), model, lambda: paced.late)
-
-
-def robot_over(
-    transport: Transport,
-    robot: str = "raven2",
-    *,
-    dialect: str = "raven",
-    namespace: str | None = None,
-    simulated: bool = False,
-    imu: ImuTopic | None = None,
-    only_read: bool = False,
-) -> tuple[OperatedRobot, CrtkReader]:
-    """Reach a robot behind a transport; the client is the caller's to close, a `CrtkClient` where it may be moved.
-
-    Args:
-        transport: Brings and takes messages; stays open.
-        robot: raven2 (gold) or raven2_right (green); any robot where the dialect is `crtk`.
-        dialect: raven or crtk; a PSM speaks crtk.
-        namespace: In front of the verbs of a robot that speaks `crtk`; a PSM's is /PSM1 when None.
-        simulated: What is behind the topics, which do not say it.
-        imu: What gravity is read from; nominal gravity when None.
-        only_read: Nothing is advertised, and nobody has to take commands.
-
-    Raises:
-        TransportError: The robot is not there; the message names the topics.
-        InputError: Another dialect, or a robot that does not speak it.
-    """
-    if robot == PSM:
-        dialect, namespace = "crtk", namespace or PSM_PLACE
-    if dialect not in DIALECTS:
-        raise InputError(f'--dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
-    if robot not in RAVEN_SIDES and dialect == "raven":
-        raise InputError(
-            f'robot "{robot}": expected one of {", ".join(RAVEN_SIDES)} with the dialect raven; others speak crtk'
-        )
-    model = load_robot(robot)
-    arm: Arm = "green" if robot == "raven2_right" else "gold"
-    joints = None if robot in RAVEN_SIDES else model_joints(model)
-    client = (CrtkReader if only_read else CrtkClient)(
-        transport, dialect=dialect, arm=arm, namespace=namespace, joints=joints, simulated=simulated, imu=imu
-    )
-    return OperatedRobot(model.name, client, model, lambda: client.late), client

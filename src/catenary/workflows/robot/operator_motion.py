@@ -23,9 +23,14 @@ from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import BLEND
 from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
-from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
+from catenary.workflows.robot.motion import (
+    GENTLE_VELOCITY,
+    at_rest_afterwards,
+    check_motion,
+    move_to,
+    run_trajectory,
+)
 from catenary.workflows.robot.operated_robot import OperatedRobot, distance
-from catenary.workflows.robot.rest import at_rest_afterwards
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
 LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]

@@ -1,0 +1,179 @@
+"""One program at a time moves an arm: a client hears others, a server refuses the second and misses the first."""
+
+from collections.abc import Mapping
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.inbox import Subscription
+from catenary.crtk.topic_names import COMMAND, WARNING, DialectName, topics_of
+from catenary.crtk.transport import Transport
+from catenary.errors import RobotHeldError
+from catenary.recording.topics import Arm
+
+UNDER_WAY = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm
+LISTEN = 0.35  # [s] that a client listens before it begins
+HELD = "holds the arm"
+
+
+def held_by(refused: str, holder: str, topic: str) -> str:
+    """Return what a served arm says of a program whose command it refused, because another moves the arm."""
+    return f"{refused} has to wait: {holder} {HELD} ({topic})"
+
+
+class OtherCommanders:
+    """Hears who else commands an arm, until its own client does; from then on what the robot says of it."""
+
+    def __init__(self, transport: Transport, dialect: DialectName, arm: Arm, namespace: str | None) -> None:
+        """Begin to listen."""
+        self._transport = transport
+        self._heard: list[Subscription] = []
+        self._last: tuple[str, str, int] | None = None  # program, topic, arrival [ns]
+        self._told: Subscription | None = None
+        self._refused: str | None = None
+        for topic in topics_of(dialect, arm, namespace):
+            if topic.direction == "in" and topic.type != COMMAND and topic.verb not in ("hold", "free"):
+                self._heard.append(transport.subscribe(topic.name, topic.type, depth=1))
+            elif topic.verb == WARNING:
+                self._told = transport.subscribe(topic.name, topic.type, depth=20)
+
+    def listen(self, seconds: float = LISTEN) -> None:
+        """Listen for a while, for the last time: what follows is the robot's to say."""
+        if self._heard:
+            self._transport.sleep(seconds)
+            self.require_none()
+            self.we_command()
+
+    def require_none(self) -> None:
+        """Look at what has come."""
+        for heard in self._heard:
+            for one in heard.take_arrivals():
+                program = one.process.partition(" ")[0]
+                if program and program.rpartition("/")[2] != self._transport.name:
+                    self._last = program, heard.topic, one.time
+        now = self._transport.steady()
+        if self._last is not None and 0 <= now - self._last[2] < UNDER_WAY:
+            program, topic, time = self._last
+            raise RobotHeldError(
+                f"{program} {HELD}: it commanded {topic} {(now - time) / SECOND:.2f} s ago; "
+                "end it first, nothing has moved"
+            )
+        if self._told is not None and len(self._told):
+            for message, _ in self._told.take():
+                self._read_warning(message.data)
+
+    def we_command(self) -> None:
+        """Note that the own client moves the arm; only the robot is listened to then."""
+        if self._heard:
+            for heard in self._heard:
+                heard.close()
+            self._heard = []
+
+    def close(self) -> None:
+        """Hear no more."""
+        self.we_command()
+        if self._told is not None:
+            self._told.close()
+
+    def _read_warning(self, text: str) -> None:
+        said, is_held, _ = text.partition(f" {HELD}")
+        refused, _, holder = said.rpartition(" has to wait: ")
+        if is_held and refused.rpartition(" ")[2].rpartition("/")[2] == self._transport.name:
+            raise RobotHeldError(f"{holder} {HELD}; the robot refused this program's commands")
+
+
+LATE = 2 * SECOND  # [ns] that a lease which has run out is noticed late, at most
+GONE = 3 * SECOND  # [ns] without its connection: one that breaks is made again within a second or two
+WATCH = SECOND // 10  # [ns] between two looks at who is connected
+
+
+class Commander:
+    """The program that moved an arm last; whoever can do so, where the transport does not tell programs apart.
+
+    One that goes in the middle of a motion, killed or ended, leaves an arm that nobody moves: its setpoint stays, by
+    the watchdog of its commands, and after three seconds the arm is to be paused. A program that let its arm rest
+    before it ended, and one that is still connected and says nothing, change nothing; neither does one that another has
+    followed. While one moves the arm, and for half a second after its last command, what others command is refused.
+
+    A server that stood still (stopped, or on a suspended computer) does not know when in the meantime the program went,
+    nor which of its commands came before. So that time may be rest of the program's or not, and where it may not be, it
+    is not; nor is the time in which commands come in that are refused.
+    """
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+        self._topic: str | None = None  # that it commanded by
+        self._process: tuple[str, ...] = ()  # its name and address; none where the transport does not tell
+        self._commanded = self._heard = (
+            0  # [ns] its last command that was obeyed, and its last one that came in
+        )
+        self._looked = self._went_on = 0  # [ns] last look, and end of the last stall
+        self._stood = 0  # [ns] length of stalls after the last command, and of one just before it
+        self._gone: int | None = None  # [ns] when it was first seen to be gone
+        self._was_moving = False  # the arm, by itself, then
+
+    def commands(self, topic: str, process: str, now: int) -> None:
+        """Note a motion command that was obeyed, at `now` [ns]; `process` as in `Arrival.process`."""
+        who = tuple(process.split())
+        if self._topic is None or who != self._process:
+            self._gone, self._heard, self._stood = None, 0, 0
+        self._topic, self._process, self._commanded = topic, who, now
+
+    def hears(self, came: Mapping[str, int]) -> None:
+        """Note when commands of processes came in [ns], obeyed or not: signs of life of the one that moves."""
+        for process, time in came.items():
+            if tuple(process.split()) == self._process and time > self._heard:
+                self._heard = time
+                if time > self._went_on + UNDER_WAY:  # else it may have come before the stall, and waited
+                    self._stood = 0
+
+    def require_free(self, process: str, now: int, *, is_moving: bool) -> None:
+        """Refuse the command of a program while another one moves the arm.
+
+        Args:
+            process: As in `Arrival.process`; one that is not known is never refused.
+            now: [ns].
+            is_moving: Whether a move of the arm's own is under way.
+        """
+        name = process.partition(" ")[0]  # a network has one program of a name
+        if self._topic is None or not self._process or name in ("", self._process[0]):
+            return
+        if is_moving or 0 <= now - self._commanded < UNDER_WAY:
+            raise RobotHeldError(held_by(name, self._process[0], self._topic))
+
+    def forget(self, now: int) -> None:
+        """Know of nobody, as when the arm is not enabled, at `now` [ns]."""
+        self._topic, self._looked = None, now
+
+    def _was_under_way(self, gone: int) -> bool:
+        """Return whether a program that was seen to be gone [ns] moved the arm at its end, whenever that was."""
+        least, most = gone - self._heard - self._stood, gone - self._heard + self._stood
+        return any(
+            least < (lapse + LATE if lapse else UNDER_WAY) and most >= lapse - UNDER_WAY
+            for lapse in self._transport.lapses
+        )
+
+    def left(self, now: int, *, is_moving: bool) -> str | None:
+        """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second.
+
+        Args:
+            now: [ns].
+            is_moving: Whether a move of the arm's own is under way.
+        """
+        stall, self._looked = now - self._looked - 2 * WATCH, now
+        if stall > 0 and self._gone is None:
+            self._stood = stall + (self._stood if self._heard <= self._went_on else 0)
+            self._went_on = now
+        if self._topic is None:
+            return None
+        connected = self._transport.connections(self._topic).publishers
+        if {*self._process} & {*connected} if self._process else connected:
+            self._gone = None
+            return None
+        if self._gone is None:
+            self._gone, self._was_moving = now, is_moving
+        if now - self._gone < GONE:
+            return None
+        topic, self._topic = self._topic, None
+        left_motion = self._was_moving or self._was_under_way(self._gone)
+        if not left_motion and {*self._process[:1]}.isdisjoint(self._transport.lost(topic)):
+            return None
+        return self._process[0] if self._process else "the program that moved it"

@@ -1,0 +1,227 @@
+"""Messages to what catenary computes with, and back: joint states by name, poses, operating states, stamps.
+
+The RAVEN-II's own `raven_state` is in `raven_telemetry`.
+"""
+
+import logging
+from functools import lru_cache
+from math import hypot
+from typing import cast, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.crtk.clock import SECOND, Clock
+from catenary.crtk.message import Message, header, message_class
+from catenary.errors import InputError
+from catenary.plant import JointState, OperatingState, StateName
+from catenary.spatial import Pose, quaternion_of_rows, rotation_from_quaternion
+
+_Point, _Quaternion, _Vector3, _Pose, _Transform, _PoseStamped, _TransformStamped = (
+    message_class(f"geometry_msgs/{name}")
+    for name in ("Point", "Quaternion", "Vector3", "Pose", "Transform", "PoseStamped", "TransformStamped")
+)
+_NUMBERS = ("position", "velocity", "effort")
+LEAP = SECOND // 2  # [ns] by which a clock has to be set for stamps to leap back with it
+_logger = logging.getLogger(__name__)
+
+
+def joint_state_message(
+    names: tuple[str, ...],
+    stamp: int,
+    position: ArrayLike = (),
+    velocity: ArrayLike = (),
+    effort: ArrayLike = (),
+) -> Message:
+    """Return a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it."""
+    values = []
+    for field, given in zip(_NUMBERS, (position, velocity, effort), strict=True):
+        array = as_array(field, given, (None,))
+        if len(array) not in (0, len(names)):
+            raise InputError(f"{field}: expected {len(names)} numbers, one per joint, got {len(array)}")
+        values.append(array)
+    return message_class("sensor_msgs/JointState")(header(stamp), names, *values)
+
+
+def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return which of our joints a sensor_msgs/JointState names, in its order."""
+    return tuple(name for name in _own_names(tuple(message.name[: 2 * len(names)]), names) if name in names)
+
+
+def joint_values(
+    message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
+) -> Floats:
+    """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
+
+    With names, each number goes to the joint of its name, in whatever order they come; a RAVEN-II's own names, such as
+    gold_ins, are understood, whichever arm's they are: it publishes the green arm under gold names. Without names the
+    first n count, in our order, as the RAVEN-II takes them.
+
+    Args:
+        message: What came.
+        names: Our joints.
+        field: "position", "velocity" or "effort".
+        rest: (n,) numbers of joints that are not named; None refuses a message that lacks some.
+    """
+    values = as_array(f"JointState.{field}", getattr(message, field), (None,))
+    given = tuple(message.name)
+    if given and given != names and len(given) <= 2 * len(names):
+        given = _own_names(given, names)
+    if len(given) > 2 * len(names):  # no need to compare so many one by one
+        raise InputError(f"JointState.name: {len(given)} names, expected {', '.join(names)}")
+    if not given:
+        if len(values) < len(names):
+            raise InputError(
+                f"JointState.{field}: {len(values)} numbers without names, expected {len(names)}: {', '.join(names)}"
+            )
+        return values[: len(names)]
+    if len(values) != len(given):
+        raise InputError(
+            f"JointState.{field}: {len(values)} numbers for {len(given)} names {', '.join(given)}"
+        )
+    if given == names:
+        return values
+    by_name = dict(zip(given, values, strict=True))
+    unknown = [name for name in given if name not in names]
+    absent = [] if rest is not None else [name for name in names if name not in by_name]
+    twice = sorted({name for name in given if given.count(name) > 1})
+    if unknown or absent or twice:
+        faults = [("unknown", unknown), ("missing", absent), ("given twice", twice)]
+        text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
+        raise InputError(f"JointState.name: {text}; the joints are {', '.join(names)}")
+    if rest is not None:
+        by_name = dict(zip(names, rest, strict=True)) | by_name
+    return np.array([by_name[name] for name in names])
+
+
+@lru_cache(maxsize=64)
+def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names of a message as ours where they are a RAVEN-II's: gold_ins for insertion, whichever arm's it is."""
+    own = []
+    for name in given:
+        short = name.removeprefix("gold_").removeprefix("green_")
+        short = "insertion" if short == "ins" else short
+        own.append(short if name not in names and short in names else name)
+    return tuple(own)
+
+
+def joint_state(
+    message: Message, names: tuple[str, ...], *, gravity: ArrayLike, gravity_age: float = np.inf
+) -> JointState:
+    """Return a joint state from a sensor_msgs/JointState; NaN where it has no velocities or efforts.
+
+    Args:
+        message: What came.
+        names: Our joints.
+        gravity: (3,) in the base frame [m/s2], which the message does not hold.
+        gravity_age: [s] since it was measured; infinite when it is nominal.
+    """
+    q = joint_values(message, names)
+    qd, tau = (
+        joint_values(message, names, field) if len(getattr(message, field)) else np.full(len(names), np.nan)
+        for field in ("velocity", "effort")
+    )
+    down = as_array("gravity", gravity, (3,))
+    return JointState(seconds(message.header.stamp), q, qd, tau, np.zeros(0), down, gravity_age)
+
+
+def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = None) -> Message:
+    """Return a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it, when `child` is a frame."""
+    quaternion = _Quaternion(*quaternion_of_rows(pose.rotation.tolist()))
+    place = pose.position.tolist()
+    if child is None:
+        return _PoseStamped(header(stamp, frame_id), _Pose(_Point(*place), quaternion))
+    return _TransformStamped(header(stamp, frame_id), child, _Transform(_Vector3(*place), quaternion))
+
+
+def pose_of(message: Message) -> Pose:
+    """Return the pose of a geometry_msgs/PoseStamped or TransformStamped."""
+    if isinstance(message, _PoseStamped):
+        place, turn = message.pose
+    elif isinstance(message, _TransformStamped):
+        place, turn = message.transform
+    else:
+        raise InputError(f"expected a PoseStamped or a TransformStamped, got {type(message).__name__}")
+    return Pose(rotation_of(turn), as_array("position", tuple(place), (3,)))
+
+
+def rotation_of(turn: Message) -> Floats:
+    """Return the rotation matrix (3, 3) of a geometry_msgs/Quaternion, which is normalised."""
+    quaternion = as_array("quaternion", (turn.w, turn.x, turn.y, turn.z), (4,))
+    length = hypot(*quaternion.tolist())
+    if abs(length - 1.0) > 0.01:
+        raise InputError(
+            f"quaternion (w, x, y, z) {quaternion.tolist()}: expected length 1, got {length:.3g}"
+        )
+    return rotation_from_quaternion(quaternion)
+
+
+def operating_state_message(state: OperatingState, stamp: int) -> Message:
+    """Return a crtk_msgs/OperatingState, which is also what the RAVEN-II calls operating_state."""
+    return message_class("crtk_msgs/OperatingState")(
+        header(stamp), state.state, bool(state.is_homed), bool(state.is_busy)
+    )
+
+
+def operating_state(message: Message) -> OperatingState:
+    """Return the operating state of a crtk_msgs/OperatingState."""
+    if message.state not in get_args(StateName):
+        raise InputError(f'operating state "{message.state}": expected {", ".join(get_args(StateName))}')
+    return OperatingState(cast(StateName, message.state), message.is_homed, message.is_busy)
+
+
+def command_message(command: str, stamp: int) -> Message:
+    """Return a crtk_msgs/StringStamped that asks for a transition of the operating state."""
+    return message_class("crtk_msgs/StringStamped")(header(stamp), command)
+
+
+def specific_force(message: Message) -> Floats:
+    """Return what an accelerometer read (3,) [m/s2], in its own axes: minus gravity when at rest.
+
+    Takes sensor_msgs/Imu, geometry_msgs/AccelStamped and Vector3Stamped.
+    """
+    if isinstance(message, message_class("sensor_msgs/Imu")):
+        if message.linear_acceleration_covariance[0] == -1.0:
+            raise InputError("Imu: linear_acceleration_covariance[0] is -1: it measures no acceleration")
+        values = message.linear_acceleration
+    elif isinstance(message, message_class("geometry_msgs/AccelStamped")):
+        values = message.accel.linear
+    elif isinstance(message, message_class("geometry_msgs/Vector3Stamped")):
+        values = message.vector
+    else:
+        raise InputError(
+            f"expected an Imu, an AccelStamped or a Vector3Stamped, got {type(message).__name__}"
+        )
+    return as_array(type(message).__name__, tuple(values), (3,))
+
+
+def seconds(stamp: int) -> float:
+    """Return the time [s] of a stamp [ns]; of times since 1970 it is exact to 0.24 us."""
+    return stamp / SECOND
+
+
+class Stamps:
+    """Stamps of the time of day that strictly increase, as CRTK's clients demand, but where it is set back far.
+
+    They advance by a clock that nobody sets. Where the time of day is set back by up to half a second, they go at half
+    speed until they are at it again; a step farther back they follow at once. A step beyond half a second, either way,
+    is logged.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._set, self._time, self._last = clock.set_by(), 0, 0  # [ns]
+
+    def next(self, time: int) -> int:
+        """Return the stamp [ns] of what happened at a time [ns] by the clock's `steady`."""
+        by = self._clock.set_by()
+        ahead = self._set - by
+        if abs(ahead) > LEAP:
+            _logger.warning("the clock was set by %+.3f s; stamps follow it", -ahead / SECOND)
+            self._last = time + by - 1
+        elif ahead > 0:
+            by = self._set - min(ahead, max(0, time - self._time) // 2)
+        self._set, self._time = by, time
+        self._last = max(time + by, self._last + 1)
+        return self._last

@@ -1,0 +1,191 @@
+"""Topics of both dialects in which robots speak CRTK: which, of what type, and who sends.
+
+`raven` is what the public RAVEN-II software speaks (uw-biorobotics/raven2, branch crtk); `crtk` is the present
+convention (collaborative-robotics.github.io, PoseStamped since 2022). The two differ in types, so one topic cannot
+serve both. Rates and units are in docs/crtk.md.
+
+Trap: the RAVEN-II publishes `measured_js` and `measured_cp` of its arms swapped, arm1 the green arm's and arm2 the gold
+one's; setpoints and commands are not swapped. Ask `topic_name` for an arm, never put a name together.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from catenary.errors import InputError
+from catenary.recording.topics import MEASURED_JS, Arm
+
+DialectName = Literal["raven", "crtk"]
+DIALECTS: tuple[DialectName, ...] = ("raven", "crtk")
+Direction = Literal["out", "in"]  # from the robot, to the robot
+JOINT_STATE = "sensor_msgs/JointState"
+TRANSFORM = "geometry_msgs/TransformStamped"
+POSE = "geometry_msgs/PoseStamped"
+TWIST = "geometry_msgs/TwistStamped"
+WRENCH = "geometry_msgs/WrenchStamped"
+VECTOR = "geometry_msgs/Vector3"
+MATRIX = "std_msgs/Float64MultiArray"
+COMMAND = "crtk_msgs/StringStamped"
+WARNING = "warning"  # verb: what an arm has to say of commands that it did not obey; ours, in both dialects
+DIAGNOSTICS = "/diagnostics"  # topic of all robots: their states, and why they are in FAULT
+DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
+# verb: gravity that a RAVEN-II's own compensation goes by, ours: the robot's software takes it from nobody
+GRAV_DIR = "grav_dir"
+BUTTON = "/silver_button"  # service: the RAVEN-II's start button, which no public topic presses
+BUTTON_TYPE = "std_srvs/Trigger"
+NAMESPACES: dict[Arm, str] = {"gold": "/arm1", "green": "/arm2"}  # of a RAVEN-II
+
+
+@dataclass(frozen=True)
+class CrtkTopic:
+    """A topic of a robot."""
+
+    name: str
+    type: str  # as it is declared: the RAVEN-II still uses a name that crtk_msgs has dropped
+    direction: Direction
+    verb: str  # last word of the name
+    arm: str | None = None  # whose, gold or green or a name of its own; None: the robot's
+
+
+_Verbs = dict[str, tuple[str, Direction]]  # verb: type, direction
+_RAVEN_ROBOT: _Verbs = {
+    "ravenstate": ("raven_2/raven_state", "out"),
+    "operating_state": ("crtk_msgs/operating_state", "out"),
+    "joint_states": (JOINT_STATE, "out"),
+    "state_command": (COMMAND, "in"),
+    "raven_automove": ("raven_2/raven_automove", "in"),
+    GRAV_DIR: (VECTOR, "in"),
+}
+_SWAPPED: _Verbs = {
+    "measured_js": (JOINT_STATE, "out"),
+    "measured_cp": (TRANSFORM, "out"),
+    "measured_cv": (TWIST, "out"),
+}
+_RAVEN_ARM: _Verbs = {
+    "operating_state": ("crtk_msgs/operating_state", "out"),
+    "setpoint_js": (JOINT_STATE, "out"),
+    "setpoint_cp": (TRANSFORM, "out"),
+    "setpoint_cv": (TWIST, "out"),
+    WARNING: ("std_msgs/String", "out"),
+    "state_command": (COMMAND, "in"),
+    **dict.fromkeys(("servo_jr", "servo_jp", "servo_jv"), (JOINT_STATE, "in")),
+    **dict.fromkeys(("servo_cp", "servo_cr", "servo_cv"), (TRANSFORM, "in")),
+}
+_GRASP: _Verbs = {
+    "measured_js": (JOINT_STATE, "out"),
+    "servo_jr": (JOINT_STATE, "in"),
+    "servo_jp": (JOINT_STATE, "in"),
+    "servo_jv": (JOINT_STATE, "in"),
+}
+_CRTK: _Verbs = {
+    "operating_state": ("crtk_msgs/OperatingState", "out"),
+    **dict.fromkeys(("measured_js", "setpoint_js"), (JOINT_STATE, "out")),
+    **dict.fromkeys(("measured_cp", "setpoint_cp"), (POSE, "out")),
+    **dict.fromkeys(("measured_cv", "setpoint_cv"), (TWIST, "out")),
+    **dict.fromkeys(("measured_cf", "body/measured_cf", "spatial/measured_cf"), (WRENCH, "out")),
+    **dict.fromkeys(("jacobian", "body/jacobian", "spatial/jacobian"), (MATRIX, "out")),
+    WARNING: ("std_msgs/String", "out"),
+    "state_command": (COMMAND, "in"),
+    **dict.fromkeys(
+        ("servo_jp", "servo_jr", "servo_jv", "servo_jf", "move_jp", "move_jr"), (JOINT_STATE, "in")
+    ),
+    **dict.fromkeys(("servo_cp", "servo_cr", "move_cp", "move_cr"), (POSE, "in")),
+    "servo_cv": (TWIST, "in"),
+    **dict.fromkeys(("servo_cf", "body/servo_cf", "spatial/servo_cf"), (WRENCH, "in")),
+    "body/set_cf_orientation_absolute": ("std_msgs/Bool", "in"),
+    **dict.fromkeys(("hold", "free"), ("std_msgs/Empty", "in")),
+    "use_gravity_compensation": ("std_msgs/Bool", "in"),
+}
+# verbs below `local/` of an arm that the dVRK carries on setup joints: poses in its own base, not in the cart's
+_LOCAL = ("measured_cp", "setpoint_cp")
+# verbs of a gripper, below `jaw/`
+_JAW = ("measured_js", "setpoint_js", "servo_jp", "servo_jr", "servo_jf", "move_jp", "move_jr")
+
+
+def _below(place: str, verbs: _Verbs, arm: str | None = None, prefix: str = "") -> Iterator[CrtkTopic]:
+    for verb, (kind, direction) in verbs.items():
+        yield CrtkTopic(f"{place}/{verb}", kind, direction, prefix + verb, arm)
+
+
+def _raven() -> Iterator[CrtkTopic]:
+    yield from _below("", _RAVEN_ROBOT)
+    for arm, place in NAMESPACES.items():
+        yield from _below(place, _RAVEN_ARM, arm)
+        yield from _below(MEASURED_JS[arm].rpartition("/")[0], _SWAPPED, arm)
+        yield from _below(place.replace("arm", "grasp"), _GRASP, arm, "grasp_")
+    for number in (3, 4):  # arms that no robot has, to which its software listens
+        for verb in ("state_command", "servo_jv"):
+            yield CrtkTopic(f"/arm{number}/{verb}", *_RAVEN_ARM[verb], f"{verb}_{number}")
+
+
+RAVEN = tuple(_raven())
+
+
+def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
+    """Return what is in front of the topics of an arm's deployed calibration model; its namespace's, if it has one."""
+    return f"{NAMESPACES[arm] if namespace is None else '/' + namespace.strip('/')}/calibrated"
+
+
+def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]:
+    """Return the topics of one arm in the present convention; jaw verbs are called `jaw/measured_js` and so on.
+
+    Args:
+        namespace: In front of each verb, such as /arm1 or /PSM1; empty for none.
+        arm: Whose they are, where the robot has two.
+    """
+    words = namespace.strip("/")
+    below = {"jaw": _JAW, "local": _LOCAL}
+    verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs}
+    return tuple(_below(f"/{words}" if words else "", verbs, arm))
+
+
+def topics(dialect: DialectName) -> tuple[CrtkTopic, ...]:
+    """Return all topics of a RAVEN-II in a dialect."""
+    if dialect == "raven":
+        return RAVEN
+    if dialect == "crtk":
+        return tuple(topic for arm, place in NAMESPACES.items() for topic in crtk_topics(place, arm))
+    raise InputError(f'dialect "{dialect}": expected raven or crtk')
+
+
+def find_topic(
+    dialect: DialectName, verb: str, arm: Arm | None = None, namespace: str | None = None
+) -> CrtkTopic:
+    """Return the topic of a verb of an arm, or of the whole robot when `arm` is None.
+
+    Args:
+        dialect: Raven or crtk.
+        verb: Last word of the topic's name, with `jaw/` or `grasp_` in front where it is the gripper's.
+        arm: Which one.
+        namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.
+    """
+    listed = _listed(dialect, arm, namespace)
+    found = next((topic for topic in listed if topic.verb == verb and topic.arm == arm), None)
+    if found is None:
+        verbs = sorted({topic.verb for topic in listed if topic.arm == arm})
+        raise InputError(
+            f'dialect {dialect}, {"the robot" if arm is None else f"{arm} arm"}: no topic for "{verb}"; '
+            f"there are {', '.join(verbs) or 'none'}"
+        )
+    return found
+
+
+def topics_of(dialect: DialectName, arm: Arm, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
+    """Return the topics of one arm; arguments and errors as `find_topic`."""
+    return tuple(topic for topic in _listed(dialect, arm, namespace) if topic.arm == arm)
+
+
+def _listed(dialect: DialectName, arm: Arm | None, namespace: str | None) -> tuple[CrtkTopic, ...]:
+    if namespace is None:
+        return topics(dialect)
+    if dialect == "raven":
+        raise InputError(
+            f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
+            "the dialect crtk has one"
+        )
+    return crtk_topics(namespace, arm)
+
+
+def topic_name(dialect: DialectName, verb: str, arm: Arm | None = None) -> str:
+    """Return the name of the topic of a verb; see `find_topic`."""
+    return find_topic(dialect, verb, arm).name

@@ -1,0 +1,288 @@
+"""A robot, or a row of its recording, at one instant: what deserves a warning, and its picture in a terminal."""
+
+from collections import deque
+from textwrap import wrap
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.plant import OperatingState
+from catenary.sensing.vector import tilt_of
+from catenary.visible import visible
+
+NEAR_LIMIT = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
+STALE_GRAVITY = 0.1  # [s], as old as the gravity estimator lets a reading be before it calls it stale
+WINDOW = 1.0  # [s] over which rates are counted
+
+
+class Snapshot(NamedTuple):
+    """A robot at one instant; None for what is not known."""
+
+    time: float  # [s] of the robot
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    q: Floats  # (n,) [rad|m] reported
+    setpoint: Floats | None = None
+    calibrated: Floats | None = None
+    inside: NDArray[np.bool_] | None = None  # (n,) inside the model's valid range
+    interval: Floats | None = None  # (n,) half-width about `calibrated` [rad|m]; NaN for a joint without
+    encoder: Floats | None = None  # (n,) external encoders, or a recording's truth; NaN: none
+    tau: Floats | None = None  # (n,) [Nm|N]
+    gravity_tau: Floats | None = None  # (k,) what holds the first k joints still [Nm|N]
+    gravity: Floats | None = None  # (3,) [m/s2] in the base frame
+    gravity_age: float = np.inf  # [s]; inf: nominal
+    operating: OperatingState | None = None
+    fault: str = ""  # why the robot is in FAULT; empty where it does not say
+    lower: Floats | None = None
+    upper: Floats | None = None
+    rate_hz: float | None = None  # at which states come
+    late: int = 0  # ticks late within the last second
+    silent: str | None = None  # the error that the robot's silence raised
+    recording: str | None = None  # state of a recording made at the same time
+    error: Floats | None = (
+        None  # (k,) reported less true position of the first k joints; None but in a simulation
+    )
+    tip: Floats | None = None  # (3,) [m] in the base frame, by reported joints
+    tip_error: float | None = None  # [m] from where the tip really is; None but in a simulation
+    tip_from_encoders: float | None = None  # [m] from where external encoders say that it is
+    calibrated_from_encoders: float | None = None  # [m] the same, by calibrated joints
+
+    def warnings(self) -> list[str]:
+        """Return what deserves a warning, the worst first."""
+        found: list[str] = []
+        if self.silent is not None:
+            found.append(f"stale: {self.silent}")
+        if self.operating is not None:
+            if self.operating.state == "FAULT":
+                found.append(f"the robot is in FAULT: {self.fault or 'it does not say why'}")
+            if not self.operating.is_homed and not self.operating.is_busy:
+                found.append("not homed: joint positions mean nothing")
+        if np.isfinite(self.gravity_age) and self.gravity_age > STALE_GRAVITY:
+            found.append(f"gravity is {self.gravity_age:.2f} s old")
+        if self.inside is not None and not self.inside.all():
+            names = [name for name, ok in zip(self.joint_names, self.inside, strict=True) if not ok]
+            found.append(f"outside the model's valid range: {', '.join(names)}")
+        near = self._near_limits()
+        if near:
+            found.append(f"near a limit: {', '.join(near)}")
+        if self.late:
+            found.append(f"{self.late} ticks of this program late within {WINDOW:g} s")
+        return found
+
+    def _near_limits(self) -> list[str]:
+        if self.lower is None or self.upper is None:
+            return []
+        margin = np.array([NEAR_LIMIT[unit] for unit in self.joint_units])
+        near = (self.q < self.lower + margin) | (self.q > self.upper - margin)
+        return [name for name, bad in zip(self.joint_names, near, strict=True) if bad]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data, SI; null for what is not known."""
+        return {
+            "time": self.time,
+            "joints": self.joint_names,
+            "units": self.joint_units,
+            "q": self.q,
+            "setpoint": self.setpoint,
+            "q_calibrated": self.calibrated,
+            "q_interval": self.interval,
+            "inside_valid_range": self.inside,
+            "q_encoder": self.encoder,
+            "tau": self.tau,
+            "gravity_torque": self.gravity_tau,
+            "gravity": self.gravity,
+            "gravity_age_s": self.gravity_age,
+            "state": None if self.operating is None else self.operating._asdict(),
+            "fault": self.fault or None,
+            "rate_hz": self.rate_hz,
+            "late_ticks": self.late,
+            "recording": self.recording,
+            "true_error": self.error,
+            "tip": self.tip,
+            "tip_error": self.tip_error,
+            "tip_from_encoders": self.tip_from_encoders,
+            "calibrated_tip_from_encoders": self.calibrated_from_encoders,
+            "warnings": self.warnings(),
+        }
+
+
+class EventRate:
+    """Counts events, and their mean rate, over the last second."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque()
+
+    def count(self, now: float, times: int = 1) -> None:
+        """Count events at a time [s]."""
+        self._times.extend([now] * times)
+        self._drop(now)
+
+    def within(self, now: float) -> int:
+        """Return the number of events within the last second."""
+        self._drop(now)
+        return len(self._times)
+
+    def hertz(self, now: float) -> float | None:
+        """Return the mean rate [Hz]; None before two events."""
+        self._drop(now)
+        if len(self._times) < 2 or self._times[-1] <= self._times[0]:
+            return None
+        return (len(self._times) - 1) / (self._times[-1] - self._times[0])
+
+    def _drop(self, now: float) -> None:
+        while self._times and self._times[0] < now - WINDOW:
+            self._times.popleft()
+
+
+BAR = 12  # characters of a joint's range
+_COLUMNS = {  # by heading: field of the snapshot, characters
+    "reported": ("q", 10),
+    "calibrated": ("calibrated", 11),
+    "+/-": ("interval", 8),
+    "set": ("setpoint", 10),
+    "encoder": ("encoder", 10),
+    "error": ("error", 8),
+    "torque": ("tau", 8),
+    "gravity": ("gravity_tau", 8),
+}
+
+
+def monitor_lines(
+    name: str, shot: Snapshot, columns: int = 80, lines: int = 24, *, colour: bool = False
+) -> list[str]:
+    """Return exactly `lines` lines of at most `columns` characters, colours not counted.
+
+    Args:
+        name: Of the robot or the recording.
+        shot: What to show.
+        columns: Of the terminal.
+        lines: Of the terminal.
+        colour: Show warnings in red.
+    """
+    shown = [_fit(_left_right(f"catenary monitor  {name}", _state(shot), columns), columns)]
+    rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
+    shown += [_fit(_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
+    heads = [head for head, (field, _) in _COLUMNS.items() if _is_known(getattr(shot, field), head)]
+    while heads and 14 + sum(_COLUMNS[head][1] for head in heads) > columns:
+        heads.pop()  # half a column tells nothing
+    titles = "".join(head.rjust(_COLUMNS[head][1]) for head in heads)
+    has_room = 14 + len(titles) + 3 + BAR + 2 <= columns
+    shown.append(_fit(f"{'':<14}{titles}{'   range' if has_room else ''}", columns))
+    for j, joint in enumerate(shot.joint_names):
+        unit = "deg" if shot.joint_units[j] == "rad" else "mm"
+        cells = "".join(_cell(shot, head, j) for head in heads)
+        shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(shot, j) if has_room else ''}", columns))
+    shown += ["", _fit(_gravity(shot), columns)]
+    if shot.tip is not None:
+        shown.append(_fit(tip_line(shot), columns))
+    warnings = shot.warnings()
+    shown += [_fit(shot.recording, columns), ""] if shot.recording is not None else [""]
+    told = [line for text in warnings for line in _folded(f"! {text}", columns)]
+    shown += [_warned(line, colour) for line in told] or ["no warnings"]
+    last = _fit("Q quit", columns)
+    shown = shown[: max(0, lines - 1)]
+    shown += [""] * (lines - 1 - len(shown)) + [last]
+    return shown[:lines]
+
+
+def plain_line(shot: Snapshot) -> str:
+    """Return one line for a pipe or a file: time, state, joints in deg and mm, warnings.
+
+    Reported joints by name; calibrated and measured ones, where there are any, in the same order and units.
+    """
+    values = " ".join(
+        f"{joint}={_human(value, unit):.2f}{'deg' if unit == 'rad' else 'mm'}"
+        for joint, value, unit in zip(shot.joint_names, shot.q, shot.joint_units, strict=True)
+    )
+    for name, others in (("calibrated", shot.calibrated), ("measured", shot.encoder)):
+        if others is not None and np.isfinite(others).any():
+            told = zip(others, shot.joint_units, strict=False)  # a robot's encoders are at its first joints
+            shown = (f"{_human(value, unit):.2f}" if np.isfinite(value) else "-" for value, unit in told)
+            values += f"  {name} {' '.join(shown)}"
+    if shot.tip_error is not None:
+        values += f"  tip {_tip_errors(shot)}"
+    warnings = "; ".join(shot.warnings())
+    return f"{shot.time:.2f} s  {_state(shot)}  {values}" + (f"  ! {warnings}" if warnings else "")
+
+
+def tip_line(shot: Snapshot) -> str:
+    """Return where the tip is by reported joints and, in a simulation, how far from where it is [mm]."""
+    if shot.tip is None:
+        return ""
+    x, y, z = 1e3 * shot.tip
+    place = f"tip {x:.1f} {y:.1f} {z:.1f} mm"
+    return place if shot.tip_error is None else f"{place}  {_tip_errors(shot)}"
+
+
+def _tip_errors(shot: Snapshot) -> str:
+    text = f"error {1e3 * (shot.tip_error or 0.0):.2f} mm"
+    calibrated, reported = shot.calibrated_from_encoders, shot.tip_from_encoders
+    if calibrated is None or reported is None:
+        return text
+    return f"{text}; by encoders {1e3 * reported:.2f}, calibrated {1e3 * calibrated:.2f} mm"
+
+
+def _cell(shot: Snapshot, head: str, j: int) -> str:
+    field, width = _COLUMNS[head]
+    values: Floats = getattr(shot, field)
+    if j >= len(values) or not np.isfinite(values[j]):
+        return "-".rjust(width)
+    if head in ("torque", "gravity"):
+        return f"{values[j]:.3f}".rjust(width)  # [Nm], [N]
+    outside = head == "calibrated" and shot.inside is not None and not shot.inside[j]
+    return f"{_human(values[j], shot.joint_units[j]):.2f}{'?' if outside else ''}".rjust(width)
+
+
+def _is_known(values: Floats | None, head: str) -> bool:
+    """Return whether a column is shown: intervals only of a model that has some."""
+    return values is not None and (head != "+/-" or not np.isnan(values).all())
+
+
+def _human(value: float, unit: str) -> float:
+    return float(np.rad2deg(value) if unit == "rad" else 1e3 * value)
+
+
+def _bar(shot: Snapshot, j: int) -> str:
+    if shot.lower is None or shot.upper is None:
+        return ""
+    low, high = shot.lower[j], shot.upper[j]
+    if not (np.isfinite(low) and np.isfinite(high) and np.isfinite(shot.q[j])):
+        return "no limits"
+    place = int(np.clip((shot.q[j] - low) / (high - low), 0.0, 1.0) * (BAR - 1) + 0.5)
+    return "[" + "." * place + "#" + "." * (BAR - 1 - place) + "]"
+
+
+def _state(shot: Snapshot) -> str:
+    if shot.operating is None:
+        return "recording"
+    state, is_homed, is_busy = shot.operating
+    return f"{state}, {'busy' if is_busy else 'homed' if is_homed else 'not homed'}"
+
+
+def _gravity(shot: Snapshot) -> str:
+    if shot.gravity is None:
+        return "gravity  not known"
+    x, y, z = shot.gravity
+    tilt = tilt_of(shot.gravity) if shot.gravity.any() else (np.nan, np.nan)
+    roll, pitch = np.round(np.rad2deg(tilt), 2) + 0.0  # no -0.00
+    age = f"age {1e3 * shot.gravity_age:.0f} ms" if np.isfinite(shot.gravity_age) else "nominal"
+    return f"gravity {x:7.3f} {y:7.3f} {z:7.3f} m/s2  roll {roll:6.2f} pitch {pitch:6.2f} deg  {age}"
+
+
+def _left_right(left: str, right: str, columns: int) -> str:
+    return left + " " * max(2, columns - len(left) - len(right)) + right
+
+
+def _folded(text: str, columns: int) -> list[str]:
+    """Return a text as lines: why a robot is in FAULT is not cut off."""
+    return wrap(visible(text.replace("\n", " ")), max(8, columns), subsequent_indent="  ")
+
+
+def _fit(text: str, columns: int) -> str:
+    return visible(text.replace("\n", " "))[:columns].rstrip()
+
+
+def _warned(text: str, colour: bool) -> str:
+    return f"\x1b[31m{text}\x1b[0m" if colour else text

@@ -1,1 +1,0 @@
-"""The picture of a robot, or of one of its recordings, in a terminal."""

@@ -1,0 +1,366 @@
+"""A calibration model beside a robot: joint states in, calibrated ones out, at the robot's own rate.
+
+Published below the arm's namespace (/arm1 gold, /arm2 green, never swapped; a PSM's own), `calibrated/`:
+
+- `measured_js`: all joints, those of the model corrected, the others as they came, with the robot's stamp;
+- `measured_cp`: where the tool's tip then is, in the dialect's type;
+- `is_valid` (std_msgs/Bool): whether all of the model's joints are inside its valid range. Where one is not, its fixed
+  offset has been added in place of the model's correction;
+- `interval` (sensor_msgs/JointState, position), where the model has intervals: their half-widths, for its joints;
+- `gravity_torque` (sensor_msgs/JointState, effort) on request: what holds the positioning joints still.
+
+Nothing is published while the robot is not homed: its joint positions mean nothing then. Nor is anything of a message
+that holds NaN or lacks joints: it is counted, and the model begins anew. While another input of the model (torques,
+gravity) is older than the client allows, `is_valid` is false, and that is counted. After a silence the model
+begins anew, as its previous positions belong to another motion. Where this program does not keep up, it publishes less,
+not later: of messages that have waited too long all go into the model, and the newest is published.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.model import CalibrationModel
+from catenary.control.realtime import Durations, Timing
+from catenary.crtk.clock import SECOND
+from catenary.crtk.gravity_topic import ImuTopic
+from catenary.crtk.inbox import Received
+from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import pose_message
+from catenary.crtk.reader import CrtkReader
+from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.crtk.topic_names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
+from catenary.crtk.transport import Transport
+from catenary.errors import CatenaryError, InputError, TransportError
+from catenary.gravity.torque import gravity_kernel
+from catenary.open_robot import KINDS, PSM, OverTopics, kind_with_joints, open_robot
+from catenary.plant import JointState
+from catenary.recording.topics import JOINTS, PSM_JOINTS
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+
+_BOOL = "std_msgs/Bool"
+_NONE = np.empty(0)
+
+
+class CalibratedMessages:
+    """Publishes a corrected arm below a namespace of topics."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        place: str,
+        names: tuple[str, ...],
+        robot: RobotModel,
+        *,
+        pose_type: str,
+        positioning: RobotModel | None = None,
+        with_intervals: tuple[str, ...] = (),
+    ) -> None:
+        """Begin to publish.
+
+        Args:
+            transport: Carries the messages.
+            place: Namespace of the topics.
+            names: Joints of the arm.
+            robot: Its kinematics; both jaws may be one joint of it.
+            pose_type: PoseStamped or TransformStamped.
+            positioning: Arm of the first joints whose gravity torques are published; None publishes none.
+            with_intervals: Joints whose intervals are published; none publishes none.
+        """
+        self._names = names
+        self._child = "calibrated_tool" if pose_type == TRANSFORM else None
+        self._tool = ToolPose(robot, names)
+        self._positioning = names[: 0 if positioning is None else positioning.n]
+        self._gravity = None if positioning is None else gravity_kernel(positioning)
+        types = {"measured_js": JOINT_STATE, "measured_cp": pose_type, "is_valid": _BOOL}
+        self._with_intervals = with_intervals
+        self._places = [names.index(name) for name in with_intervals]
+        if with_intervals:
+            types["interval"] = JOINT_STATE
+        if positioning is not None:
+            types["gravity_torque"] = JOINT_STATE
+        self._publishers = {
+            verb: transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()
+        }
+        # what is compiled on first use is compiled here, not when messages wait
+        rest = np.zeros(len(names))
+        self._tool.pose(rest)
+        self._torque(rest, rest[:3])
+
+    def publish(self, stamp: int, q: Floats, interval: Floats, state: JointState, *, is_valid: bool) -> None:
+        """Publish a state.
+
+        Args:
+            stamp: [ns] the robot's.
+            q: (n,) corrected positions [rad|m].
+            interval: (n,) half-widths of intervals about them [rad|m].
+            state: What the robot reported: velocities and torques, NaN where it reports none, and gravity.
+            is_valid: Whether the model knows such positions.
+        """
+        publishers, joint_state = self._publishers, message_class(JOINT_STATE)
+        qd, tau = (row if np.isfinite(row).all() else _NONE for row in (state.qd, state.tau))
+        publishers["measured_js"].publish(joint_state(header(stamp), self._names, q, qd, tau))
+        base = self._tool.model.base
+        publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, base, child=self._child))
+        publishers["is_valid"].publish(message_class(_BOOL)(is_valid))
+        if self._with_intervals:
+            widths = interval[self._places]
+            publishers["interval"].publish(joint_state(header(stamp), self._with_intervals, widths))
+        if self._gravity is not None:
+            torque = self._torque(q, state.gravity)
+            publishers["gravity_torque"].publish(joint_state(header(stamp), self._positioning, effort=torque))
+
+    def _torque(self, q: Floats, gravity: Floats) -> Floats:
+        return _NONE if self._gravity is None else self._gravity(q[: len(self._positioning)], gravity)
+
+    def close(self) -> None:
+        """Publish no more."""
+        for publisher in self._publishers.values():
+            publisher.close()
+
+
+DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
+WAIT = 0.05  # [s] for the next message
+LATE = 0.02  # [s] after it came, a message is published only where it is the newest
+
+
+@dataclass(frozen=True)
+class WireReport:
+    """Report of a model deployed beside a robot."""
+
+    seconds: float
+    messages: int  # that came
+    published: int
+    rate_hz: float | None  # of the robot's messages, by their stamps; None before two of them
+    latency: Timing | None  # [s] from a message's arrival until ours was handed over
+    late: int  # messages that were corrected, but not published: newer ones had come meanwhile
+    missed: int  # messages that came faster than they were corrected
+    silences: int  # times that nothing came for longer than the client's limit
+    longest_silence: float  # [s]
+    not_homed: int  # messages of a robot that was not homed
+    unreadable: int  # messages that held NaN or infinity, or other joints
+    stale: int  # messages that were corrected while another input was too old: published as not valid
+    outside: tuple[float, ...]  # share of published messages outside the valid range, per joint of the model
+    joint_names: tuple[str, ...]
+    leaps: dict[str, int]  # by input: positions that play states did not follow
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data: times in microseconds where so named."""
+        same = (
+            "seconds",
+            "messages",
+            "published",
+            "rate_hz",
+            "late",
+            "missed",
+            "silences",
+            "not_homed",
+            "leaps",
+            "unreadable",
+            "stale",
+        )
+        return {name: getattr(self, name) for name in same} | {
+            "latency_us": None if self.latency is None else self.latency.in_us(),
+            "longest_silence_s": self.longest_silence,
+            "outside_valid_range": dict(zip(self.joint_names, self.outside, strict=True)),
+        }
+
+
+class CalibratedTopics:
+    """Corrects each message of an arm's measured_js and publishes the result."""
+
+    def __init__(
+        self,
+        client: CrtkReader,
+        model: CalibrationModel,
+        *,
+        rate_hz: float = 1000.0,
+        gravity_torque: bool = False,
+    ) -> None:
+        """Begin to receive and to publish.
+
+        Args:
+            client: Of a RAVEN-II's arm, or of a dVRK PSM.
+            model: Fitted to recordings of this robot.
+            rate_hz: At which the robot publishes; matters to models with previous positions.
+            gravity_torque: Publish that too.
+        """
+        self._client = client
+        self._model = model
+        self._corrector = Corrector(model, rate_hz=rate_hz)
+        self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
+        self._places = [client.joint_names.index(name) for name in model.joint_names]
+        kinematics, weight = _robots(client, gravity_torque=gravity_torque)
+        place = calibrated_namespace(client.arm, client.namespace)
+        self._publisher = CalibratedMessages(
+            client.transport,
+            place,
+            client.joint_names,
+            kinematics,
+            pose_type=TRANSFORM if client.dialect == "raven" else POSE,
+            positioning=weight,
+            with_intervals=() if model.intervals is None else model.joint_names,
+        )
+        n = len(client.joint_names)
+        self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+        rest = np.zeros(n)
+        self._corrector.correct_state(
+            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf),
+            self._out,
+            self._inside,
+            self._interval,
+        )
+        self._corrector.reset()
+        self._latency = Durations()
+        self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
+        self._begin = self._last = client.transport.steady()
+        self.is_silent = False  # nothing has come from the robot for longer than the client allows
+        self._came = self._published = self._late = self._not_homed = self._silences = 0
+        self._unreadable = self._stale = 0
+        self.stale: tuple[str, ...] = ()  # inputs that are too old, in words
+        # torques and the like come on other topics than positions; published torques go by gravity
+        self._has_other_inputs = gravity_torque or any(
+            not signal.startswith("q:") for signal in model.features.signals
+        )
+        self._longest = 0.0
+        self._outside = np.zeros(len(self._places))
+        self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
+
+    def step(self, timeout: float = 0.0) -> int:
+        """Correct and publish what has come; wait for the first up to `timeout` [s]; return how many were published."""
+        before = self._published
+        came = self._messages.take(timeout)
+        for received in came:
+            if self._note_silence(received.time):  # another motion begins, perhaps another robot's
+                self._corrector.reset()
+                self._stamps = None
+            self.is_silent = False
+            self._last = received.time
+            self._came += 1
+            self._correct(received, is_newest=received is came[-1])
+        self._note_silence(self._client.transport.steady())
+        return self._published - before
+
+    def run(self, seconds: float) -> WireReport:
+        """Go on for some time [s], or until Ctrl-C when that is infinite; robots may come and go."""
+        end = self._client.transport.steady() + seconds * SECOND
+        while self._client.transport.steady() < end:
+            self.step(WAIT)
+        return self.report()
+
+    def report(self) -> WireReport:
+        """Return the report so far."""
+        rate = None
+        if self._stamps is not None and self._stamps[1] > self._stamps[0]:
+            rate = self._stamps[2] * SECOND / (self._stamps[1] - self._stamps[0])
+        return WireReport(
+            seconds=(self._client.transport.steady() - self._begin) / SECOND,
+            messages=self._came,
+            published=self._published,
+            rate_hz=rate,
+            latency=self._latency.timing(),
+            late=self._late,
+            missed=self._messages.overflowed,
+            silences=self._silences,
+            longest_silence=self._longest,
+            not_homed=self._not_homed,
+            unreadable=self._unreadable,
+            stale=self._stale,
+            outside=tuple((self._outside / max(1, self._published)).tolist()),
+            joint_names=self._model.joint_names,
+            leaps=self._corrector.leaps,
+        )
+
+    def close(self) -> None:
+        """End its topics; the client stays."""
+        self._messages.close()
+        self._publisher.close()
+
+    def _note_silence(self, now: int) -> bool:
+        """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
+        silence = (now - self._last) / SECOND
+        self._longest = max(self._longest, silence)
+        if silence <= self._client.stale_after:
+            return False
+        if not self.is_silent:
+            self._silences += 1
+            self.is_silent = True
+        return True
+
+    def _correct(self, received: Received, *, is_newest: bool) -> None:
+        stamp, now = received.message.header.stamp, self._client.transport.steady
+        if not self._is_homed():
+            self._not_homed += 1
+            self._corrector.reset()
+            return
+        try:
+            state = self._client.state_of(received.message)
+        except CatenaryError:
+            self._unreadable += 1
+            self._corrector.reset()
+            return
+        self.stale = self._client.stale_inputs() if self._has_other_inputs else ()
+        self._stale += bool(self.stale)
+        first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
+        self._stamps = (first, stamp, count + 1)
+        self._corrector.correct_state(state, self._out, self._inside, self._interval)
+        if not is_newest and now() - received.time > LATE * SECOND:
+            self._late += 1
+            return
+        inside = self._inside[self._places]
+        self._outside += ~inside
+        is_valid = bool(inside.all()) and not self.stale
+        self._publisher.publish(stamp, self._out, self._interval, state, is_valid=is_valid)
+        self._published += 1
+        self._latency.add(max(0, now() - received.time) / SECOND)
+
+    def _is_homed(self) -> bool:
+        try:
+            return self._client.operating_state().is_homed
+        except (
+            TransportError,
+            InputError,
+        ):  # the messages that wait are the last ones, or a state that is none
+            return False
+
+
+def _robots(client: CrtkReader, *, gravity_torque: bool) -> tuple[RobotModel, RobotModel | None]:
+    """Return an arm's kinematics, and the arm whose gravity torques are asked for, if they are."""
+    kind = kind_with_joints(client.joint_names, client.arm)
+    if kind is None or client.joint_names != kind.joints:
+        raise InputError(
+            f"deploy: the kinematics are a RAVEN-II's, with joints {', '.join(JOINTS)}, or a dVRK PSM's, with "
+            f"{', '.join(PSM_JOINTS)}; the robot's joints are {', '.join(client.joint_names)}"
+        )
+    if kind is PSM and gravity_torque:
+        raise InputError("deploy: --gravity-torque: no masses are published of a PSM")
+    return load_robot(kind.whole), load_robot(kind.robot) if gravity_torque else None
+
+
+def reader_of(
+    joints: tuple[str, ...],
+    transport: Transport,
+    arm: str,
+    *,
+    dialect: str | None = None,
+    namespace: str | None = None,
+    imu: ImuTopic | None = None,
+) -> CrtkReader:
+    """Return the robot that a model of some joints is deployed beside.
+
+    Args:
+        joints: Of the model: a PSM's, or else a RAVEN-II's.
+        transport: Brings the messages; stays open.
+        arm: gold or green.
+        dialect: raven or crtk; the robot's own when None.
+        namespace: Of a PSM, /PSM1 when None.
+        imu: What gravity is read from.
+    """
+    kind = kind_with_joints(joints, arm) or KINDS["raven2" if arm == "gold" else "raven2_right"]
+    if kind is not PSM and namespace is not None:
+        raise InputError("--namespace: the model is none of a PSM; a RAVEN-II's arms are chosen by --arm")
+    return open_robot(kind.robot, OverTopics(transport, dialect, namespace, imu=imu, only_read=True))

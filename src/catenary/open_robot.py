@@ -1,0 +1,198 @@
+"""Any robot, simulated in this process or behind topics, opened by `open_robot` and one registry of kinds.
+
+What a kind of robot cannot have (a seed, a payload, a dialect, a namespace) is refused here, in the same words for
+every command and node. Whether an opened robot is enabled and homed is asked when it is to move
+(`plant.require_ready`), and who else moves it by `CrtkClient.require_free`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.gravity_topic import ImuTopic
+from catenary.crtk.reader import CrtkReader, model_joints
+from catenary.crtk.topic_names import DIALECTS, DialectName
+from catenary.crtk.transport import Transport
+from catenary.errors import InputError, UnsupportedModelError
+from catenary.gravity.payload import Payload
+from catenary.recording.topics import JOINTS, PSM_JOINTS, Arm, psm_topic
+from catenary.robots.catalog import RAVEN_SIDES, load_robot
+from catenary.robots.model import RobotModel
+from catenary.simulation.base_motion import FixedBase, MovingBase
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.joint_hardware import JointHardware
+from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.psm_plant import PsmPlant
+
+SimulatedRobotPlant = CablePlant | PsmPlant | MujocoPlant
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A robot in this process: RAVEN-II and PSM with their cables, any other as rigid bodies by MuJoCo."""
+
+    seed: int | None = None  # draws another robot of a kind with cables; the nominal one when None
+    base: MovingBase | None = None  # a level one at rest when None
+    payload: float = 0.0  # [kg] at a RAVEN-II's wrist, or at the tip of a robot without cables
+    homed: bool = True  # else as it is when switched on
+    grav_dir: Sequence[int] | None = None  # [cm/s2] of a RAVEN-II's own gravity compensation; None: without
+    start: ArrayLike | None = None  # (n,) [rad|m] where a robot without cables stands at first
+    hardware: JointHardware | None = None  # drives of a robot without cables; ideal ones when None
+
+
+@dataclass(frozen=True)
+class OverTopics:
+    """A robot behind a transport, which stays open when the robot is closed."""
+
+    transport: Transport
+    dialect: str | None = None  # raven or crtk; the robot's own when None
+    namespace: str | None = None  # in front of the verbs of one that speaks crtk; a PSM's is /PSM1 when None
+    simulated: bool = False  # what is behind the topics, which do not say it
+    imu: ImuTopic | None = None  # what gravity is read from; nominal gravity when None
+    only_read: bool = False  # nothing is advertised, and nobody has to take commands
+
+
+@dataclass(frozen=True)
+class RobotKind:
+    """A robot with cables and topics of its own, by its names in the catalogue."""
+
+    robot: str  # joints that are calibrated
+    whole: str  # as far as the tool
+    joints: tuple[str, ...]  # of its messages
+    dialects: tuple[DialectName, ...]  # its own first
+    arm: Arm = "gold"  # of a RAVEN-II
+
+
+KINDS: Mapping[str, RobotKind] = MappingProxyType(
+    {
+        kind.robot: kind
+        for kind in (
+            RobotKind("raven2", "raven2_full", JOINTS, ("raven", "crtk")),
+            RobotKind("raven2_right", "raven2_full_right", JOINTS, ("raven", "crtk"), "green"),
+            RobotKind("dvrk_psm", "dvrk_psm", PSM_JOINTS, ("crtk",)),
+        )
+    }
+)
+PSM = KINDS["dvrk_psm"]
+
+
+def kind_with_joints(joints: Sequence[str], arm: str = "gold") -> RobotKind | None:
+    """Return the kind that has these joints among its own, of a RAVEN-II the one on a side; None of others."""
+    return next(
+        (k for k in KINDS.values() if set(joints) <= set(k.joints) and (k is PSM or k.arm == arm)), None
+    )
+
+
+def tilted_base(angles_deg: tuple[float, float]) -> FixedBase:
+    """Return a base at rest, turned by roll about x, then by pitch about its own y [deg]."""
+    roll, pitch = np.deg2rad(angles_deg)
+    return FixedBase(float(roll), float(pitch))
+
+
+@overload
+def open_robot(robot: str | RobotModel, where: Simulated) -> SimulatedRobotPlant: ...
+@overload
+def open_robot(robot: str, where: OverTopics) -> CrtkReader: ...
+def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> SimulatedRobotPlant | CrtkReader:
+    """Open a robot: one simulated here, enabled and homed unless it is to stay switched off, or one behind topics.
+
+    Args:
+        robot: Name in the catalogue, or a robot file; a model is simulated as rigid bodies.
+        where: In this process, or behind a transport; there a `CrtkClient` unless it is only read, the caller's to
+            close.
+
+    Raises:
+        UnsupportedModelError: What its kind cannot have, as a seed.
+        InputError: A dialect that it does not speak, or a namespace that it does not have.
+        TransportError: It is not behind the topics, which are named.
+        FileFormatError: Unknown robot; the message has the catalogue.
+        MissingInertiaError: Links without inertia, of a robot without cables.
+        MissingPackageError: MuJoCo is not installed.
+    """
+    if isinstance(where, OverTopics):
+        return _over_topics(str(robot), where)
+    plant = _simulated(robot, where)
+    if where.homed:
+        plant.home()
+    return plant
+
+
+def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
+    """Refuse what a simulated robot of a kind cannot have.
+
+    Raises:
+        UnsupportedModelError: A seed, a payload, gravity compensation, or joint friction that it cannot have.
+    """
+    kind, name = _kind(robot), robot if isinstance(robot, str) else robot.name
+    if kind is None and where.seed is not None:
+        raise UnsupportedModelError(
+            f'robot "{name}": a seed draws the cables of {", ".join(KINDS)}; this one has none, and is always the same'
+        )
+    if kind is not None and (where.hardware is not None or where.start is not None):
+        raise UnsupportedModelError(
+            f'robot "{name}": friction comes from its cables; joint friction is for robots without'
+        )
+    if kind is PSM and where.payload:
+        raise UnsupportedModelError(
+            f'robot "{name}": has no payload; a RAVEN-II and robots without cables have one'
+        )
+    if name not in RAVEN_SIDES and where.grav_dir is not None:
+        raise UnsupportedModelError(
+            f'robot "{name}": has no grav_dir; its own gravity compensation is a RAVEN-II\'s'
+        )
+
+
+def spoken_dialect(robot: str, dialect: str | None) -> DialectName:
+    """Return the dialect that a robot is spoken to in; its own when None.
+
+    Raises:
+        InputError: There is none of that name, or it does not speak it.
+    """
+    kind = _kind(robot)
+    own: tuple[DialectName, ...] = ("crtk",) if kind is None else kind.dialects
+    if dialect is not None and dialect not in DIALECTS:
+        raise InputError(f'dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
+    found = next((one for one in own if dialect in (None, one)), None)
+    if found is None:
+        raise InputError(f'robot "{robot}": speaks {" or ".join(own)}, not {dialect}, which is a RAVEN-II\'s')
+    return found
+
+
+def _kind(robot: str | RobotModel) -> RobotKind | None:
+    return KINDS.get(robot) if isinstance(robot, str) else None
+
+
+def _simulated(robot: str | RobotModel, where: Simulated) -> SimulatedRobotPlant:
+    refuse_unsupported(robot, where)
+    kind = _kind(robot)
+    if kind is PSM:
+        return PsmPlant(seed=where.seed, base=where.base)
+    if kind is not None:
+        side = RAVEN_SIDES[kind.robot]
+        return CablePlant(
+            side=side, seed=where.seed, payload=where.payload, base=where.base, grav_dir=where.grav_dir
+        )
+    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    payload = Payload(where.payload) if where.payload != 0.0 else None
+    return MujocoPlant(model, base=where.base, start=where.start, hardware=where.hardware, payload=payload)
+
+
+def _over_topics(robot: str, where: OverTopics) -> CrtkReader:
+    dialect, kind, namespace = spoken_dialect(robot, where.dialect), _kind(robot), where.namespace
+    if kind is PSM:
+        namespace = psm_topic(namespace or "/PSM1", "measured_js").name.rpartition("/")[0]
+    is_raven = kind is not None and kind is not PSM
+    return (CrtkReader if where.only_read else CrtkClient)(
+        where.transport,
+        dialect=dialect,
+        arm="gold" if kind is None else kind.arm,
+        namespace=namespace,
+        joints=None if is_raven else model_joints(load_robot(robot)),
+        simulated=where.simulated,
+        imu=where.imu,
+    )

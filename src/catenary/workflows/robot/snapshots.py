@@ -1,0 +1,299 @@
+"""A robot or a recording as a stream of samples to look at."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Flags
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model_file import load_model
+from catenary.crtk.message_values import joint_values
+from catenary.crtk.reader import CrtkReader
+from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
+from catenary.crtk.transport import Latest
+from catenary.errors import InputError, TransportError
+from catenary.monitor import EventRate, Snapshot
+from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
+from catenary.recording.synchronise import CALIBRATED
+from catenary.trajectories.reference import Trajectory
+from catenary.workflows.robot.motion import gentle_way
+from catenary.workflows.robot.operated_robot import OperatedRobot, distance
+
+EVERY = 0.04  # [s] between two samples: 25 a second
+FIRST_STATE = 5.0  # [s] for the first one to be heard in time, while the machine is busy with starting
+
+
+class _Corrected(NamedTuple):
+    """What a model makes of a state; None for what is not known."""
+
+    q: Floats | None = None  # (n,) [rad|m]
+    inside: Flags | None = None  # (n,) in the valid range
+    interval: Floats | None = None  # (n,) half-width about q [rad|m]
+
+
+class _Calibrated:
+    """A model beside the states of a robot."""
+
+    def __init__(self, model: Path, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
+        loaded, _ = load_model(model)
+        self._corrector = Corrector(loaded, rate_hz=rate_hz)
+        self._corrector.prepare(names, units, rate_hz)
+        self._q: Floats = np.full(len(names), np.nan)
+        self._inside: Flags = np.zeros(len(names), dtype=bool)
+        self._interval: Floats = np.full(len(names), np.nan)
+
+    def take(self, state: JointState) -> None:
+        self._corrector.correct_state(state, self._q, self._inside, self._interval)
+
+    def latest(self) -> "_Corrected":
+        return _Corrected(self._q.copy(), self._inside.copy(), self._interval.copy())
+
+
+class _Deployed:
+    """Reads what `catenary deploy` publishes beside a robot, where it runs."""
+
+    def __init__(self, client: CrtkReader) -> None:
+        place = calibrated_namespace(client.arm, client.namespace)
+        self._names, self._patience = client.joint_names, client.stale_after
+        # models of a RAVEN-II are of its positioning joints, those of a PSM of all
+        is_raven = set(CALIBRATED) <= set(self._names)
+        self._judged = len(CALIBRATED) if is_raven else len(self._names)
+        self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
+        self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
+        self._intervals = Latest(client.transport, f"{place}/interval", JOINT_STATE)
+
+    def take(self, state: JointState) -> None:
+        """Do nothing: the deployed model hears the robot itself."""
+
+    def latest(self) -> _Corrected:
+        """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
+        message = self._positions.message()
+        if message is None:
+            return _Corrected()
+        inside: Flags = np.ones(len(self._names), dtype=bool)
+        if self._positions.age() > self._patience:
+            return _Corrected(np.full(len(self._names), np.nan), inside)
+        valid = self._valid.message()
+        # the topic tells of the model's joints together
+        inside[: self._judged] = valid is None or bool(valid.data)
+        return _Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
+
+    def _half_widths(self) -> Floats | None:
+        """Return half-widths (n,) [rad|m], NaN for joints without; None where the model publishes none."""
+        message = self._intervals.message()
+        if message is None or self._intervals.age() > self._patience:
+            return None
+        widths = dict(zip(message.name, message.position, strict=False))
+        return np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
+
+
+def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
+    """Return a model that runs here, or the one that is deployed beside a robot on ROS."""
+    if model is not None:
+        return _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
+    if isinstance(plant, CrtkReader):
+        return _Deployed(plant)
+    return None
+
+
+def watch_robot(
+    robot: OperatedRobot,
+    *,
+    model: Path | None = None,
+    every: float = EVERY,
+    motion: Trajectory | None = None,
+    observe: Callable[[], str | None] = lambda: None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Snapshot]:
+    """Yield a snapshot every so often, for as long as somebody takes them; a robot is only read.
+
+    Without a model, joints are calibrated where `catenary deploy` runs beside a robot on ROS. What is compiled on first
+    use is compiled before the first sample, and the robot's first state is waited for.
+
+    Args:
+        robot: In any state.
+        model: Calibration model to run beside it.
+        every: [s] between samples.
+        motion: What a simulated robot does meanwhile, again and again.
+        observe: Called after each tick, as a recorder is; returns a line to show.
+        clock: [s].
+
+    Raises:
+        InputError: A model that does not fit the robot, or a motion for a robot that is not simulated here.
+    """
+    plant = robot.plant
+    if motion is not None and not plant.simulated:
+        raise InputError("monitor: only a robot that is simulated here can be given a motion")
+    corrected = _calibrated(plant, model)
+    path = None if motion is None else _ThereAndBack(robot, motion)
+    states, late = EventRate(), EventRate()
+    prepared, patience = False, clock() + FIRST_STATE
+    seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
+    state: JointState | None = None
+    while True:
+        silent = None
+        try:
+            if path is not None:
+                path.drive(begun)
+            plant.wait()
+            begun += plant.period
+            state = plant.measured_js()
+            setpoint: Floats | None = plant.setpoint_js().q
+            if setpoint is not None and np.isnan(setpoint).all():
+                setpoint = None  # of a recording that is played back
+            operating = plant.operating_state()
+        except TransportError as error:
+            silent = str(error)
+            if state is None:
+                if clock() > patience:
+                    raise
+                continue
+        if not prepared:
+            robot.gravity_torque(state)
+            _truth(robot, state.q, None)
+            prepared, seen_late, next_sample = True, robot.late(), clock()
+            continue
+        line = observe()
+        now = clock()
+        if silent is None and state.time != last:
+            states.count(now)
+            last = state.time
+            if corrected is not None:
+                corrected.take(state)
+        late.count(now, robot.late() - seen_late)
+        seen_late = robot.late()
+        if now < next_sample:
+            continue
+        next_sample = now + every
+        latest = _Corrected() if corrected is None else corrected.latest()
+        yield Snapshot(
+            state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
+            latest.q, latest.inside, latest.interval, tau=state.tau,
+            gravity_tau=robot.gravity_torque(state), gravity=state.gravity, gravity_age=state.gravity_age,
+            operating=operating, fault=fault_of(plant) if operating.state == "FAULT" else "",
+            lower=plant.lower, upper=plant.upper, rate_hz=states.hertz(now),
+            late=late.within(now), silent=silent, recording=line, **_truth(robot, state.q, latest.q),
+        )  # fmt: skip
+
+
+def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[str, Any]:
+    """Return the snapshot's fields of the tip and, in a simulation, of what is true."""
+    tip, truth = robot.tip(q), robot.truth()
+    if truth is None:
+        return {"tip": tip}
+    known: dict[str, Any] = {
+        "tip": tip, "error": q[: len(truth.q)] - truth.q, "tip_error": distance(tip, robot.tip(truth.q)),
+    }  # fmt: skip
+    if truth.encoders is not None:
+        seen = robot.tip(truth.encoders)
+        known |= {"encoder": truth.encoders, "tip_from_encoders": distance(tip, seen)}
+        if calibrated is not None:
+            known["calibrated_from_encoders"] = distance(robot.tip(calibrated), seen)
+    return known
+
+
+def watch_log(
+    log: MotionLog,
+    *,
+    model: CalibrationModel | None = None,
+    every: float = EVERY,
+    speed: float = 1.0,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Iterator[Snapshot]:
+    """Play a recording, once, at its own speed times `speed`.
+
+    Raises:
+        InputError: It has no time, or a speed that is not positive; or a model that does not fit.
+    """
+    if log.time is None:
+        raise InputError(f'recording "{log.name}": has no time; it cannot be played')
+    if not 0.0 < speed < np.inf:
+        raise InputError(f"--speed: expected more than 0, got {speed}")
+    steps = np.diff(log.time)
+    spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    corrected = None if model is None else _CalibratedLog(model, log, 1.0 / spacing)
+    begin, shown, played = clock(), -np.inf, 0.0
+    for row in range(len(log)):
+        if row:
+            # another recording begins at once
+            played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
+        if corrected is not None:
+            corrected.take(row)
+        if played - shown < every and row < len(log) - 1:
+            continue
+        shown = played
+        ahead = begin + played - clock()
+        if ahead > 0.0:
+            sleep(ahead)
+        encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
+        latest = _Corrected() if corrected is None else corrected.latest()
+        yield Snapshot(
+            float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
+            latest.q, latest.inside, latest.interval, encoder=encoder,
+            tau=None if log.tau is None else log.tau[row], rate_hz=1.0 / spacing,
+        )  # fmt: skip
+
+
+class _CalibratedLog:
+    """A model in a loop of a recording's rate; inputs come from all that the recording holds."""
+
+    def __init__(self, model: CalibrationModel, log: MotionLog, rate_hz: float) -> None:
+        """Find the model's joints and inputs in the recording.
+
+        Raises:
+            InputError: It lacks a joint or an input of the model, or its rate does not fit the model's history.
+        """
+        self._corrector, self._log, self._starts = (
+            Corrector(model, rate_hz=rate_hz),
+            log,
+            frozenset(log.starts),
+        )
+        whose = f'recording "{log.name}"'
+        self._places = places_of(model, log, whose=whose, of="the model is for")
+        self._signals, n = model.features.signal_rows(log), len(self._places)
+        self._q, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+        self._row = 0
+
+    def take(self, row: int) -> None:
+        """Take the next row; joints that the model is not of pass through."""
+        if row in self._starts:
+            self._corrector.reset()
+        q = self._log.q_nominal[row, self._places]
+        self._corrector.correct(q, self._signals[row], self._q, self._inside, self._interval)
+        self._row = row
+
+    def latest(self) -> _Corrected:
+        q = self._log.q_nominal[self._row].copy()
+        inside, interval = np.ones(len(q), dtype=bool), np.full(len(q), np.nan)
+        places = self._places
+        q[places], inside[places], interval[places] = self._q, self._inside, self._interval
+        return _Corrected(q, inside, interval)
+
+
+class _ThereAndBack:
+    """A motion that is repeated forwards and backwards, after a gentle way to its start."""
+
+    def __init__(self, robot: OperatedRobot, motion: Trajectory) -> None:
+        self._plant, self._motion = robot.plant, motion
+        start = motion(0.0).q
+        k = len(start)
+        self._approach = gentle_way(robot.plant.setpoint_js().q[:k], start, robot.plant.joint_units[:k])
+
+    def drive(self, time: float) -> None:
+        """Send the setpoint of a time [s] since the beginning; nothing to a robot that is not enabled."""
+        state = self._plant.operating_state()
+        if state.state != "ENABLED" or not state.is_homed or state.is_busy:
+            return
+        length = self._motion.duration
+        there = (time - self._approach.duration) % (2.0 * length)
+        ahead = time < self._approach.duration
+        reference = self._approach(time) if ahead else self._motion(min(there, 2.0 * length - there))
+        q = np.array(self._plant.setpoint_js().q)
+        q[: len(reference.q)] = reference.q
+        self._plant.servo_jp(q)

@@ -1,0 +1,148 @@
+"""Nodes and ends of topics as ROS 2 finds them, read with types of another make, and who hears whom not."""
+
+import logging
+from typing import Any
+
+import pytest
+
+from catenary.crtk.dds.arguments import RosArguments
+from catenary.crtk.dds.transport import DdsTransport
+from catenary.crtk.message import message_class
+from patience import until
+
+
+def told(reader: Any, program: bytes) -> Any:
+    """The last that a program told of itself."""
+    return next((one for one in reversed(reader.read(1000)) if bytes(one.gid.data)[:16] == program), None)
+
+
+@pytest.mark.parametrize(("distro", "gid_bytes"), [("humble", 24), ("jazzy", 16)])
+def test_a_program_tells_of_its_node_and_the_ends_of_its_topics(
+    dds_domain: int, peer: Any, distro: str, gid_bytes: int
+) -> None:
+    from cyclonedds.qos import Policy
+
+    from oracles.cyclone_peer import RELIABLE, discovery_type
+
+    reader = peer.reader(
+        "ros_discovery_info", discovery_type(gid_bytes), RELIABLE, Policy.Durability.TransientLocal
+    )
+    with DdsTransport("robot", arguments=RosArguments(distro=distro), settle=0.05) as robot:
+        publisher = robot.publisher("/said", "std_msgs/String")
+        robot.subscribe("/heard", "std_msgs/String")
+        gid = robot.program.gid
+
+        def has_ends(readers: int, writers: int) -> bool:
+            info = told(reader, gid)
+            if info is None:
+                return False
+            (node,) = info.node_entities_info_seq
+            return (len(node.reader_gid_seq), len(node.writer_gid_seq)) == (readers, writers)
+
+        until(lambda: has_ends(1, 1))
+        info = told(reader, gid)
+        (node,) = info.node_entities_info_seq
+        assert (node.node_namespace, node.node_name) == ("/", "robot")
+        assert bytes(info.gid.data)[16:] == bytes(gid_bytes - 16)
+        ends = {bytes(one.data)[:16] for one in (*node.reader_gid_seq, *node.writer_gid_seq)}
+        directory = robot.program.directory
+        assert ends == {
+            end.guid for end in (*directory.publishers("rt/said"), *directory.subscribers("rt/heard"))
+        }
+        publisher.close()
+        until(lambda: has_ends(1, 0))
+
+
+@pytest.mark.parametrize(("distro", "has_hashes"), [("humble", False), ("jazzy", True)])
+def test_ends_of_topics_carry_their_types_hash_from_iron_on(
+    dds_domain: int, distro: str, has_hashes: bool
+) -> None:
+    with DdsTransport("robot", arguments=RosArguments(distro=distro), settle=0.05) as robot:
+        robot.publisher("/said", "std_msgs/String")
+        robot.topics()
+        (end,) = robot.program.directory.publishers("rt/said")
+        assert end.user_data.get("typehash", "").startswith("RIHS01_df668c74") is has_hashes
+
+
+def test_programs_know_each_others_nodes_also_where_several_come_at_once(dds_domain: int) -> None:
+    names = [f"robot{k}" for k in range(5)]
+    transports = [DdsTransport(name, settle=0.0) for name in names]
+    try:
+        heard = [transport.subscribe("/t", "std_msgs/String") for transport in transports]
+        sender = transports[0].publisher("/t", "std_msgs/String")
+        until(lambda: transports[0].connections("/t").subscribers == tuple(f"/{name}" for name in names))
+        until(lambda: all(one.connections("/t").publishers == ("/robot0",) for one in transports))
+        sender.publish(message_class("std_msgs/String")(data="all"))
+        for one in heard:
+            until(lambda one=one: len(one) == 1)
+            (arrival,) = one.take_arrivals()
+            assert arrival.process in transports[1].publishing()["/t"]
+            assert arrival.process.startswith("/robot0 ")
+    finally:
+        for transport in transports:
+            transport.close()
+
+
+TEXT = "std_msgs/String"
+
+
+def test_a_listener_that_asks_for_more_than_is_offered_is_named_once_with_what_lacks(
+    robot: Any, dds_domain: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot.publisher("/t", TEXT)
+    with DdsTransport("asker", settle=0.05) as asker:
+        from catenary.crtk.dds.directory import Quality
+        from catenary.crtk.dds.types import message_type
+
+        asker.program.reader("rt/t", message_type(TEXT), Quality(is_latched=True), 1, "", lambda _: None)
+        until(lambda: caplog.records)
+        asker.publisher("/other", TEXT)
+        until(lambda: "/other" in robot.topics())
+    (record,) = caplog.records
+    assert record.getMessage() == (
+        "topic /t: /asker hears nothing of /robot: it asks for reliable, transient local, "
+        "offered is reliable, volatile (durability)"
+    )
+    assert record.levelno == logging.WARNING
+
+
+def test_a_program_without_a_node_is_named_by_its_number(robot: Any, peer: Any, caplog) -> None:
+    from cyclonedds.qos import Policy
+
+    from oracles.cyclone_peer import RELIABLE, Text
+
+    robot.publisher("/t", TEXT)
+    peer.reader("rt/t", Text, RELIABLE, Policy.Durability.TransientLocal)
+    until(lambda: caplog.records)
+    assert f"participant_{peer.participant.guid.hex} hears nothing of /robot" in caplog.text
+
+
+def test_programs_that_speak_of_other_types_are_named(robot: Any, peer: Any, caplog) -> None:
+    from oracles.cyclone_peer import JointState
+
+    robot.publisher("/said", TEXT)
+    robot.subscribe("/heard", TEXT)
+    peer.reader("rt/said", JointState)
+    peer.writer("rt/heard", JointState)
+    until(lambda: len(caplog.records) >= 2)
+    number = peer.participant.guid.hex
+    assert f"/said: participant_{number} takes sensor_msgs/JointState, /robot publishes {TEXT}" in caplog.text
+    assert (
+        f"/heard: participant_{number} publishes sensor_msgs/JointState, /robot takes {TEXT}" in caplog.text
+    )
+
+
+def test_programs_that_speak_version_2_alone_are_named(robot: Any, peer: Any, caplog) -> None:
+    from cyclonedds.core import Qos
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.qos import Policy
+    from cyclonedds.topic import Topic
+
+    from oracles.cyclone_peer import RELIABLE, Text
+
+    robot.subscribe("/t", TEXT)
+    newer = Qos(RELIABLE, Policy.DataRepresentation(use_xcdrv2_representation=True))
+    writer = DataWriter(peer.participant, Topic(peer.participant, "rt/t", Text), newer)
+    until(lambda: caplog.records)
+    assert "which offers reliable, volatile, CDR version 2 only" in caplog.text
+    del writer

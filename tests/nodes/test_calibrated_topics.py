@@ -1,0 +1,269 @@
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.arrays import Floats
+from catenary.calibration.intervals import Intervals
+from catenary.calibration.model import CalibrationModel
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.loopback import Loopback
+from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import joint_values, pose_of
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.nodes.calibrated_topics import LATE, CalibratedTopics
+from catenary.plant import MotionLog
+from catenary.recording.topics import JOINTS
+from catenary.robots.catalog import load_robot
+from catenary.simulation.cable_plant import UNITS
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.ideal_plant import IdealPlant
+from recordings import fitted
+
+START = np.array([0.6, 1.4, 0.38, 0.0, 0.1, 0.2, -0.2])
+OFFSET = np.array([0.02, -0.03, 0.001])
+
+
+def linear_model(error: Callable[[Floats], Floats], **options: Any) -> CalibrationModel:
+    """A model of what positions (400, 3) around START err by."""
+    q = START[:3] + np.array([0.2, 0.2, 0.02]) * np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))
+    log = MotionLog(
+        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
+        q_encoder=q + error(q), ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0,
+    )  # fmt: skip
+    return fitted(log, kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion"), **options)
+
+
+@pytest.fixture(scope="module")
+def model() -> CalibrationModel:
+    """Its correction is OFFSET, whatever the position, trusted around START."""
+    return linear_model(lambda q: OFFSET)
+
+
+class Deployed:
+    """A model beside a robot, and somebody who listens."""
+
+    def __init__(self, model: CalibrationModel, **options: Any) -> None:
+        self.robot = RobotOnLoopback(plant())
+        self.client = CrtkClient(self.robot.transport, stale_after=0.1)
+        self.topics = CalibratedTopics(self.client, model, **options)
+        listener = Loopback("listener", self.robot.network)
+        types = {"measured_js": "sensor_msgs/JointState", "measured_cp": "geometry_msgs/TransformStamped",
+                 "is_valid": "std_msgs/Bool", "interval": "sensor_msgs/JointState",
+                 "gravity_torque": "sensor_msgs/JointState"}  # fmt: skip
+        self.heard = {
+            verb: listener.subscribe(f"/arm1/calibrated/{verb}", kind) for verb, kind in types.items()
+        }
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            self.client.wait()
+            self.topics.step()
+
+
+def plant(**options: Any) -> IdealPlant:
+    return IdealPlant(START.tolist(), joint_names=JOINTS, joint_units=UNITS, **options)
+
+
+def test_each_message_of_the_robot_is_corrected_once_with_pose_and_gravity_torque(model) -> None:
+    deployed = Deployed(model, gravity_torque=True)
+    deployed.ticks(50)
+    messages = [received.message for received in deployed.heard["measured_js"].take()]
+    assert len(messages) == deployed.topics.report().published == 50
+    assert (np.diff([m.header.stamp for m in messages]) == 1_000_000).all()  # the robot's own stamps
+    q = joint_values(messages[-1], JOINTS)
+    corrected = START[:3] + OFFSET
+    assert_allclose(q[:3], corrected, atol=1e-6)
+    assert_allclose(q[3:], START[3:])
+    pose = pose_of(deployed.heard["measured_cp"].take()[-1].message)
+    tool = [*corrected, START[3], START[4], 0.5 * (START[6] - START[5])]
+    expected = forward_kinematics(load_robot("raven2_full"), tool)
+    assert_allclose(pose.position, expected.position, atol=1e-6)
+    assert_allclose(pose.rotation, expected.rotation, atol=1e-6)
+    torque = joint_values(deployed.heard["gravity_torque"].take()[-1].message, JOINTS[:3], "effort")
+    assert_allclose(torque, gravity_torque(load_robot("raven2"), corrected, [0.0, 0.0, -9.81]), atol=1e-5)
+
+
+def test_half_widths_are_published_for_the_joints_of_a_model_that_has_them(model: CalibrationModel) -> None:
+    without = Deployed(model)
+    without.ticks(2)
+    assert not without.heard["interval"].take()
+    widths = np.array([0.01, 0.02, 0.001])
+    deployed = Deployed(replace(model, intervals=Intervals(0.9, widths, 2.0 * widths)))
+    deployed.ticks(2)
+    message = deployed.heard["interval"].take()[-1].message
+    assert tuple(message.name) == model.joint_names
+    assert_allclose(message.position, widths)
+
+
+def test_positions_outside_the_valid_range_are_flagged(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(2)
+    assert all(received.message.data for received in deployed.heard["is_valid"].take())
+    far = START.copy()
+    far[0] += 0.6
+    deployed.robot.robot.plant.servo_jp(far)
+    deployed.ticks(2)
+    assert not deployed.heard["is_valid"].take()[-1].message.data
+    assert deployed.topics.report().outside[0] > 0.0
+
+
+def test_a_position_that_is_no_number_is_left_out_and_counted(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(2)
+    robot = deployed.robot.robot
+    stamp = header(robot.transport.now())
+    spoilt = message_class("sensor_msgs/JointState")(
+        stamp, JOINTS, np.full(7, np.nan), np.zeros(7), np.zeros(7)
+    )
+    for _ in range(3):
+        robot._out["measured_js"].publish(spoilt)
+    deployed.topics.step()
+    deployed.ticks(2)
+    report = deployed.topics.report()
+    assert (report.messages, report.published, report.unreadable) == (7, 4, 3)
+    assert all(np.isfinite(one.message.position).all() for one in deployed.heard["measured_js"].take())
+
+
+def test_robot_may_restart_and_is_corrected_again_when_homed(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(10)
+    deployed.robot.unplug()
+    deployed.ticks(150)
+    assert deployed.topics.is_silent
+    deployed.robot.restart(plant(ready=False))
+    deployed.ticks(10)
+    assert deployed.topics.report().not_homed == 10
+    deployed.robot.robot.plant.state_command("enable")
+    deployed.robot.robot.plant.state_command("home")
+    deployed.ticks(10)
+    report = deployed.topics.report()
+    assert not deployed.topics.is_silent
+    assert (report.published, report.silences) == (20, 1)
+    assert_allclose(report.longest_silence, 0.151, atol=1e-3)
+    assert_allclose(report.rate_hz, 1000.0)
+
+
+@pytest.mark.parametrize("late", [0.004, 0.05])
+def test_newest_is_published_however_late_and_latency_is_from_its_arrival(model, late) -> None:
+    deployed = Deployed(model)
+    deployed.client.wait()
+    deployed.robot.clock.robots.clear()
+    deployed.robot.clock.sleep(late)  # nobody looks
+    assert deployed.topics.step() == 1
+    latency = deployed.topics.report().latency
+    assert latency is not None
+    assert_allclose(latency.max, late, rtol=1e-6)
+
+
+def test_one_that_does_not_keep_up_publishes_less_not_later(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    for _ in range(60):
+        deployed.client.wait()  # nobody looks
+    deployed.topics.step()
+    report = deployed.topics.report()
+    assert report.latency is not None
+    assert report.latency.max <= LATE
+    assert (report.published, report.late) == (round(LATE / 0.001) + 1, 39)
+    stamps = [received.message.header.stamp for received in deployed.heard["measured_js"].take()]
+    assert stamps[-1] == max(stamps)
+    deployed.ticks(5)
+    assert deployed.topics.report().late == 39  # it keeps up again
+
+
+def test_a_model_with_previous_positions_sees_those_that_came_too_late() -> None:
+    model = linear_model(lambda q: 0.1 * np.diff(q, axis=0, prepend=q[:1]), history=1)
+    last = []
+    for looks in (True, False):
+        deployed = Deployed(model)
+        for k in range(60):
+            deployed.robot.robot.plant.servo_jp(START + 1e-3 * k)
+            deployed.client.wait()
+            if looks:
+                deployed.topics.step()
+        deployed.topics.step()
+        last.append(deployed.heard["measured_js"].take()[-1].message)
+    assert_array_equal(last[0].position, last[1].position)
+    assert last[0].header.stamp == last[1].header.stamp
+
+
+def test_robot_without_the_models_joints_is_refused() -> None:
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-1.0, 1.0, (100, 1))
+    other = fitted(
+        MotionLog("run", ("hinge",), ("rad",), q, np.ones(100, dtype=bool), q + 0.1), kind="offset"
+    )
+    with pytest.raises(InputError, match='no joint "hinge"'):
+        Deployed(other)
+
+
+def test_one_odd_message_is_counted_and_skipped_and_the_next_is_corrected(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(3)
+    robot = deployed.robot.robot
+    topic = deployed.client.measured_topic
+    odd = message_class("sensor_msgs/JointState")
+    robot._out["measured_js"].publish(odd(header(1), JOINTS, np.full(7, np.nan)))
+    robot._out["measured_js"].publish(odd(header(2), ("elbow",) * 7, START))
+    robot._out["operating_state"].publish(
+        message_class("crtk_msgs/OperatingState")(state="ASLEEP", is_homed=True)
+    )
+    deployed.topics.step()
+    deployed.ticks(5)
+    report = deployed.topics.report()
+    assert (report.unreadable + report.not_homed, report.published) == (2, 8)
+    assert topic == "/arm2/measured_js"
+
+
+def test_torques_that_come_no_more_are_flagged_until_they_are_back() -> None:
+    q = START[:3] + np.array([0.2, 0.2, 0.02]) * np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))
+    tau = np.random.default_rng(1).uniform(-1.0, 1.0, (400, 3))
+    log = MotionLog(
+        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q, q_encoder=q + OFFSET,
+        ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0, tau=tau,
+    )  # fmt: skip
+    deployed = Deployed(
+        fitted(log, kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion", "tau:elbow"))
+    )
+    deployed.ticks(10)
+    robot = deployed.robot.robot
+    assert not deployed.topics.stale
+    state = robot._out.pop("ravenstate")
+    deployed.ticks(200)
+    assert deployed.topics.stale[0].startswith("/ravenstate: 0.")
+    deployed.heard["is_valid"].take()
+    deployed.ticks(5)
+    assert not any(one.message.data for one in deployed.heard["is_valid"].take())
+    robot._out["ravenstate"] = state
+    deployed.ticks(5)
+    assert not deployed.topics.stale
+    assert 90 < deployed.topics.report().stale < 110
+
+
+def test_a_robot_whose_first_position_is_nan_is_waited_for() -> None:
+    setup = RobotOnLoopback(plant())
+    real, ticks = setup.robot.plant.measured_js, []
+
+    def first_nan() -> Any:
+        ticks.append(1)
+        state = real()
+        return state._replace(q=np.full(7, np.nan)) if len(ticks) < 20 else state
+
+    setup.robot.plant.measured_js = first_nan  # type: ignore[method-assign]
+    said = setup.robot.publish
+
+    def publish() -> None:
+        try:
+            said()
+        except InputError:  # the message's own check
+            setup.robot._out["measured_js"].publish(
+                message_class("sensor_msgs/JointState")(header(1), JOINTS, np.full(7, np.nan))
+            )
+
+    setup.robot.publish = publish  # type: ignore[method-assign]
+    assert np.isfinite(CrtkClient(setup.transport).measured_js().q).all()

@@ -1,0 +1,120 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.crtk.clock import SECOND, Clock
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message_values import joint_values, operating_state_message
+from catenary.errors import InputError
+from catenary.nodes import encoder_node
+from catenary.nodes.encoder_node import STATE_TOPIC, EncoderNode, publish_encoders
+from catenary.plant import OperatingState
+from oracles.encoder_bench import AWAY, EncoderBench
+from oracles.manual_time import ManualTime
+
+JOINTS = ("shoulder", "elbow", "insertion")
+
+
+class DayClock(Clock):
+    """The machine's, of the day set by `ahead` [ns]."""
+
+    ahead = 0
+
+    def now(self) -> int:
+        return super().now() + self.ahead
+
+
+class Rig(EncoderBench):
+    """A board, its node, a robot that tells its state, and a listener."""
+
+    def __init__(self, link: Path) -> None:
+        super().__init__(link)
+        self.clock = DayClock()
+        network = LoopbackNetwork(clock=self.clock)
+        self.robot, listener = Loopback("robot", network), Loopback("listener", network)
+        self.node = EncoderNode(self.driver, Loopback("node", network))
+        self.state = self.robot.publisher(STATE_TOPIC, "crtk_msgs/operating_state")
+        self.counts = listener.subscribe("/joint_enc", "sensor_msgs/JointState")
+        self.positions = listener.subscribe("/ext_jpos", "sensor_msgs/JointState")
+
+    def write(self, data: bytes) -> None:
+        super().write(data)
+        self.node.step()
+
+    def tell(self, *, is_busy: bool, is_homed: bool) -> None:
+        state = OperatingState("ENABLED", is_homed, is_busy)
+        self.state.publish(operating_state_message(state, self.robot.now()))
+        self.node.step()
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    rig = Rig(tmp_path / "encoders")
+    yield rig
+    rig.close()
+
+
+def test_counts_are_published_as_they_come_and_positions_not_before_homing(rig):
+    rig.send([1, -2, 3], [2, -2, 3])
+    messages = [one.message for one in rig.counts.take()]
+    assert [joint_values(m, JOINTS).tolist() for m in messages] == [[1, -2, 3], [2, -2, 3]]
+    # a period apart, as the rows came
+    assert messages[1].header.stamp - messages[0].header.stamp > 0
+    assert rig.positions.take() == []
+
+
+def test_the_robots_operating_state_registers_and_positions_follow(rig):
+    rig.home()
+    rig.counts.take()
+    rig.send(AWAY)
+    (position,), (count,) = rig.positions.take(), rig.counts.take()
+    assert_allclose(
+        joint_values(position.message, JOINTS), rig.driver.reading().q_encoder, rtol=0.0, atol=0.0
+    )
+    assert_array_equal(joint_values(count.message, JOINTS), AWAY)
+    assert position.message.header.stamp == count.message.header.stamp
+    status = rig.node.status(1.0)
+    assert status.robot == "ENABLED homed"
+    assert status.subscribers == 1
+    assert status.as_data()["is_valid"]
+
+
+def test_positions_end_when_the_counts_are_lost(rig):
+    rig.home()
+    rig.positions.take()
+    rig.send(*[AWAY + np.array([40_000.0, 0.0, 0.0])] * 10)
+    assert rig.driver.tally.losses == 1
+    assert rig.positions.take() == []
+    assert "home the robot again" in rig.node.status(1.0).reading.reason
+
+
+def test_a_robot_that_homes_again_is_registered_anew(rig):
+    rig.home()
+    rig.tell(is_busy=True, is_homed=False)
+    rig.positions.take()
+    rig.send(AWAY)
+    assert rig.positions.take() == []
+
+
+def test_publishing_ends_after_its_duration_with_a_status(rig, monkeypatch):
+    monkeypatch.setattr(encoder_node, "time", ManualTime())
+    shown = []
+    final = publish_encoders(rig.node, duration=1.2, show=shown.append)
+    assert len(shown) == 1
+    assert final.seconds >= 1.2
+    assert not final.reading.is_valid
+    with pytest.raises(InputError, match="duration"):
+        publish_encoders(rig.node, duration=0.0)
+
+
+def test_stamps_follow_a_clock_that_is_set_back(rig):
+    rig.send([1, -2, 3])
+    (before,) = rig.counts.take()
+    rig.clock.ahead = -3600 * SECOND
+    rig.send([2, -2, 3], [3, -2, 3])
+    first, second = (one.message.header.stamp for one in rig.counts.take())
+    assert before.message.header.stamp - first > 3500 * SECOND
+    assert second > first

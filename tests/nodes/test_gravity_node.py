@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.gravity_topic import IMU, VECTOR, GravityTopic, now_of
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message import header, message_class
+from catenary.errors import InputError
+from catenary.nodes.gravity_node import GravityNode, publish_gravity
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Mailbox, tilted_gravity
+from catenary.spatial import rotation_about_z
+from oracles.ticking_clock import SetClock
+
+XYZ = message_class("geometry_msgs/Vector3")
+START = 1_700_000_000 * SECOND  # stamps are times of day, and large
+TILTED = tilted_gravity(0.2, -0.1)
+
+
+class World:
+    """A sensor, the node and a listener, in a time that goes on by 10 ms."""
+
+    def __init__(self, type_name=IMU, *, mounting=None, points_down=False, **options) -> None:
+        network = LoopbackNetwork(clock=SetClock(START))
+        self.sensor = Loopback("sensor", network)
+        self.node_transport, listener = Loopback("node", network), Loopback("listener", network)
+        mailbox = Mailbox()
+        topic = GravityTopic(self.node_transport, "/imu", type_name, mailbox, points_down=points_down)
+        source = SensedGravity(mailbox, mounting, angular=type_name == IMU, feed=topic.feed, **options)
+        self.node = GravityNode(self.node_transport, source, frame_id="table")
+        self.publisher = self.sensor.publisher("/imu", type_name)
+        self.vectors = listener.subscribe("/gravity", VECTOR)
+        self.states = listener.subscribe("/gravity/status", "crtk_msgs/StringStamped")
+        self.rng = np.random.default_rng(0)
+
+    def message(self, vector):
+        noisy = XYZ(*(vector + 0.01 * self.rng.normal(size=3)))
+        head = header(self.sensor.now(), "imu_link")
+        if self.publisher.type_name == VECTOR:
+            return message_class(VECTOR)(head, noisy)
+        rates = XYZ(*(0.001 * self.rng.normal(size=3)))
+        return message_class(IMU)(head, angular_velocity=rates, linear_acceleration=noisy)
+
+    def run(self, seconds, vector=None):
+        """Let time pass; the sensor reads `vector`, or nothing."""
+        for _ in range(round(seconds / 0.01)):
+            if vector is not None:
+                self.publisher.publish(self.message(np.asarray(vector)))
+            self.node_transport.sleep(0.01)
+            reading = self.node.step()
+        return reading
+
+    def said(self):
+        """The last vector and the last status."""
+        message = self.vectors.take()[-1].message
+        return np.array(message.vector), self.states.take()[-1].message.string
+
+
+TURNED = rotation_about_z(0.5)  # R_base_imu
+NOMINAL = np.array([0.0, 0.0, -9.81])
+
+
+@pytest.mark.parametrize(
+    ("type_name", "options", "read", "published", "status"),
+    [
+        (IMU, {}, -TILTED, TILTED, "live"),
+        (IMU, {"mounting": Mounting(rotation=TURNED)}, -TURNED.T @ TILTED, TILTED, "live"),
+        (VECTOR, {"points_down": True}, TILTED, TILTED, "live"),
+        (VECTOR, {}, TILTED, NOMINAL, "upside_down"),
+        (IMU, {}, [0.0, 0.0, 8.7], NOMINAL, "magnitude"),
+        (IMU, {}, [0.0, 0.0, 11.2], NOMINAL, "magnitude"),
+        (IMU, {}, [0.0, 0.0, 1.0], NOMINAL, "unit_g"),
+        (IMU, {}, [0.0, 0.0, 981.0], NOMINAL, "unit_cm"),
+    ],
+    ids=["imu", "mounted", "gravity itself", "wrong sign", "short", "long", "in g", "in cm/s2"],
+)
+def test_gravity_goes_out_where_the_reading_is_believed(type_name, options, read, published, status):
+    world = World(type_name, **options)
+    world.run(2.0, read)
+    gravity, said = world.said()
+    assert_allclose(gravity, published, atol=0.05)  # noise of 0.01 m/s2
+    assert status in said
+
+
+def test_vectors_are_in_the_base_frame_with_rising_stamps():
+    world = World()
+    world.run(0.2, -TILTED)
+    received = world.vectors.take()
+    assert {one.message.header.frame_id for one in received} == {"table"}
+    stamps = [one.message.header.stamp for one in received]
+    assert stamps == sorted(set(stamps))
+    assert_allclose(np.diff(stamps), 0.01 * SECOND)
+
+
+def test_a_driver_that_takes_gravity_away_is_named_with_those_known_to_do_it():
+    world = World()
+    world.run(2.0, np.zeros(3))
+    final = publish_gravity(world.node, duration=0.05)
+    assert any("gravity_stripped" in text and "dmpGetLinearAccel" in text for text in final.warnings)
+
+
+@pytest.mark.parametrize(("fallback", "expected"), [("hold", TILTED), ("static", NOMINAL)])
+def test_when_samples_stop_what_was_configured_is_published(fallback, expected):
+    world = World(fallback=fallback)
+    world.run(1.0, -TILTED)
+    world.run(2.0)
+    gravity, status = world.said()
+    # what is held is the parabola as far as it was followed, which amplifies the noise of 0.01 m/s2 twentyfold
+    assert_allclose(gravity, expected, atol=0.3)
+    assert status == "fallback interrupted"
+    world.run(2.0, -TILTED)
+    assert world.said()[1] == "live"  # a sensor that comes back is believed again
+
+
+def test_stop_publishes_nothing_but_says_so():
+    world = World(fallback="stop")
+    world.run(1.0, -TILTED)
+    world.run(0.3)
+    world.vectors.take()
+    world.run(1.0)
+    assert world.vectors.take() == []
+    assert world.states.take()[-1].message.string == "stop interrupted"
+
+
+def test_the_rate_is_kept_the_status_shown_each_second_and_a_duration_of_nothing_refused():
+    world = World()
+    shown = []
+    final = publish_gravity(world.node, rate_hz=50.0, duration=2.5, show=shown.append)
+    assert final.published == 1 + 125
+    assert [round(status.seconds) for status in shown] == [1, 2]
+    assert final.subscribers == 1
+    assert final.as_data()["faults"] == ["nothing_received"]
+    assert final.seconds == pytest.approx(now_of(world.node_transport) - START / SECOND)
+    with pytest.raises(InputError, match="duration"):
+        publish_gravity(world.node, duration=0.0)
+
+
+@pytest.mark.parametrize("by", [-3600, 3600])
+def test_a_clock_that_is_set_costs_no_gravity_and_stamps_follow_it(by):
+    world = World()
+    world.run(2.0, -TILTED)
+    world.node_transport.clock.ahead = by * SECOND
+    world.run(2.0, -TILTED)
+    assert world.said()[1] == "live"
+    world.run(0.1, -TILTED)
+    stamps = [one.message.header.stamp for one in world.vectors.take()]
+    assert stamps[-1] == world.sensor.now()
+    assert_allclose(np.diff(stamps), 0.01 * SECOND)
+    final = publish_gravity(world.node, duration=0.5)  # durations are none of the clock's
+    assert final.seconds == pytest.approx(0.5, abs=0.011)

@@ -1,0 +1,187 @@
+import threading
+from itertools import islice
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message import message_class
+from catenary.crtk.message_values import joint_state_message
+from catenary.crtk.topic_names import JOINT_STATE, DialectName
+from catenary.errors import InputError, TransportError
+from catenary.gravity.torque import gravity_torque
+from catenary.nodes.serve import Serving, make_server, prepare
+from catenary.plant import MotionLog
+from catenary.robots.catalog import load_robot
+from catenary.workflows.robot.operator_motion import random_motion
+from catenary.workflows.robot.snapshots import watch_log, watch_robot
+from oracles.crtk_robot import RobotOnLoopback, robot_over
+from oracles.encoded_plant import EncodedPlant
+from oracles.ideal_plant import IdealPlant, ideal_robot
+from oracles.psm_arms import homed_psm
+from patience import longer_limits
+from served_robot import ServedRobot
+
+START = np.array([0.8, 1.5, 0.4])
+
+
+class Ticking:
+    """A clock on which every look takes a millisecond."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        self.now += 0.001
+        return self.now
+
+
+def log(**change: object) -> MotionLog:
+    rows = 41
+    q = np.column_stack([np.linspace(0.1, 0.5, rows), np.linspace(0.2, 0.1, rows)])
+    given = {"q_encoder": q + 0.01, "time": 0.1 * np.arange(rows), **change}
+    return MotionLog("run", ("a", "b"), ("rad", "m"), q, np.arange(rows) % 2 == 0, **given)
+
+
+def test_a_robot_is_only_read() -> None:
+    watched = ideal_robot(START)
+    list(islice(watch_robot(watched, clock=Ticking()), 10))
+    assert watched.plant.setpoints == []
+
+
+def test_gravity_torque_is_that_of_the_reported_gravity() -> None:
+    sample = next(watch_robot(ideal_robot(START), clock=Ticking()))
+    assert_allclose(sample.gravity_tau, gravity_torque(load_robot("raven2"), START, sample.gravity))
+
+
+def test_a_sample_comes_25_times_a_second() -> None:
+    clock = Ticking()
+    samples = watch_robot(ideal_robot(START), clock=clock)
+    next(samples)
+    begin = clock.now
+    list(islice(samples, 25))
+    assert clock.now - begin == pytest.approx(1.0, abs=0.05)  # a tick per sample late at most
+
+
+def test_a_simulated_robot_moves_without_a_leap() -> None:
+    watched = ideal_robot(START)
+    motion = random_motion(watched, 10.0, rng=np.random.default_rng(0))
+    list(islice(watch_robot(watched, motion=motion, clock=Ticking()), 60))
+    steps = np.abs(np.diff(np.array([START, *watched.plant.setpoints]), axis=0))
+    assert steps.max() <= 0.2 * 0.001 * (1.0 + 1e-6)  # the gentle speed, a tick of 1 ms
+    assert steps.max() > 0.0
+
+
+def test_a_recording_is_played_in_its_own_time_without_encoders_that_cannot_be_trusted() -> None:
+    slept: list[float] = []
+    clock = Ticking()
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        clock.now += seconds
+
+    samples = list(watch_log(log(), speed=2.0, clock=clock, sleep=sleep))
+    assert sum(slept) == pytest.approx(2.0, abs=0.1)
+    assert samples[-1].time == pytest.approx(4.0)
+    assert_allclose(samples[-1].q, log().q_nominal[-1])
+    assert np.isfinite(samples[0].encoder).all()
+    assert np.isnan(samples[1].encoder).all()
+    with pytest.raises(InputError, match="no time"):
+        next(watch_log(log(time=None)))
+
+
+def test_a_robot_late_with_its_first_state_is_waited_for_a_while() -> None:
+    class Late(IdealPlant):
+        since = 3000
+
+        def measured_js(self):
+            if self.ticks < self.since:
+                raise TransportError("nothing has come from the robot")
+            return super().measured_js()
+
+    watched = ideal_robot(START, kind=Late)
+    assert next(watch_robot(watched, clock=Ticking())).silent is None
+    watched.plant.since, watched.plant.ticks = 100_000, 0
+    with pytest.raises(TransportError, match="nothing has come"):
+        next(watch_robot(watched, clock=Ticking()))
+
+
+@pytest.mark.parametrize("dialect", ["raven", "crtk"])
+def test_why_a_robot_is_in_fault_is_shown(dialect: DialectName) -> None:
+    served = ServedRobot(dialect)
+    sleep = served.clock.sleep
+
+    def ticking(seconds: float) -> None:
+        for _ in range(max(1, round(seconds * 1000))):
+            sleep(0.001)
+            served.server.tick()
+
+    served.clock.sleep = ticking
+    watched, reader = robot_over(Loopback("monitor", served.network), dialect=dialect, only_read=True)
+    with reader:
+        samples = watch_robot(watched, every=0.0)
+        assert next(samples).fault == ""
+        served.plant._set_state("FAULT", "a motor's command was too large")
+        told = list(islice(samples, 20))[-1]
+    assert "the robot is in FAULT: a motor's command was too large" in told.warnings()
+
+
+def test_a_model_deployed_beside_an_arm_with_a_namespace_is_shown_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for longer in longer_limits():  # a busy machine is late, and the robot not silent
+        monkeypatch.setattr(*longer)
+    network = LoopbackNetwork()
+    psm, other = homed_psm(), Loopback("deploy", network)
+    server = make_server(
+        Serving(robot="dvrk_psm", dialect="crtk"), Loopback("robot", network), plants={"PSM1": psm}
+    )
+    prepare(server)
+    spinning = threading.Event()
+
+    def spin() -> None:
+        while not spinning.wait(0.001):
+            server.tick()
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        watched, reader = robot_over(Loopback("monitor", network), "dvrk_psm", only_read=True)
+        with reader:
+            positions = other.publisher("/PSM1/calibrated/measured_js", JOINT_STATE)
+            validity = other.publisher("/PSM1/calibrated/is_valid", "std_msgs/Bool")
+            samples = watch_robot(watched, every=0.0)
+            next(samples)
+            q = reader.measured_js().q + 0.01
+            positions.publish(joint_state_message(reader.joint_names, 1, q))
+            validity.publish(message_class("std_msgs/Bool")(False))
+            shown = next(samples)
+    finally:
+        spinning.set()
+        thread.join()
+    assert_allclose(shown.calibrated, q)
+    assert shown.inside.tolist() == [False] * 6
+
+
+def test_joints_that_a_model_deployed_beside_calibrates_are_shown() -> None:
+    setup = RobotOnLoopback(EncodedPlant())
+    watched, client = robot_over(setup.transport, simulated=True)
+    other = Loopback("deploy", setup.network)
+    positions = other.publisher("/arm1/calibrated/measured_js", JOINT_STATE)
+    validity = other.publisher("/arm1/calibrated/is_valid", "std_msgs/Bool")
+    with client:
+        samples = watch_robot(watched, every=0.0)
+        assert next(samples).calibrated is None
+        q = client.measured_js().q + 0.01
+        positions.publish(joint_state_message(client.joint_names, 1, q))
+        validity.publish(message_class("std_msgs/Bool")(False))
+        shown = next(samples)
+        assert_allclose(shown.calibrated, q)
+        assert shown.inside.tolist() == [False] * 3 + [True] * 4
+        assert shown.interval is None
+        intervals = other.publisher("/arm1/calibrated/interval", JOINT_STATE)
+        intervals.publish(joint_state_message(client.joint_names[:3], 2, np.array([0.01, 0.02, 0.001])))
+        assert_allclose(next(samples).interval, [0.01, 0.02, 0.001, *[np.nan] * 4])
+        silent = list(islice(samples, 250))[-1]  # ticks of 1 ms, in which nobody publishes
+    assert np.isnan(silent.calibrated).all()
