@@ -20,8 +20,8 @@ from catenary.gravity.torque import gravity_torque
 from catenary.identification.files import save_identification
 from catenary.identification.options import IdentifyOptions
 from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import mapping_of
-from catenary.recording.foreign.read import Reading
+from catenary.recording.import_formats.mapping import mapping_of
+from catenary.recording.import_formats.read import Reading
 from catenary.recording.logs import read_log, write_parquet
 from catenary.recording.mend import Mend
 from catenary.robots.catalog import load_robot
@@ -33,7 +33,7 @@ from catenary.workflows.import_recording import import_recording
 from catenary.workflows.model_recordings import recording_for
 from catenary.workflows.payload import payload_of_files
 from catenary.workflows.refresh import refresh_calibration
-from foreign_bags import JOINT_STATE, joint_state, write_bag
+from lab_bags import JOINT_STATE, joint_state, write_bag
 from moving_arm import PLACE, recorded
 
 ARM, UR = load_robot("raven2"), load_robot("ur10e")

@@ -158,7 +158,7 @@ def _mcap(
     log: Path, out: Path, robot: str | None, model: Path | None, as_json: bool, *, as_trained: bool
 ) -> None:
     from catenary.calibration.files import load_model
-    from catenary.recording.foreign.read import Reading
+    from catenary.recording.import_formats.read import Reading
     from catenary.robots.catalog import load_robot
     from catenary.robots.shapes import load_geometry
     from catenary.view.mcap_file import write_mcap

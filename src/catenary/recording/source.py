@@ -68,8 +68,8 @@ class McapReader:
 
     encoding: Encoding = "cdr"
 
-    def __init__(self, path: Path, *, foreign: bool = False, salvage: str = "") -> None:
-        """Read the topics, and check their types against ours, but not with `foreign`.
+    def __init__(self, path: Path, *, any_types: bool = False, salvage: str = "") -> None:
+        """Read the topics, and check their types against ours, but not with `any_types`.
 
         With `salvage`, what is wrong with a SQLite file, it is read row by row, up to where it is damaged.
         """
@@ -89,7 +89,7 @@ class McapReader:
                 for connection in reader.connections
                 if current_name(connection.msgtype) in MESSAGES
             }
-            if len(definitions) > MOST_DEFINITIONS and not foreign:
+            if len(definitions) > MOST_DEFINITIONS and not any_types:
                 raise FileFormatError(f"{path}: {len(definitions)} definitions of types that are ours")
             for connection in reader.connections:
                 name, kind = connection.topic, connection.msgtype
@@ -97,7 +97,7 @@ class McapReader:
                     raise FileFormatError(
                         f"{path}: topic {shortened(name)}: expected texts for it and its type"
                     )
-                if not foreign:
+                if not any_types:
                     check_ros2_type(path, name, kind, connection.msgdef.data)
                 found = BagConnection(name, kind, "", connection.msgdef.data)
                 if self.connections.setdefault(name, found).type != kind:
@@ -185,13 +185,13 @@ class SplitBag:
 
     encoding: Encoding = "cdr"
 
-    def __init__(self, path: Path, why: str, *, foreign: bool = False) -> None:
+    def __init__(self, path: Path, why: str, *, any_types: bool = False) -> None:
         """Open its files.
 
         Args:
             path: The folder.
             why: It cannot be opened as a whole.
-            foreign: As for `McapReader`.
+            any_types: As for `McapReader`.
         """
         self.path = path
         listed = listed_files(path)
@@ -202,7 +202,7 @@ class SplitBag:
         self.parts: list[McapReader | BagStream] = []
         for name in chosen:
             try:
-                self.parts.append(_part(path / name, foreign=foreign))
+                self.parts.append(_part(path / name, any_types=any_types))
             except FileFormatError as error:
                 self.damage.append(str(error))
         self.damage += [
@@ -279,26 +279,26 @@ def bags_in(path: Path) -> list[Path]:
     return sorted(inside) or [path]
 
 
-def open_ros2(path: Path, *, foreign: bool = False) -> McapReader | BagStream | SplitBag:
+def open_ros2(path: Path, *, any_types: bool = False) -> McapReader | BagStream | SplitBag:
     """Open an MCAP or SQLite file, or a ROS 2 bag (folder): as a whole, or else what is whole of each file."""
     try:
-        return McapReader(path, foreign=foreign)
+        return McapReader(path, any_types=any_types)
     except FileFormatError as error:
         if path.is_dir():
-            return SplitBag(path, str(error), foreign=foreign)
-        return _part(path, foreign=foreign)
+            return SplitBag(path, str(error), any_types=any_types)
+        return _part(path, any_types=any_types)
 
 
-def _part(path: Path, *, foreign: bool) -> McapReader | BagStream:
+def _part(path: Path, *, any_types: bool) -> McapReader | BagStream:
     """Open a file of a ROS 2 bag, or what is whole of it."""
     try:
-        return McapReader(path, foreign=foreign)
+        return McapReader(path, any_types=any_types)
     except FileFormatError as error:
         with contextlib.suppress(FileFormatError):
             saved = (
-                BagStream(path, foreign=foreign)
+                BagStream(path, any_types=any_types)
                 if path.suffix == ".mcap"
-                else McapReader(path, foreign=foreign, salvage=str(error))
+                else McapReader(path, any_types=any_types, salvage=str(error))
             )
             if any(saved.counts.values()):
                 return saved

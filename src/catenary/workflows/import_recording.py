@@ -6,11 +6,11 @@ from typing import Any
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.foreign.importer import import_sources
-from catenary.recording.foreign.layouts import Layout, layout_of_files, read_layout
-from catenary.recording.foreign.mapping import RecordingMapping, mapping_of
-from catenary.recording.foreign.proposal import Proposal, propose
-from catenary.recording.foreign.sources import Sources
+from catenary.recording.import_formats.importer import import_sources
+from catenary.recording.import_formats.known_layouts import Layout, layout_of_files, read_layout
+from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
+from catenary.recording.import_formats.proposal import Proposal, propose
+from catenary.recording.import_formats.sources import Sources
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, robot_of
 

@@ -10,8 +10,8 @@ from catenary.calibration.upkeep.judged import mended_as_trained
 from catenary.errors import InputError
 from catenary.files import table_ending
 from catenary.plant import Joints, MotionLog, nameless
-from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.read import Reading, read_recording
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.read import Reading, read_recording
 from catenary.recording.logs import read_log
 
 

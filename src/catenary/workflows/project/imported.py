@@ -8,8 +8,8 @@ from typing import Any
 from catenary.errors import InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.read import Reading, read_recording
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.read import Reading, read_recording
 from catenary.recording.logs import read_log, write_parquet
 from catenary.workflows.project.folder import Project
 

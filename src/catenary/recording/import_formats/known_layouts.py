@@ -11,9 +11,9 @@ from catenary.errors import FileFormatError
 from catenary.files import table_ending
 from catenary.plant import MotionLog
 from catenary.recording.extract import extract
-from catenary.recording.foreign.importer import import_sources
-from catenary.recording.foreign.mapping import Quantity, RecordingMapping, Signal
-from catenary.recording.foreign.sources import Sources, is_bag
+from catenary.recording.import_formats.importer import import_sources
+from catenary.recording.import_formats.mapping import Quantity, RecordingMapping, Signal
+from catenary.recording.import_formats.sources import Sources, is_bag
 from catenary.recording.logs import read_log, read_torque_log
 from catenary.recording.parquet_files import open_parquet
 from catenary.recording.raven_csv import WIDTH, WIDTH_WITH_FORCE

@@ -12,7 +12,7 @@ from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
 from catenary.workflows.import_recording import import_recording
-from foreign_bags import (
+from lab_bags import (
     JOINT_STATE,
     JOINTS,
     KINDS,
@@ -116,7 +116,7 @@ def test_messages_without_stamps_are_taken_at_their_arrival_and_nan_is_no_measur
 
 
 def test_clocks_that_nobody_set_are_left_for_arrivals(tmp_path: Path) -> None:
-    from foreign_bags import header
+    from lab_bags import header
 
     def by_a_wrong_clock(t: float) -> Message:
         def make(store: object, head: object) -> object:

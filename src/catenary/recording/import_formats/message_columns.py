@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from catenary.documents import cut
 from catenary.errors import FileFormatError
 from catenary.recording.bag_stream import BagStream
-from catenary.recording.foreign.definitions import fields_by_definition
-from catenary.recording.foreign.stream import Stream
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.definitions import fields_by_definition
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import current_name
 from catenary.recording.parquet_files import MOST_COLUMNS
@@ -35,7 +35,7 @@ class Bag:
         """Open it."""
         self.path = path
         is_ros1 = path.suffix == ".bag" and path.is_file()
-        self._reader = BagStream(path, foreign=True) if is_ros1 else open_ros2(path, foreign=True)
+        self._reader = BagStream(path, any_types=True) if is_ros1 else open_ros2(path, any_types=True)
         self.encoding: Encoding = self._reader.encoding
         self._known: dict[str, FieldsOf] = {}  # by topic
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from catenary.documents import cut
 from catenary.errors import InputError
-from catenary.recording.foreign.stream import Stream, places_of
+from catenary.recording.import_formats.columns import Stream, places_of
 from catenary.recording.topics import SECOND
 
 TimeUnit = Literal["s", "ms", "us", "ns"]

@@ -10,8 +10,8 @@ from catenary.documents import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import jacobian
 from catenary.errors import InputError
-from catenary.recording.foreign.mapping import SI, TrackedPose
-from catenary.recording.foreign.stream import Place, Stream, places_of
+from catenary.recording.import_formats.columns import Place, Stream, places_of
+from catenary.recording.import_formats.mapping import SI, TrackedPose
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, rotation_from_quaternion
 

@@ -11,9 +11,9 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError
-from catenary.recording.foreign.sources import Sources
+from catenary.recording.import_formats.sources import Sources
 from catenary.workflows.import_recording import import_recording
-from foreign_bags import KINDS, START, Kind, header, true_q, two_topics
+from lab_bags import KINDS, START, Kind, header, true_q, two_topics
 
 ARM = (
     "std_msgs/Header header\nlab_msgs/Joint[] joints\nfloat64[3] camera\nstring mode\nuint8 OFF=0\nbool ok\n"

@@ -10,7 +10,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import forward_kinematics, jacobian
 from catenary.errors import InputError
-from catenary.recording.foreign.pose import open_joints
+from catenary.recording.import_formats.tracked_pose import open_joints
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
 from catenary.workflows.import_recording import import_recording

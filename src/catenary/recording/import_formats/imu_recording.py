@@ -9,9 +9,9 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.foreign.sources import Sources
-from catenary.recording.foreign.stream import Stream, places_of
-from catenary.recording.foreign.table_time import time_of
+from catenary.recording.import_formats.columns import Stream, places_of
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.table_time import time_of
 
 IMU = "sensor_msgs/Imu"
 # names of x, y, z as drivers and people write them, in lower case; {} is the axis

@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from catenary.errors import FileFormatError, InputError
 from catenary.workflows.import_recording import import_recording, propose_mapping
-from foreign_bags import true_q
+from lab_bags import true_q
 
 T = np.arange(0.0, 6.0, 0.01)
 Q = true_q(T)

@@ -10,8 +10,8 @@ from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.plant import Jointed, Joints, joints_text, nameless, places_of
-from catenary.recording.foreign.mapping import SI, Quantity, RecordingMapping
-from catenary.recording.foreign.stream import Place, Stream
+from catenary.recording.import_formats.columns import Place, Stream
+from catenary.recording.import_formats.mapping import SI, Quantity, RecordingMapping
 from catenary.robots.model import RobotModel
 
 # messages of ROS whose joints are in rad and m by definition [REP 103]

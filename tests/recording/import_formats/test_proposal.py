@@ -12,9 +12,9 @@ from numpy.testing import assert_allclose
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import ConfigError, InputError
-from catenary.recording.foreign.mapping import RecordingMapping, mapping_of
+from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
 from catenary.workflows.import_recording import Proposal, import_recording, propose_mapping
-from foreign_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
+from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
 
 T = np.arange(0.0, 3.0, 0.01)
 Q = true_q(T)[:, :2]

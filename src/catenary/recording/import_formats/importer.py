@@ -13,20 +13,20 @@ from catenary.errors import InputError
 from catenary.files import sha256_of
 from catenary.plant import Joints, MotionLog
 from catenary.plant import places_of as places_of_joints
-from catenary.recording.foreign.clocks import OneClock
-from catenary.recording.foreign.joints import (
+from catenary.recording.import_formats.columns import Place, Stream, places_of
+from catenary.recording.import_formats.joints import (
     factors,
     joint_names_of,
     joint_units_of,
     joints_meant,
     recorded_joints,
 )
-from catenary.recording.foreign.mapping import Quantity, RecordingMapping, TrackedPose
-from catenary.recording.foreign.pose import joints_from_poses, pose_places
-from catenary.recording.foreign.sources import Sources
-from catenary.recording.foreign.stream import Place, Stream, places_of
-from catenary.recording.foreign.table_rows import TableRows
-from catenary.recording.foreign.turns import in_one_turn, unwrap_columns
+from catenary.recording.import_formats.mapping import Quantity, RecordingMapping, TrackedPose
+from catenary.recording.import_formats.one_clock import OneClock
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.table_rows import TableRows
+from catenary.recording.import_formats.tracked_pose import joints_from_poses, pose_places
+from catenary.recording.import_formats.whole_turns import in_one_turn, unwrap_columns
 from catenary.recording.series import Series, interpolate
 from catenary.recording.topics import SECOND
 from catenary.robots.catalog import load_robot

@@ -9,7 +9,7 @@ import numpy as np
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import InputError
-from catenary.recording.foreign.candidates import (
+from catenary.recording.import_formats.column_groups import (
     Candidate,
     Kind,
     Role,
@@ -17,11 +17,11 @@ from catenary.recording.foreign.candidates import (
     ok_columns,
     pose_references,
 )
-from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.proposed_units import encoder_units, nominal_units
-from catenary.recording.foreign.sources import Sources
-from catenary.recording.foreign.stream import Stream
-from catenary.recording.foreign.table_time import time_columns, time_of
+from catenary.recording.import_formats.column_units import encoder_units, nominal_units
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.table_time import time_columns, time_of
 from catenary.robots.catalog import load_robot
 from catenary.visible import visible
 

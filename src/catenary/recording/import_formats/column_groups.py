@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.recording.foreign.stream import Stream, arrays_of, natural
-from catenary.recording.foreign.table_time import time_columns
+from catenary.recording.import_formats.columns import Stream, arrays_of, natural
+from catenary.recording.import_formats.table_time import time_columns
 from catenary.recording.topics import SECOND
 
 Kind = Literal["position", "velocity", "effort", "current"]

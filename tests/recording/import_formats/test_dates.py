@@ -14,7 +14,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.recording.logs import read_log, write_parquet
 from catenary.workflows.import_recording import import_recording
 from command_line import catenary
-from foreign_bags import two_topics
+from lab_bags import two_topics
 
 DAY, BEGIN = "2023-11-14", 1_700_000_000  # [s] 22:13:20 UTC
 PER = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}

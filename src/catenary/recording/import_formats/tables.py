@@ -13,9 +13,9 @@ from catenary.archives import read_array, read_arrays
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
-from catenary.recording.foreign.csv_table import read_csv
-from catenary.recording.foreign.matlab import read_matlab
-from catenary.recording.foreign.stream import Stream
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.csv_table import read_csv
+from catenary.recording.import_formats.matlab import read_matlab
 from catenary.recording.parquet_files import MOST_COLUMNS
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catenary.recording.foreign.candidates import Candidate
-from catenary.recording.foreign.joints import joints_meant
-from catenary.recording.foreign.mapping import SI
+from catenary.recording.import_formats.column_groups import Candidate
+from catenary.recording.import_formats.joints import joints_meant
+from catenary.recording.import_formats.mapping import SI
 from catenary.robots.model import RobotModel
 
 Units = tuple[str, ...]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.foreign.bags import Bag
-from catenary.recording.foreign.stream import Stream
-from catenary.recording.foreign.tables import read_table_file
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.message_columns import Bag
+from catenary.recording.import_formats.tables import read_table_file
 from catenary.recording.source import bags_in
 
 BAG_ENDINGS = (".bag", ".mcap", ".db3")

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.recording.clock_steps import ClockStep
-from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.stream import Place, Stream
-from catenary.recording.foreign.table_time import time_of
+from catenary.recording.import_formats.columns import Place, Stream
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.table_time import time_of
 from catenary.recording.series import WIDE, Series, clean_series, interpolate
 from catenary.recording.topics import SECOND
 

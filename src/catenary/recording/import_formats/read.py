@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import RecordingMapping
+from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import read_log, read_torque_log
 from catenary.recording.mend import NOTHING, Mend
 from catenary.robots.model import RobotModel
@@ -54,7 +54,7 @@ def read_torque_recording(
 
 
 def _by_mapping(path: Path, mapping: RecordingMapping, model: RobotModel | None) -> MotionLog:
-    from catenary.recording.foreign.importer import import_sources
-    from catenary.recording.foreign.sources import Sources
+    from catenary.recording.import_formats.importer import import_sources
+    from catenary.recording.import_formats.sources import Sources
 
     return import_sources(Sources([path]), mapping, model=model)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.recording.foreign.stream import Place, Stream
+from catenary.recording.import_formats.columns import Place, Stream
 from catenary.robots.model import RobotModel
 
 TURN = 2.0 * np.pi

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from catenary.config import Settings, load_toml, parse_settings
 from catenary.documents import cut
 from catenary.errors import ConfigError
-from catenary.recording.foreign.table_time import TimeUnit
+from catenary.recording.import_formats.table_time import TimeUnit
 from catenary.spatial import Pose, as_rotation, rotation_from_quaternion
 
 Unit = Literal["rad", "deg", "m", "mm", "counts"]
