@@ -12,7 +12,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.fitting import fit_logs
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import Quantity, RecordingMapping
-from catenary.recording.import_formats.read import Reading, read_recording
+from catenary.recording.logs import Reading, read_recording
 from catenary.verdict.check import findings_of
 from tests.lab_bags import JOINT_STATE, joint_state, write_bag
 

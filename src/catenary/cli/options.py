@@ -14,7 +14,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.recording.import_formats.mapping import RecordingMapping
-    from catenary.recording.import_formats.read import Reading
+    from catenary.recording.logs import Reading
     from catenary.recording.mend import Mend
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
@@ -158,7 +158,7 @@ class MendOptions:
             joint_names: Of the robot's joints.
             robot: Its name.
         """
-        from catenary.recording.import_formats.read import Reading
+        from catenary.recording.logs import Reading
         from catenary.recording.mend import si_units, units_of
 
         as_trained = not getattr(self, "no_mend", False)

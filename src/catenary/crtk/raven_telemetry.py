@@ -10,8 +10,7 @@ from catenary.crtk.message import Message
 from catenary.crtk.raven_conversions import arm_channels, raven_state_column, raven_state_columns
 from catenary.crtk.transport import Transport
 from catenary.plant import Column, OperatingState
-from catenary.recording.raven_transmission import COUPLING
-from catenary.recording.synchronise import CALIBRATED, JOINT_TORQUE
+from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE
 from catenary.recording.topics import (
     EXT_JPOS,
     JOINT_ENC,

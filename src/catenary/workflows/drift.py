@@ -14,7 +14,7 @@ from catenary.calibration.files import load_model
 from catenary.calibration.model import Card
 from catenary.calibration.upkeep.drift import BEYOND, DriftFound, find_drift, since_in_words
 from catenary.calibration.upkeep.judged import judge_recordings, trained_limits
-from catenary.recording.import_formats.read import Reading
+from catenary.recording.logs import Reading
 from catenary.workflows.model_recordings import recordings_for
 
 

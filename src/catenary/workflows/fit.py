@@ -15,7 +15,7 @@ from catenary.calibration.fitting import FitResult, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.calibration.upkeep.judged import judge_recordings, trained_limits
-from catenary.recording.import_formats.read import Reading, read_logs
+from catenary.recording.logs import Reading, read_logs
 from catenary.workflows.model_recordings import recordings_for
 
 

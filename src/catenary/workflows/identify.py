@@ -14,7 +14,7 @@ from catenary.identification.identification import Identification, identify_samp
 from catenary.identification.options import IdentifyOptions, filter_of
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
-from catenary.recording.import_formats.read import Reading, read_torque_recording
+from catenary.recording.logs import Reading, read_torque_recording
 from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel

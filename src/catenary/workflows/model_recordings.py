@@ -11,8 +11,7 @@ from catenary.errors import InputError
 from catenary.files import table_ending
 from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.import_formats.read import Reading, read_recording
-from catenary.recording.logs import read_log
+from catenary.recording.logs import Reading, read_log, read_recording
 
 
 def recordings_for(

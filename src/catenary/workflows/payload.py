@@ -9,7 +9,7 @@ from catenary.identification.doubts import torque_findings
 from catenary.identification.files import load_identification
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import prepare
-from catenary.recording.import_formats.read import Reading, read_torque_recording
+from catenary.recording.logs import Reading, read_torque_recording
 from catenary.verdict.finding import judge, require_names
 from catenary.verdict.stamps import stamp_findings
 

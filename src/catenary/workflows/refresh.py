@@ -9,7 +9,7 @@ from catenary.calibration.files import load_model
 from catenary.calibration.upkeep.judged import trained_limits
 from catenary.calibration.upkeep.new_day import NewDay, refresh_with
 from catenary.files import sha256_of
-from catenary.recording.import_formats.read import Reading
+from catenary.recording.logs import Reading
 from catenary.workflows.model_recordings import recordings_for
 
 

@@ -9,7 +9,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.recording.import_formats.imu_recording import ImuRecording
-from catenary.recording.import_formats.tables import read_table_file
+from catenary.recording.import_formats.table_files import read_table_file
 from catenary.robots.model import RobotModel
 from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting, TumbleSection

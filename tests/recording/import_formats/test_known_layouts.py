@@ -8,9 +8,10 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import FileFormatError
 from catenary.recording.extract import extract
-from catenary.recording.logs import read_log, write_parquet
-from catenary.recording.raven_csv import write_raven_csv
-from catenary.recording.synchronise import synchronise
+from catenary.recording.import_formats.known_layouts import read_raven
+from catenary.recording.import_formats.raven_columns import write_raven_csv
+from catenary.recording.logs import read_log
+from catenary.recording.motion_log_file import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.workflows.import_recording import import_recording, known_layout
 from oracles.raven_recording import record, write_bag
@@ -25,7 +26,7 @@ def raven(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_raven_s_bag_is_what_extract_and_synchronise_make_of_it(raven: Path, tmp_path: Path) -> None:
     log = import_recording(raven)
-    own = synchronise(extract([raven], tmp_path / "x").folder).log
+    own = read_raven([extract([raven], tmp_path / "x").folder]).log
     for key in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau"):
         assert_allclose(getattr(log, key), getattr(own, key))
 

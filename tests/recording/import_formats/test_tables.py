@@ -138,7 +138,7 @@ def test_rows_repeated_or_without_numbers_are_told_and_time_that_goes_back_begin
     assert len(log.starts) == 2
     said = " ".join(log.notes)
     for words in (
-        "1 rows with the time of the row before",
+        "1 repeated stamps were dropped",
         "1 of 99 rows without q_nominal",
         "time goes back 1 time",
     ):

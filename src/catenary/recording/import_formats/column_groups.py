@@ -38,6 +38,7 @@ _ROLES: dict[Role, frozenset[str]] = {
         "measured meas state states joint joints jpos pos position positions q js motor motors feedback fb nominal"
     ),
 }
+_OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values())
 _OK = _set("ok valid tracked visible good")
 _NO_JOINTS = _set(
     "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
@@ -171,35 +172,70 @@ def _of_topic(stream: Stream) -> list[Candidate]:
 
 
 def _of_table(stream: Stream) -> list[Candidate]:
+    """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
     times = {*time_columns(stream), *ok_columns(stream)}
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)
         if name in times or set(words) & _NO_JOINTS:
             continue
-        numbered = re.sub(r"[\[_. ]?\d+\]?", "#", name)
-        own = tuple(w for w in words if any(w in names for names in (*_KINDS.values(), *_ROLES.values())))
+        own = [w for w in words if w in _OF_QUANTITIES]
+        letters = re.sub(r"[\[_. ]?\d+\]?", "#", name)
         stated = ("words",) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
-        key = ("#", numbered) if "#" in numbered else (("words", *own) if own else stated)
+        stem = [letters] if _joint_number(name) else []
+        key = ("words", *own, *stem) if own else ("#", letters) if "#" in letters else stated
         groups.setdefault(key, []).append(name)
     found = []
-    for (how, *rest), columns in groups.items():
-        key = tuple(rest)
-        if how == "alone" or not 1 <= len(columns) <= MOST_JOINTS:
-            continue
-        ordered = sorted(columns, key=natural) if how == "#" else columns
-        words = _words(columns[0]) if how == "#" else list(key)
-        named = [
-            "_".join(w for w in re.findall(r"[a-z]+\d*", column.lower()) if w not in key and w not in _UNITS)
-            for column in ordered
-        ]
-        joints = (
-            tuple(named)
-            if how == "words" and all(named) and len(set(named)) == len(named)
-            else ("",) * len(named)
-        )
-        found.append(Candidate(stream, tuple(ordered), _kind(words), _role(words), joints))
+    for (how, *_), columns in groups.items():
+        for part in _by_shared_number(columns) if how != "alone" else ():
+            is_numbered = _joint_number(part[0]) != ""
+            ordered = sorted(part, key=natural) if is_numbered else part
+            if not 1 <= len(ordered) <= MOST_JOINTS:
+                continue
+            words = _words(ordered[0])
+            named = _own_parts(ordered)
+            is_named = not is_numbered and how == "words" and all(named) and len(set(named)) == len(named)
+            joints = named if is_named else ("",) * len(ordered)
+            found.append(Candidate(stream, tuple(ordered), _kind(words), _role(words), joints))
     return found
+
+
+def _joint_number(name: str) -> str:
+    """Return the number of a joint at the end of its name, behind which only words of its quantity or unit stand."""
+    last = list(re.finditer(r"\d+", name))[-1:]
+    behind = _words(name[last[0].end() :]) if last else ["none"]
+    return last[0].group() if all(word in _OF_QUANTITIES or word in _UNITS for word in behind) else ""
+
+
+def _by_shared_number(columns: Sequence[str]) -> list[list[str]]:
+    """Part columns by numbers that are no joint's own, which several share: of the arm in /PSM1/... and /PSM2/..."""
+    parts = [list(columns)]
+    numbers = {
+        column: re.findall(r"\d+", column)[: -1 if _joint_number(column) else None] for column in columns
+    }
+    for place in range(max(map(len, numbers.values()))):
+        split: list[list[str]] = []
+        for part in parts:
+            by_number: dict[str, list[str]] = {}
+            for column in part:
+                by_number.setdefault("".join(numbers[column][place : place + 1]), []).append(column)
+            shared = len(by_number) > 1 and all(len(own) > 1 for own in by_number.values())
+            split += by_number.values() if shared else [part]
+        parts = split
+    return parts
+
+
+def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
+    """Return what of each name is its own: without what all share between slashes, the quantity's words and units."""
+    segments = [column.split("/") for column in columns]
+    shared = set.intersection(*map(set, segments)) if len(columns) > 1 else set[str]()
+    own = ["_".join(segment for segment in each if segment not in shared) for each in segments]
+    return tuple(
+        "_".join(
+            w for w in re.findall(r"[a-z]+\d*", name.lower()) if w not in _OF_QUANTITIES and w not in _UNITS
+        )
+        for name in own
+    )
 
 
 def _words(name: str) -> list[str]:

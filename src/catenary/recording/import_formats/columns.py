@@ -24,13 +24,13 @@ class Stream:
     type: str  # of messages, or "table"
     columns: Mapping[str, NDArray[Any]]  # each (M,) numbers; elements of arrays as "position[0]"
     rows: int  # M, or as many as there are where this is a sample of them
-    stamp: NDArray[np.int64] | None = (
-        None  # (M,) [ns] of headers, 0 where a message has none; None in a table
-    )
-    arrival: NDArray[np.int64] | None = None  # (M,) [ns] at the recorder
+    # (M,) [ns] of headers, 0 where a message has none; None in a table, whose time is one of its columns
+    stamp: NDArray[np.int64] | None = None
+    arrival: NDArray[np.int64] | None = None  # (M,) [ns] at the recorder; None where nobody knows
     # joints, in the order of the first message, of arrays beside a list of names; their columns are "position[yaw]"
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
+    texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
     notes: tuple[str, ...] = ()
 
 

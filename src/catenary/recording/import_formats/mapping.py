@@ -76,6 +76,9 @@ class Quantity(Settings):
     units: Units = ()  # one for all, or one per joint; of qd per second
     scale: Numbers = ()  # rad or m per count; of tau Nm or N per unit; of others a factor
     sign: Numbers = ()
+    # c01, c02, c12 of the cables (transmission/coupling.py): tau is then at the drums, and taken to the joints
+    coupling: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] | None = None
+    optional: bool = False  # left out of the log where the recording has none of it
     pose: TrackedPose | None = None  # of q_encoder, in place of columns
 
     @model_validator(mode="after")
@@ -95,6 +98,7 @@ class Signal(Settings):
     columns: Texts
     units: str = ""
     scale: float = 1.0
+    optional: bool = False  # left out of the log where the recording has none of it
 
 
 class RecordingMapping(Settings):
@@ -107,19 +111,31 @@ class RecordingMapping(Settings):
     ok: Texts = ()  # columns that are not 0 where q_encoder can be trusted
     signals: dict[str, Signal] = Field(default_factory=dict)
     robot: str | None = None  # catalogue name or file
+    default_robot: str | None = None  # that the log is of, where neither `robot` nor the recording says it
+    name: str = ""  # of a layout that needs no mapping from its reader
     joint_names: Texts = ()
     joint_units: Annotated[tuple[Literal["rad", "m"], ...], BeforeValidator(_listed)] = ()
+    names_in: str | None = None  # array of texts in a file that holds the joints' names, where it has one
+    units_in: str | None = None  # and their units
+    assumed_units: tuple[
+        tuple[Literal["rad", "m"], ...], ...
+    ] = ()  # by the number of joints, where nobody says them
+    reported: Texts = ()  # topics that nothing is taken of, whose rates and gaps are told
     stamps: Literal["auto", "header", "arrival"] = "auto"  # of messages
     time: Texts = ()  # column of a table; of several tables, one for each
     time_unit: TimeUnit | None = None
+    time_zero: Literal["first row", "file"] = "first row"  # where the log's time begins; the file's own zero
+    unsettled: Texts = ()  # mends that recordings of this layout may still need: "units", "time_unit"
     rate_hz: Annotated[float, Field(gt=0.0)] | None = None  # of a table without time
     max_gap_s: Annotated[float, Field(gt=0.0)] = 0.05  # between samples that are interpolated between
 
     @model_validator(mode="after")
     def _measured_or_given(self) -> "RecordingMapping":
-        for name in ("q_nominal", "qd", "tau"):
+        for name in ("q_nominal", "q_encoder", "qd", "tau"):
             quantity = getattr(self, name)
-            if quantity is not None and quantity.pose is not None:
+            if name != "tau" and quantity is not None and quantity.coupling is not None:
+                raise ValueError(f"{name}: a coupling is of tau alone")
+            if name != "q_encoder" and quantity is not None and quantity.pose is not None:
                 raise ValueError(f"{name}: a pose gives q_encoder alone")
         if self.q_encoder is not None and self.q_encoder.pose is not None and self.robot is None:
             raise ValueError("q_encoder from a pose needs robot, whose inverse kinematics it takes")

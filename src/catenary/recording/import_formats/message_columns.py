@@ -1,45 +1,56 @@
-"""Topics of any message type from ROS 1 bags, ROS 2 bags and MCAP files, message by message, as columns of numbers."""
+"""Messages of bags as columns of numbers, thousands at once: ROS 1 bags, ROS 2 bags, MCAP and journals, of any types.
+
+Types are read as the bag defines them, or ROS where the bag does not say. A RAVEN-II's raven_state comes in SI, its
+elements by name, `jpos[gold_elbow]`: `topics.py` knows what the robot publishes.
+"""
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
-from catenary.documents import cut
+from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
-from catenary.recording.bag_stream import BagStream
+from catenary.recording.bag_chunks import Block
+from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.definitions import fields_by_definition
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
-from catenary.recording.messages import current_name
+from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.recording.source import first_arrival, open_ros2
-from catenary.recording.topics import SECOND
+from catenary.recording.source import blocks_of, first_arrival, open_any_types
+from catenary.recording.topics import SECOND, TopicColumn, columns_of_type
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
 LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
 MOST_DEFINED = 1_000_000  # characters of all definitions that differ: reading them takes time
+MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000
+DEEPEST = 32  # messages within each other
 _BATCH = 4096
 _MOST_JOINTS = 1000
 _NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
+_SAME = {"octet": "uint8"}  # ROS 2's words for ROS 1's
+_Blocks = Iterator[tuple[str, NDArray[np.int64], Block]]
 
 
 class Bag:
-    """A ROS 1 bag, an MCAP file or a ROS 2 bag (folder), whose types may be any."""
+    """A ROS 1 bag, an MCAP file, a ROS 2 bag (folder) or a journal, whose types may be any."""
 
     def __init__(self, path: Path) -> None:
         """Open it."""
         self.path = path
-        is_ros1 = path.suffix == ".bag" and path.is_file()
-        self._reader = BagStream(path, any_types=True) if is_ros1 else open_ros2(path, any_types=True)
+        self._reader = open_any_types(path)
         self.encoding: Encoding = self._reader.encoding
         self._known: dict[str, FieldsOf] = {}  # by topic
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
         self.counts = {name: count for name, count in self._reader.counts.items() if count}
+        self.about = self._reader.about
 
     @property
     def first_arrival(self) -> int:
@@ -53,34 +64,41 @@ class Bag:
 
     def sample(self) -> list[Stream]:
         """Return some messages of every topic, evenly over the recording; topics that cannot be read have a note."""
-        streams: list[Stream] = []
-        every = {name: -(-count // SAMPLED) for name, count in self.counts.items()}
-        seen = dict.fromkeys(self.counts, 0)
+        streams: dict[str, Stream] = {}
+        fields = {}
 
-        def chosen(topic: str, data: bytes) -> bool:
-            seen[topic] += 1
-            return (seen[topic] - 1) % every[topic] == 0 and len(data) <= LONGEST
-
-        readable = {}
-        for name in self.counts:
+        def unread(name: str, error: FileFormatError) -> None:
             kind = self._reader.connections[name].type
+            streams[name] = Stream(name, kind, {}, self.counts[name], notes=(str(error),))
+
+        for name in self.counts:
             try:
-                readable[name] = self._fields(name)
+                fields[name] = self._fields(name)
             except FileFormatError as error:
-                streams.append(Stream(name, kind, {}, self.counts[name], notes=(str(error),)))
-        for name, columns in self._collected(readable, None, chosen).items():
+                unread(name, error)
+        for name, columns in self._collected(fields, None, self._evenly(fields)).items():
             try:
-                streams.append(self._stream(name, columns))
+                streams[name] = self._stream(name, columns)
             except FileFormatError as error:  # harms no other topic
-                kind = self._reader.connections[name].type
-                streams.append(Stream(name, kind, {}, self.counts[name], notes=(str(error),)))
-        return [s for name in self.counts for s in streams if s.name == name]
+                unread(name, error)
+        return [streams[name] for name in self.counts]
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
         """Return topics with the columns that are wanted of each, all messages."""
         fields = {name: self._fields(name) for name in wanted}
-        collected = self._collected(fields, wanted, lambda topic, data: True)
+        collected = self._collected(fields, wanted, blocks_of(self._reader, tuple(fields)))
         return [self._stream(name, columns) for name, columns in collected.items()]
+
+    def _evenly(self, topics: Collection[str]) -> _Blocks:
+        """Yield SAMPLED messages of each topic at most, and no long ones."""
+        seen = dict.fromkeys(topics, 0)
+        for name, arrivals, block in blocks_of(self._reader, tuple(topics)) if topics else ():
+            every = -(-self.counts[name] // SAMPLED)
+            rows = np.flatnonzero((seen[name] + np.arange(len(block))) % every == 0)
+            seen[name] += len(block)
+            rows = rows[block.lengths[rows] <= LONGEST]
+            if len(rows):
+                yield name, arrivals[rows], Block.of([block[row] for row in rows.tolist()])
 
     def _fields(self, topic: str) -> FieldsOf:
         if topic not in self._known:
@@ -101,19 +119,15 @@ class Bag:
         return columns.stream(name, self.counts[name], f"{self.path}: topic {cut(name)}")
 
     def _collected(
-        self,
-        fields: Mapping[str, FieldsOf],
-        wanted: Mapping[str, Collection[str]] | None,
-        chosen: Callable[[str, bytes], bool],
+        self, fields: Mapping[str, FieldsOf], wanted: Mapping[str, Collection[str]] | None, blocks: _Blocks
     ) -> dict[str, "_TopicColumns"]:
         connections = self._reader.connections
         columns = {
             name: _TopicColumns(connections[name].type, self.encoding, fields[name], wanted and wanted[name])
             for name in fields
         }
-        for name, stamp, data in self._reader.messages(list(fields)) if fields else ():
-            if chosen(name, data):
-                columns[name].add(stamp, data)
+        for name, arrivals, block in blocks if fields else ():
+            columns[name].add(arrivals, block)
         return columns
 
 
@@ -125,16 +139,20 @@ class _TopicColumns:
     encoding: Encoding
     fields_of: FieldsOf
     wanted: Collection[str] | None  # all when None
-    _stamps: list[int] = field(default_factory=list)
-    _waiting: list[bytes] = field(default_factory=list)
+    _arrivals: list[NDArray[np.int64]] = field(default_factory=list)
+    _waiting: list[Block] = field(default_factory=list)
     _parts: list[tuple[int, dict[str, NDArray[Any]]]] = field(default_factory=list)
     _joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
     _notes: dict[str, None] = field(default_factory=dict)
 
-    def add(self, stamp: int, data: bytes) -> None:
-        self._stamps.append(stamp)
-        self._waiting.append(data)
-        if len(self._waiting) >= _BATCH:
+    def __post_init__(self) -> None:
+        self._own: Mapping[str, TopicColumn] = columns_of_type(current_name(self.type))
+        self._joints |= {path: own.labels for path, own in self._own.items() if own.width > 1}
+
+    def add(self, arrivals: NDArray[np.int64], block: Block) -> None:
+        self._arrivals.append(arrivals)
+        self._waiting.append(block)
+        if sum(map(len, self._waiting)) >= _BATCH:
             self._read()
 
     def stream(self, name: str, rows: int, where: str) -> Stream:
@@ -154,15 +172,15 @@ class _TopicColumns:
             for column, values in part.items():
                 (columns[column] if column else stamp)[first : first + length] = values
             first += length
-        arrival = np.array(self._stamps, dtype=np.int64)
+        arrival = np.concatenate(self._arrivals) if self._arrivals else np.zeros(0, dtype=np.int64)
         return Stream(name, self.type, columns, rows, stamp, arrival, self._joints, notes=tuple(self._notes))
 
     def _read(self) -> None:
         """Turn the messages that wait into columns; those of one shape together."""
-        waiting, self._waiting = self._waiting, []
-        part: dict[str, NDArray[Any]] = {}
-        if not waiting:
+        if not self._waiting:
             return
+        waiting, self._waiting = Block.joined(self._waiting), []
+        part: dict[str, NDArray[Any]] = {}
         for rows, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
             for inside, column, values in self._numbers(records):
                 if len(part) > MOST_COLUMNS:  # before as many arrays are made
@@ -185,6 +203,14 @@ class _TopicColumns:
         named = _named_arrays(kinds)
         orders = {names: _orders(records, kinds, names) for names in set(named.values())}
         for path, (kind, *_) in kinds.items():
+            if path in self._own and path not in named:
+                yield from self._in_si(every, path, records[path])
+                continue
+            if path.endswith(".nsec") and path.removesuffix(".nsec") in self._own:  # a duration
+                base = path.removesuffix(".nsec")
+                if self._is_wanted(base):
+                    yield every, base, records[f"{base}.sec"] + records[path] / SECOND
+                continue
             if path.startswith(COUNT) or kind.base.kind not in "iuf" or path.endswith((".sec", ".nsec")):
                 continue
             column = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", path)
@@ -201,6 +227,18 @@ class _TopicColumns:
             for i in range(kind.shape[0]):
                 if self._is_wanted(f"{column}[{i}]"):
                     yield every, f"{column}[{i}]", records[path][:, i].astype(np.float64)
+
+    def _in_si(
+        self, every: NDArray[np.int64], path: str, values: NDArray[Any]
+    ) -> Iterator[tuple[NDArray[np.int64], str, NDArray[Any]]]:
+        """Yield the elements of a field whose units are known."""
+        own = self._own[path]
+        values = values.reshape(len(values), -1)
+        for i, label in enumerate(own.labels[: values.shape[1]]):
+            target = f"{path}[{label}]" if label else path
+            if self._is_wanted(target):
+                with np.errstate(invalid="ignore"):  # of NaN that signals; it stays NaN
+                    yield every, target, np.multiply(values[:, i], own.to_si, dtype=np.float64)
 
     def _is_wanted(self, column: str) -> bool:
         return self.wanted is None or column in self.wanted
@@ -254,3 +292,64 @@ def _orders(
     found = [(np.flatnonzero(same), texts)]
     found += [(np.array(rows, dtype=np.int64), list(order)) for order, rows in groups.items()]
     return [(rows, [text.rstrip(b"\0").decode(errors="replace") for text in order]) for rows, order in found]
+
+
+def fields_by_definition(
+    path: Path, connection: BagConnection, encoding: Encoding
+) -> Callable[[str], tuple[Field, ...]]:
+    """Return what gives the fields of a topic's message type and of those within it."""
+    where = f"{path}: topic {cut(connection.topic)}: type {cut(connection.type)}"
+    types = _types(where, connection, encoding)
+    known: dict[str, tuple[Field, ...]] = {}
+    deepest: dict[str, int] = {}
+
+    def depth(name: str, above: tuple[str, ...]) -> int:
+        if name in above or len(above) > DEEPEST:
+            raise FileFormatError(
+                f"{where}: {cut(name)} holds itself, or is more than {DEEPEST} messages deep"
+            )
+        if name not in deepest:
+            if ros2_name(name) not in types:
+                raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
+            known[name] = tuple(
+                each._replace(type=_SAME.get(each.type, current_name(each.type)))
+                for each in fields_of(types[ros2_name(name)][1])
+            )
+            inner = {f.type for f in known[name]} - set(NUMBERS) - {*TIMES, "string"}
+            strange = sorted(kind for kind in inner if "/" not in kind)
+            if strange:
+                raise FileFormatError(f"{where}: has a {cut(strange[0])}, which is not read")
+            deepest[name] = 1 + max((depth(kind, (*above, name)) for kind in inner), default=0)
+        return deepest[name]
+
+    depth(current_name(connection.type), ())
+    return known.__getitem__
+
+
+def _types(where: str, connection: BagConnection, encoding: Encoding) -> Typesdict:
+    text = connection.definition
+    if not text.strip():
+        return _of_ros(encoding)
+    if len(text) > 4 * MAX_TEXT:
+        raise FileFormatError(
+            f"{where}: its definition has {len(text)} characters, expected {MAX_TEXT} at most"
+        )
+    is_idl = text.lstrip("= \n").startswith("IDL:")
+    lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in text.split("\n"))
+    plain = text if is_idl else "\n".join(line for line in lines if line.strip())
+    if len(plain) > MAX_TEXT:
+        raise FileFormatError(
+            f"{where}: its definition has {len(plain)} characters, expected {MAX_TEXT} at most"
+        )
+    try:
+        found = get_types_from_idl(plain) if is_idl else get_types_from_msg(plain, connection.type)
+    except (
+        TypesysError, ValueError, LookupError, TypeError, RecursionError, AssertionError, AttributeError,
+    ) as error:  # fmt: skip
+        raise FileFormatError(f"{where}: its definition cannot be read: {shortened(str(error))}") from error
+    return _of_ros(encoding) | found
+
+
+@cache
+def _of_ros(encoding: Encoding) -> Typesdict:
+    return dict(get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE).fielddefs)

@@ -32,9 +32,12 @@ class TableTime(NamedTuple):
     """Stamps of a table's rows."""
 
     stamp: NDArray[np.int64]  # (M,) [ns], as in the file; NaN's rows hold the least number
-    column: str
+    column: str | None  # "" where rows are evenly apart; None where they have no time
     unit: str
     said: str  # how it was found, for the reader
+    seconds: NDArray[np.float64] | None = (
+        None  # (M,) as exact as the file has them, where it has no whole numbers
+    )
 
 
 def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None) -> TableTime | None:
@@ -58,7 +61,7 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
                 f"{stream.name}: time may be {' or '.join(map(cut, named))}; say which (--map time=COLUMN)"
             )
         if not named:
-            constant = next((name for name in _RATES if stream.constants.get(name, 0.0) > 0.0), None)
+            constant = next((name for name in _RATES if name in stream.constants), None)
             if constant is None:
                 return None
             rate = stream.constants[constant]
@@ -66,8 +69,13 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
         column = named[0]
     values = stream.columns[column]
     told, why = (unit, "as given") if unit is not None else _unit(stream, column, values)
-    stamp = _nanoseconds(values, told)
-    return TableTime(stamp, column, told, f"time is {cut(column)} in {told} ({why})")
+    said = f"time is {cut(column)} in {told} ({why})"
+    if values.dtype.kind == "i":
+        return TableTime(values.astype(np.int64) * PER_UNIT[told], column, told, said)
+    numbers = values.astype(np.float64)
+    return TableTime(
+        _nanoseconds(numbers, PER_UNIT[told]), column, told, said, numbers / (SECOND // PER_UNIT[told])
+    )
 
 
 def _given(stream: Stream, columns: Sequence[str]) -> str | None:
@@ -135,19 +143,21 @@ def _unit(stream: Stream, column: str, values: NDArray[np.generic]) -> tuple[str
     )
 
 
-def _nanoseconds(values: NDArray[np.generic], unit: str) -> NDArray[np.int64]:
-    if values.dtype.kind == "i":
-        return values.astype(np.int64) * PER_UNIT[unit]
-    scaled = values.astype(np.float64) * PER_UNIT[unit]
-    lost = ~(np.abs(scaled) < 9e18)
-    scaled[lost] = 0.0
-    stamp: NDArray[np.int64] = np.rint(scaled).astype(np.int64)
-    stamp[lost] = np.iinfo(np.int64).min
+def _nanoseconds(values: NDArray[np.float64], unit: int) -> NDArray[np.int64]:
+    """Return stamps [ns]; counted from the first, so that seconds since 1970 keep what a float64 has of them."""
+    with np.errstate(invalid="ignore"):
+        lost = ~(np.abs(values) < 9e18 / unit)
+    stamp = np.full(len(values), np.iinfo(np.int64).min)
+    if not lost.all():
+        first = float(values[~lost][0])
+        whole = int(first // 1.0)
+        start = whole * unit + round((first - whole) * unit)
+        stamp[~lost] = start + np.rint((values[~lost] - first) * unit).astype(np.int64)
     return stamp
 
 
 def _even(stream: Stream, rate: float, said: str) -> TableTime:
     if not 1e-3 <= rate <= 1e6:
-        raise InputError(f"{stream.name}: rate {rate:g}: expected 0.001 to 1,000,000 Hz")
-    stamp = np.rint(np.arange(stream.rows) * (SECOND / rate)).astype(np.int64)
-    return TableTime(stamp, "", "s", said)
+        raise InputError(f"{stream.name}: rate {rate:g}: expected 0.001 to 1,000,000 Hz, rows a second")
+    rows = np.arange(stream.rows)
+    return TableTime(np.rint(rows * (SECOND / rate)).astype(np.int64), "", "s", said, rows / rate)

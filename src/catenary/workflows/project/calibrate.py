@@ -15,7 +15,7 @@ from catenary.calibration.fitting import FitRun, require_folds
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
-from catenary.recording.import_formats.read import Reading, read_logs
+from catenary.recording.logs import Reading, read_logs
 from catenary.reports.error_tables import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory

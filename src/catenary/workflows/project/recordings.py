@@ -27,7 +27,7 @@ def extract_recording(project: Project, name: str) -> bool:
         InUseError: Another process is writing in the project.
     """
     from catenary.recording.extract import extract
-    from catenary.recording.logs import write_parquet
+    from catenary.recording.motion_log_file import write_parquet
     from catenary.workflows.project.kinds import kind_of
 
     folder = project.folder / "extracted" / name

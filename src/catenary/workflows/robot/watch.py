@@ -21,8 +21,7 @@ from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
-from catenary.recording.raven_transmission import registrations
-from catenary.recording.synchronise import CALIBRATED
+from catenary.recording.raven_transmission import CALIBRATED, registrations
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.robot.motion import gentle_way
 from catenary.workflows.robot.operated_robot import OperatedRobot, distance

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.importers import is_number
 from catenary.recording.parquet_files import MOST_COLUMNS
 
 MOST_LINE = 1_000_000  # characters
@@ -94,6 +93,15 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
         separator = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f'"{dialect.separator}"')
         notes.append(f'columns are separated by {separator}, decimals by "{dialect.decimal}"')
     return columns, notes
+
+
+def is_number(text: str) -> bool:
+    """Return true for a cell of a text table that is a number; NaN and infinity are."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _first_lines(path: Path) -> list[str]:

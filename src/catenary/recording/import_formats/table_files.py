@@ -14,7 +14,7 @@ from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.csv_table import read_csv
+from catenary.recording.import_formats.csv_files import read_csv
 from catenary.recording.import_formats.matlab import read_matlab
 from catenary.recording.parquet_files import MOST_COLUMNS
 
@@ -22,10 +22,14 @@ PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
 
 
-def read_table_file(path: Path) -> list[Stream]:
+def read_table_file(path: Path, *, rows_first: bool = False) -> list[Stream]:
     """Read a file as streams without stamps: which column holds the time is for the mapping to say.
 
     Arrays of another number of rows are streams of their own, called `FILE#ROWS`.
+
+    Args:
+        path: The file.
+        rows_first: Arrays are (rows, columns), and never turned.
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
@@ -36,7 +40,7 @@ def read_table_file(path: Path) -> list[Stream]:
     if ending == ".parquet":
         return [_parquet(path)]
     if ending == ".npz":
-        return _of_arrays(path, read_arrays(path))
+        return _of_arrays(path, read_arrays(path), rows_first=rows_first)
     if ending == ".npy":
         return _of_arrays(path, {"data": read_array(path)})
     if ending == ".mat":
@@ -66,9 +70,13 @@ def _table(
     return Stream(path.stem, "table", numbers, rows, constants=constants, notes=tuple(notes))
 
 
-def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> list[Stream]:
+def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bool = False) -> list[Stream]:
     """Return arrays by their number of rows, that of most numbers first; wide ones as `name[0]`, `name[1]`, ..."""
-    plain = {name: np.squeeze(a) for name, a in arrays.items() if a.dtype.kind in "biuf" and a.size}
+    plain = {name: a for name, a in arrays.items() if a.dtype.kind in "biuf" and a.size}
+    plain = plain if rows_first else {name: np.squeeze(a) for name, a in plain.items()}
+    texts = {
+        name: _texts(path, name, a) for name, a in arrays.items() if a.dtype.kind in "US" and a.ndim <= 1
+    }
     constants = {name: float(a) for name, a in plain.items() if a.ndim == 0}
     plain = {name: a for name, a in plain.items() if a.ndim in (1, 2)}
     if not plain:
@@ -77,21 +85,42 @@ def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> list[Stream]:
         )
     numbers = Counter[int]()
     for a in plain.values():
-        numbers[max(a.shape)] += a.size
+        numbers[len(a) if rows_first else max(a.shape)] += a.size
     rows = max(numbers, key=lambda size: (numbers[size], size))
     groups: dict[int, dict[str, NDArray[Any]]] = {rows: {}}
     notes: list[str] = []
     for name, a in plain.items():
-        if a.ndim == 2 and a.shape[0] != rows and (a.shape[1] == rows or a.shape[0] < a.shape[1]):
+        if (
+            a.ndim == 2
+            and not rows_first
+            and a.shape[0] != rows
+            and (a.shape[1] == rows or a.shape[0] < a.shape[1])
+        ):
             a = a.T
             notes.append(f"{name}: had a row for each column, and was turned")
         columns = {name: a} if a.ndim == 1 else {f"{name}[{i}]": a[:, i] for i in range(a.shape[1])}
         groups.setdefault(len(a), {}).update(columns)
-    tables = {size: _table(path, columns, constants, notes) for size, columns in groups.items() if columns}
+    notes += [
+        f"{', '.join(map(cut, columns))}: has {size} rows where others have {rows}, and is a table of its own"
+        for size, columns in groups.items()
+        if size != rows
+    ]
+    tables = {
+        size: replace(_table(path, columns, constants, notes), texts=texts)
+        for size, columns in groups.items()
+        if columns
+    }
     return [
         table if size == rows else replace(table, name=f"{path.stem}#{size}")
         for size, table in tables.items()
     ]
+
+
+def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
+    try:
+        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in np.atleast_1d(values).tolist())
+    except (UnicodeDecodeError, SystemError) as error:  # SystemError: NumPy's, of what is no character
+        raise InputError(f"{path}: {name}: expected texts in UTF-8: {error}") from error
 
 
 def _parquet(path: Path) -> Stream:
