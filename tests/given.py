@@ -28,7 +28,7 @@ def _recording(part: str) -> Callable[[Path, pytest.FixtureRequest], None]:
 
 
 def _two_topics(path: Path, _: pytest.FixtureRequest) -> None:
-    from foreign_bags import two_topics
+    from lab_bags import two_topics
 
     two_topics(path, "ros1")
 

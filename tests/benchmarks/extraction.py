@@ -7,8 +7,8 @@ import tempfile
 from pathlib import Path
 
 from catenary.recording.extract import extract
+from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.synchronise import synchronise
 from tests.benchmarks.measure import Tables, cpu_time, report
 from tests.oracles.raven_recording import record_minutes, write_bag
 
@@ -18,7 +18,7 @@ MINUTES = 17
 def to_log(paths: list[Path], folder: Path) -> None:
     """Extract and synchronise."""
     extract(paths, folder)
-    synchronise(folder)
+    read_raven([folder])
 
 
 def tables() -> Tables:

@@ -11,7 +11,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.recording.logs import read_log
 from catenary.workflows.project import calibrate
 from command_line import catenary
-from foreign_bags import two_topics
+from lab_bags import two_topics
 
 MAP = ("--map", "q_nominal=/raven/joint_cmd.position", "--map", "q_encoder=/optitrack/joints.position")
 UNITS = ("--units", "rad,rad,m")
@@ -67,7 +67,7 @@ def test_commands_take_the_source_with_its_mapping_as_they_take_the_log(bag: Pat
 
 
 def test_a_project_is_calibrated_from_bags(bag: Path, tmp_path: Path) -> None:
-    from catenary.recording.foreign.mapping import mapping_of
+    from catenary.recording.import_formats.mapping import mapping_of
     from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.recordings import keep_imports, read_imports
 

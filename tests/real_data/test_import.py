@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.recording.importers import read_command_log
+from catenary.recording.import_formats.known_layouts import read_commands
 from catenary.workflows.import_recording import import_recording, propose_mapping
 
 LAYOUTS = {
@@ -33,7 +33,7 @@ def test_raven_s_state_comes_in_si(recordings: Path) -> None:
     published, time = np.load(path)["jpos"], np.load(path)["t"]
     fresh = np.concatenate([[True], np.diff(time) != 0.0])  # stamps are of arrival, in bursts
     assert_allclose(log.q_nominal, np.deg2rad(published[fresh, :3]), atol=1e-9)
-    assert any("with the time of the row before were left out" in note for note in log.notes)
+    assert any("repeated stamps were dropped" in note for note in log.notes)
     assert log.joint_units == ("rad", "rad", "m")
     assert np.abs(log.q_nominal[:, 2]).max() < 0.6  # the insertion of a RAVEN-II [m]
 
@@ -43,7 +43,7 @@ def test_a_command_log_by_a_mapping_is_the_layout_s_own(recordings: Path) -> Non
     mapped = import_recording(
         path, ["q_nominal=q_des", "q_encoder=q_act", "ok=ok"], units="rad,rad,m,rad,rad,rad"
     )
-    own = read_command_log(path)
+    own = read_commands(path)
     for key in ("q_nominal", "q_encoder", "ok"):
         assert_allclose(getattr(mapped, key), getattr(own, key))
 

@@ -10,11 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording import extract as extract_module
+from catenary.recording import source
 from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
+from catenary.recording.import_formats.raven_columns import write_raven_csv
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.raven_csv import write_raven_csv
 from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, raven_topics
 from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, write_bag
 
@@ -86,6 +87,7 @@ def test_every_kind_of_file_gives_the_same_numbers(journal, extracted, tmp_path,
 
 def test_memory_is_bounded_by_row_groups(journal, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(extract_module, "ROW_GROUP", 100)
+    monkeypatch.setattr(source, "AT_ONCE", 100)
     extract([journal], tmp_path / "x")
     file = topic_file(tmp_path / "x", EXT_JPOS)
     assert file.row_groups == -(-file.rows // 100)

@@ -9,9 +9,9 @@ from rosbags.highlevel import AnyReader
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import extract
+from catenary.recording.import_formats.known_layouts import read_raven
+from catenary.recording.import_formats.raven_columns import write_raven_csv
 from catenary.recording.logs import read_log
-from catenary.recording.raven_csv import read_raven_csv, write_raven_csv
-from catenary.recording.synchronise import SynchroniseOptions, synchronise
 from oracles.raven_recording import START_NS, record, write_bag
 
 # the published layout: first and last column of each field of raven_state
@@ -84,13 +84,13 @@ def test_every_column_is_the_messages_number_in_its_published_place(bag: Path, t
 def test_jpos_is_times_180_over_pi_in_metres_too(table: Path) -> None:
     insertion = np.array([float(row[15]) for row in _rows(table)])
     assert (insertion > 18.0).all()  # 0.33 m and more, as if they were radians
-    log = read_raven_csv(table).log
+    log = read_raven([table]).log
     assert (log.q_nominal[:, 2] < 0.42).all()
 
 
 def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, table: Path) -> None:
-    expected = synchronise(extraction).log
-    log = read_raven_csv(table).log
+    expected = read_raven([extraction]).log
+    log = read_raven([table]).log
     assert log.tau is not None
     assert expected.tau is not None
     assert_array_equal(log.q_nominal, expected.q_nominal)
@@ -103,15 +103,15 @@ def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, table:
 
 
 def test_every_column_of_the_csv_is_read_on_request(extraction: Path, table: Path) -> None:
-    expected = synchronise(extraction, SynchroniseOptions(columns=("all",))).log
-    log = read_raven_csv(table, columns=("all",)).log
+    expected = read_raven([extraction], columns=("all",)).log
+    log = read_raven([table], columns=("all",)).log
     assert set(expected.signals) - set(log.signals) == {"dt"}  # not in the layout
     for name in ("encVals:elbow", "green_mpos:shoulder", "pos:x", "mvel:jaw1"):
         assert_array_equal(log.signals[name], expected.signals[name])
 
 
 def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:
-    log, expected = read_log(table), read_raven_csv(table).log
+    log, expected = read_log(table), read_raven([table]).log
     assert log.joint_names == ("shoulder", "elbow", "insertion")
     assert_array_equal(log.q_encoder, expected.q_encoder)
     assert log.sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
@@ -125,7 +125,7 @@ def test_force_in_256_columns_is_read_as_signals(table: Path, tmp_path: Path) ->
     for i, row in enumerate(rows):
         row += [row[12], "1.5", str(i), str(-i)]  # as of the state's stamp
     _write(rows, tmp_path / "b.csv")
-    log = read_raven_csv(tmp_path / "b.csv").log
+    log = read_raven([tmp_path / "b.csv"]).log
     assert_array_equal(log.signals["force_x"], np.full(len(log), 1.5))
     assert_array_equal(log.signals["force_y"], np.arange(len(log)))
     assert log.signal_units["force_z"] == "N"
@@ -137,7 +137,7 @@ def test_stamps_that_all_count_from_the_first_state_read_the_same(table: Path, t
     for row in rows:
         row[4], row[12] = (repr(float(row[i]) - origin) for i in (4, 12))
     _write(rows, tmp_path / "b.csv")
-    a, b = read_raven_csv(table).log, read_raven_csv(tmp_path / "b.csv").log
+    a, b = read_raven([table]).log, read_raven([tmp_path / "b.csv"]).log
     assert_allclose(a.time, b.time, atol=1e-6)
     assert_allclose(a.q_encoder, b.q_encoder, atol=1e-6, equal_nan=True)
 
@@ -145,7 +145,7 @@ def test_stamps_that_all_count_from_the_first_state_read_the_same(table: Path, t
 def test_a_line_of_names_is_passed_over(table: Path, tmp_path: Path) -> None:
     text = table.read_text()
     (tmp_path / "b.csv").write_text(NAMES + text)
-    assert len(read_raven_csv(tmp_path / "b.csv").log) == len(read_raven_csv(table).log)
+    assert len(read_raven([tmp_path / "b.csv"]).log) == len(read_raven([table]).log)
 
 
 def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(extraction, tmp_path) -> None:
@@ -154,7 +154,7 @@ def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(extract
     lonely = [row[0] == "nan" for row in rows]
     assert any(lonely)
     assert not all(lonely)
-    result = read_raven_csv(tmp_path / "a.csv")
+    result = read_raven([tmp_path / "a.csv"])
     assert result.without_encoder > 0
     assert len(result.log) == len(rows)
 
@@ -175,9 +175,9 @@ NAMES = ",".join(f"c{i}" for i in range(252)) + "\n"
 def test_what_is_no_table_of_numbers_is_refused(table, change, message) -> None:
     table.write_text(change(table.read_text()))
     with pytest.raises((FileFormatError, InputError), match=message):
-        read_raven_csv(table)
+        read_raven([table])
 
 
 def test_a_missing_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="no such file"):
-        read_raven_csv(tmp_path / "b.csv")
+        read_raven([tmp_path / "b.csv"])

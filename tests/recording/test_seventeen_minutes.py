@@ -6,8 +6,8 @@ import pytest
 
 from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import extract
+from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.synchronise import synchronise
 from oracles.raven_recording import record_minutes
 
 MINUTES = 17
@@ -19,6 +19,6 @@ def test_seventeen_minutes_are_extracted_and_synchronised_whole(tmp_path: Path, 
     journal = record_minutes(tmp_path / "r", MINUTES)
     paths = [journal] if kind == "journal" else [*write_group_bags(JournalReader(journal), tmp_path)]
     extract(paths, tmp_path / "x")
-    result = synchronise(tmp_path / "x")
+    result = read_raven([tmp_path / "x"])
     assert len(result.log) > 29 * 60 * MINUTES
     assert result.log.ok[:-1].all()

@@ -16,7 +16,7 @@ from catenary.recording.source import open_recording, open_recordings
 from catenary.workflows.import_recording import import_recording
 from catenary.workflows.recover import recover
 from command_line import catenary
-from foreign_bags import JOINT_STATE, JOINTS, START, Kind, joint_state, true_q, write_bag
+from lab_bags import JOINT_STATE, JOINTS, START, Kind, joint_state, true_q, write_bag
 
 TOPIC = "/raven/joint_cmd"
 PARTS = [

@@ -72,7 +72,7 @@ def read_within_bounds(path: Path) -> str:
     """Read a file by every reader of recordings, in little memory and time; what they said of it."""
     from catenary.identification.identify_options import IdentifyOptions
     from catenary.identification.samples import prepare
-    from catenary.recording.foreign.tables import read_table_file
+    from catenary.recording.import_formats.table_files import read_table_file
     from catenary.recording.logs import read_log, read_torque_log
 
     robot = load_robot("panda")

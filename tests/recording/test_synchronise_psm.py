@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import InputError
 from catenary.recording.extract import extract
+from catenary.recording.import_formats.known_layouts import PSM as ROBOT
+from catenary.recording.import_formats.known_layouts import read_psm
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
-from catenary.recording.synchronise_psm import ROBOT, synchronise_psm
 from catenary.recording.topics import PSM_JOINTS, PSM_TOPICS, psm_topic, psm_topics, topic_named
 from catenary.verdict.check import findings_of
 
@@ -37,7 +38,7 @@ def test_the_tracker_is_brought_onto_the_robots_stamps(tmp_path, namespace):
     record(tmp_path / "journal", namespace)
     extraction = extract([tmp_path / "journal"], tmp_path / "extracted")
     assert set(extraction.files) == {f"/{namespace.strip('/')}/{verb}" for verb in PSM_TOPICS}
-    found = synchronise_psm(tmp_path / "extracted", namespace)
+    found = read_psm([tmp_path / "extracted"], namespace)
     log = found.log
     assert (log.joint_names, log.robot, log.simulated) == (PSM_JOINTS, ROBOT, True)
     assert log.ok.sum() > 0.9 * len(log)
@@ -51,15 +52,17 @@ def test_a_tracker_that_holds_its_last_pose_is_found_by_the_verdict(tmp_path):
     held[1000:3000] = held[1000]
     record(tmp_path / "journal", "/PSM1", ext_jpos=held)
     extract([tmp_path / "journal"], tmp_path / "extracted")
-    log = synchronise_psm(tmp_path / "extracted", "/PSM1").log
+    log = read_psm([tmp_path / "extracted"], "/PSM1").log
     assert "stuck" in [each.name for each in findings_of(log)]
 
 
 def test_a_recording_without_a_tracker_says_so(tmp_path):
     record(tmp_path / "journal", "/PSM1")
     extract([tmp_path / "journal"], tmp_path / "extracted", topics=["/PSM1/measured_js"])
-    with pytest.raises(FileFormatError, match=r"/PSM1/tracker/measured_js .* is not there"):
-        synchronise_psm(tmp_path / "extracted", "/PSM1")
+    with pytest.raises(
+        InputError, match=r"no column .*/PSM1/tracker/measured_js.*; topics are /PSM1/measured_js"
+    ):
+        read_psm([tmp_path / "extracted"], "/PSM1")
 
 
 @pytest.mark.parametrize("name", ["/MTML/measured_js", "/PSM1/measured_cp", "/PSM1/jaw/measured_js", "PSM1"])

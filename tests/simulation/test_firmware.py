@@ -12,6 +12,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque, potential_energy
 from catenary.nodes.serve import Serving, make_server
+from catenary.open_robot import Simulated
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm, right_arm

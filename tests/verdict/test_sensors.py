@@ -11,10 +11,10 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import Quantity, RecordingMapping
-from catenary.recording.foreign.read import Reading, read_recording
+from catenary.recording.import_formats.mapping import Quantity, RecordingMapping
+from catenary.recording.logs import Reading, read_recording
 from catenary.verdict.check import findings_of
-from tests.foreign_bags import JOINT_STATE, joint_state, write_bag
+from tests.lab_bags import JOINT_STATE, joint_state, write_bag
 
 NAMES = ("a", "b")
 STEP = 0.02  # [s]

@@ -21,10 +21,10 @@ from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification_file import save_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import mapping_of
-from catenary.recording.foreign.read import Reading
-from catenary.recording.logs import read_log, write_parquet
+from catenary.recording.import_formats.mapping import mapping_of
+from catenary.recording.logs import Reading, read_log
 from catenary.recording.mend import Mend
+from catenary.recording.motion_log_file import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.view.recorded import recorded_arm
 from catenary.workflows.calibration_model import (
@@ -37,7 +37,7 @@ from catenary.workflows.calibration_model import (
 )
 from catenary.workflows.identify import identify_files, payload_of_files
 from catenary.workflows.import_recording import import_recording
-from foreign_bags import JOINT_STATE, joint_state, write_bag
+from lab_bags import JOINT_STATE, joint_state, write_bag
 from moving_arm import PLACE, recorded
 from recordings import recording
 

@@ -6,7 +6,7 @@ import pytest
 from catenary.errors import DataError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.recording.foreign.read import Reading
+from catenary.recording.logs import Reading
 from catenary.recording.mend import Mend
 from catenary.reports.identification import excitation_facts, parameter_table, residual_table
 from catenary.robots.catalog import load_robot

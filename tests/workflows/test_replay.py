@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.foreign.imu import ImuRecording, read_imu
+from catenary.recording.import_formats.imu_recording import ImuRecording, read_imu
 from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import load_mounting
 from catenary.sensing.tumble import fit_orientations
 from catenary.workflows.replay import calibrate_replay, rests, up_of_poses, up_of_tilts
 from command_line import catenary, refusal
-from foreign_bags import KINDS, Kind, Message, write_bag
+from lab_bags import KINDS, Kind, Message, write_bag
 
 R = Rotation.from_euler("XYZ", [0.3, -0.2, 1.0]).as_matrix()  # R_base_imu
 BIAS, RATE_BIAS = np.array([0.2, -0.1, 0.3]), np.array([0.01, -0.02, 0.005])

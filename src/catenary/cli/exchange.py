@@ -158,7 +158,7 @@ def _mcap(
     log: Path, out: Path, robot: str | None, model: Path | None, as_json: bool, *, as_trained: bool
 ) -> None:
     from catenary.calibration.model_file import load_model
-    from catenary.recording.foreign.read import Reading
+    from catenary.recording.logs import Reading
     from catenary.robots.catalog import load_robot
     from catenary.robots.shapes import load_geometry
     from catenary.view.mcap_file import write_mcap
@@ -245,7 +245,7 @@ def import_recording(
     if out is None:
         raise InputError("--out: where does the log go? expected --out LOG.parquet")
     log = read(sources, mapping, units=units, robot=robot, accept_proposal=yes)
-    from catenary.recording.logs import write_parquet
+    from catenary.recording.motion_log_file import write_parquet
 
     write_parquet(log, out)
     seconds = None if log.time is None else float(log.time.max() - log.time.min())

@@ -13,8 +13,8 @@ from catenary.crtk.dds.arguments import said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.recording.foreign.mapping import RecordingMapping
-    from catenary.recording.foreign.read import Reading
+    from catenary.recording.import_formats.mapping import RecordingMapping
+    from catenary.recording.logs import Reading
     from catenary.recording.mend import Mend
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
@@ -97,7 +97,7 @@ class MappingOptions:
         """
         if not self.map and self.mapping is None:
             return None
-        from catenary.recording.foreign.mapping import mapping_of
+        from catenary.recording.import_formats.mapping import mapping_of
 
         return mapping_of(self.map or (), file=self.mapping, units=units, settings=settings)
 
@@ -158,7 +158,7 @@ class MendOptions:
             joint_names: Of the robot's joints.
             robot: Its name.
         """
-        from catenary.recording.foreign.read import Reading
+        from catenary.recording.logs import Reading
         from catenary.recording.mend import si_units, units_of
 
         as_trained = not getattr(self, "no_mend", False)

@@ -18,7 +18,7 @@ from catenary.cli.terminal import base_tilt, print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.recording.foreign.imu import ImuRecording
+    from catenary.recording.import_formats.imu_recording import ImuRecording
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
@@ -76,7 +76,7 @@ class ReplayOptions:
             )
         if self.orientations is None and (self.robot or self.frame) is not None:
             raise InputError("sense: --robot and --frame go with --orientations")
-        from catenary.recording.foreign.imu import read_imu
+        from catenary.recording.import_formats.imu_recording import read_imu
 
         found = read_imu(self.replay, topic=self.topic, columns=words(self.columns or ""))
         print_notes(found.notes)

@@ -16,8 +16,7 @@ from catenary.crtk.message import Message
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError, TransportError
 from catenary.plant import Column, OperatingState, Plant
-from catenary.recording.raven_transmission import COUPLING, RATIO, shift_of
-from catenary.recording.synchronise import CALIBRATED, JOINT_TORQUE
+from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE, RATIO, shift_of
 from catenary.recording.topics import (
     EXT_JPOS,
     JOINT_ENC,

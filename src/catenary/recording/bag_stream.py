@@ -74,13 +74,13 @@ class BagStream:
     is damaged. `problems` says where that was; a bag without its index has one, too.
     """
 
-    def __init__(self, path: Path, *, foreign: bool = False) -> None:
+    def __init__(self, path: Path, *, any_types: bool = False) -> None:
         """Read the file once, to find its topics.
 
-        With `foreign`, types that bear the names of ours may differ from them.
+        With `any_types`, types that bear the names of ours may differ from them.
         """
         self.path = path
-        self._foreign = foreign
+        self._any_types = any_types
         self.problems: list[str] = []
         self.damage, self.holes, self.ends_early = self.problems, list[Hole](), False
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
@@ -273,7 +273,7 @@ class BagStream:
             field_of(about, b"md5sum").decode(),
             field_of(about, b"message_definition").decode(errors="replace"),
         )
-        if not self._foreign:
+        if not self._any_types:
             check_ros1_type(self.path, name, kind, md5, text)
         self._keep(number, BagConnection(name, kind, md5, text))
 
@@ -361,7 +361,7 @@ class BagStream:
         elif kind == _CHANNEL:
             name, _ = text_at(data, 4)
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
-            if not self._foreign:
+            if not self._any_types:
                 check_ros2_type(self.path, name, schema, text)
             self._keep(number, BagConnection(name, schema, "", text))
         elif kind == _MCAP_MESSAGE:

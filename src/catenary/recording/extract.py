@@ -2,7 +2,7 @@
 
 import contextlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,12 @@ from catenary.documents import json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording.bag_chunks import Block
-from catenary.recording.bag_stream import BagStream
-from catenary.recording.journal import About
+from catenary.recording.journal import About, same_origin
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Rescue
 from catenary.recording.messages import current_name, md5_sum
 from catenary.recording.parquet_files import open_parquet, read_table
-from catenary.recording.source import Source, open_recordings
+from catenary.recording.source import Source, blocks_of, open_recordings
 from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
 
 FORMAT = "catenary.topic.1"
@@ -59,7 +58,7 @@ def extract(
     sources = open_recordings(paths, salvage=salvage)
     if folder.is_dir() and any(folder.glob("*.parquet")):
         raise InputError(f"{folder}: holds an extraction already; give another folder, or empty this one")
-    about = _one_about(sources)
+    about = same_origin([source.about for source in sources])
     wanted, problems = _choose(sources, topics)
     metadata = {
         "format": FORMAT,
@@ -73,7 +72,7 @@ def extract(
         folder.mkdir(parents=True, exist_ok=True)
         for source in sources:
             here = {t.name: wanted[t.name] for t in source.topics if t.name in wanted}
-            for name, arrivals, block in _blocks(source, tuple(here)):
+            for name, arrivals, block in blocks_of(source, tuple(here)):
                 if name not in writers:
                     writers[name] = _TopicWriter(folder, here[name], metadata)
                 writers[name].add(arrivals, block, source.encoding)
@@ -118,6 +117,10 @@ class TopicFile:
         self.rows: int = self._file.metadata.num_rows
         self.row_groups: int = self._file.num_row_groups
 
+    def rows_of(self, group: int) -> int:
+        """Return the number of rows of a row group."""
+        return int(self._file.metadata.row_group(group).num_rows)
+
     def read(self, columns: Sequence[str], group: int | None = None) -> dict[str, NDArray[Any]]:
         """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all."""
         groups = range(self.row_groups) if group is None else [group]
@@ -130,6 +133,11 @@ class TopicFile:
         if wrong:
             raise FileFormatError(f"{self.path}: column {wrong[0]}: expected whole numbers [ns]")
         return {name: table.column(name).to_numpy() for name in columns}
+
+
+def is_extraction(path: Path) -> bool:
+    """Return whether a folder holds what `extract` writes: a Parquet file for each topic."""
+    return path.is_dir() and not (path / "metadata.yaml").is_file() and any(path.glob("*.parquet"))
 
 
 def topic_file(folder: Path, topic: Topic) -> TopicFile:
@@ -219,24 +227,6 @@ class _TopicWriter:
             self._part.unlink(missing_ok=True)
 
 
-def _blocks(source: Source, topics: Sequence[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-    """Yield topic, arrival stamps [ns] and messages, as many at once as the source has or a row group holds."""
-    if isinstance(source, BagStream) and source.has_blocks:
-        yield from source.blocks(topics)
-        return
-    waiting: dict[str, tuple[list[int], list[bytes]]] = {name: ([], []) for name in topics}
-    for name, stamp, data in source.messages(topics):
-        stamps, messages = waiting[name]
-        stamps.append(stamp)
-        messages.append(data)
-        if len(messages) == ROW_GROUP:
-            yield name, np.array(stamps), Block.of(messages)
-            waiting[name] = [], []
-    for name, (stamps, messages) in waiting.items():
-        if messages:
-            yield name, np.array(stamps), Block.of(messages)
-
-
 def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[dict[str, Topic], list[str]]:
     """Choose the topics to extract, by the name they have in the recording, and say what is left out."""
     there = {t.name: t.type for source in sources for t in source.topics}
@@ -268,14 +258,6 @@ def _rescue(sources: Sequence[Source], files: Mapping[str, Path]) -> Rescue | No
     there = {topic.name: np.zeros(0, dtype=np.int64) for source in sources for topic in source.topics}
     holes = [hole for source in sources for hole in source.holes]
     return Rescue.of(there | arrivals, holes, ends_early=any(source.ends_early for source in sources))
-
-
-def _one_about(sources: Sequence[Source]) -> About | None:
-    stated = [source.about for source in sources if source.about is not None]
-    if any((a.robot, a.simulated) != (stated[0].robot, stated[0].simulated) for a in stated):
-        found = ", ".join(f"{a.robot} ({'simulated' if a.simulated else 'real'})" for a in stated)
-        raise InputError(f"recording: its files are of different robots: {found}")
-    return stated[0] if stated else None
 
 
 def _files(path: Path) -> list[Path]:

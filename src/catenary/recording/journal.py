@@ -77,6 +77,15 @@ class About:
         return cls(robot, simulated, seed, configuration)
 
 
+def same_origin(stated: Sequence[About | None]) -> About | None:
+    """Return what the files of one recording say of it; refuse files of different robots."""
+    said = [about for about in stated if about is not None]
+    if any((about.robot, about.simulated) != (said[0].robot, said[0].simulated) for about in said):
+        found = ", ".join(f"{a.robot} ({'simulated' if a.simulated else 'real'})" for a in said)
+        raise InputError(f"recording: its files are of different robots: {found}")
+    return said[0] if said else None
+
+
 def record_bytes(topic: int, number: int, stamp: int, data: bytes) -> bytes:
     """Return the bytes of one record."""
     rest = _REST.pack(len(data), topic, 0, number, stamp)

@@ -1,14 +1,17 @@
 """A journal as it is found: whole, torn by a crash, or damaged; what is whole is read, what is not is counted."""
 
 import mmap
+from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 from zlib import crc32
 
 from catenary.documents import json_table, shortened
 from catenary.errors import FileFormatError
+from catenary.recording.bag_stream import BagConnection
 from catenary.recording.journal import (
     FOOTER,
     FORMAT,
@@ -24,7 +27,7 @@ from catenary.recording.journal import (
 )
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
-from catenary.recording.messages import check_ros1_type
+from catenary.recording.messages import check_ros1_type, full_definition, md5_sum
 from catenary.recording.topics import require_topics
 
 # times a file's size: bytes that are checked in vain for where the next whole record begins. Damage to every record of
@@ -87,6 +90,19 @@ class JournalReader:
         self.report = JournalReport()
         self.about: About | None
         self.topics, self.about = self._first_header()
+
+    @property
+    def connections(self) -> dict[str, BagConnection]:
+        """Topics as it defines them."""
+        return {
+            name: BagConnection(name, kind, md5_sum(kind), full_definition(kind))
+            for name, kind in self.topics
+        }
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Number of messages by topic."""
+        return dict(Counter(name for name, _, _ in self.messages()))
 
     @property
     def problems(self) -> list[str]:

@@ -15,8 +15,15 @@ from catenary.transmission.cable_coupling import joints_of
 
 # motor turning per joint motion [rad/rad], [rad/rad], [rad/m] [raven2 source: transmission ratios]
 RATIO: Mapping[str, float] = {"shoulder": 136.1963, "elbow": 121.5221, "insertion": 2158.590}
+CALIBRATED = tuple(RATIO)  # the positioning joints
 # c01, c02, c12 [raven2 source] rad/rad, m/rad, m/rad
 COUPLING = np.array([0.14545, 0.0077973826, 0.008077387])
+# cable torque or tension = torque at the gearbox's output * ratio / gearbox [raven2 source: transmission ratios; RE40
+# with 49/4, RE30 with 26/7]; the joints' torques follow through the cables' coupling, as a controller is told them
+JOINT_TORQUE: Mapping[str, float] = {
+    **{joint: ratio / 12.25 for joint, ratio in RATIO.items()},  # [1], [1], [1/m]
+    "roll": 5.395176 * 7 / 26, "wrist": 8.991960 * 7 / 26, "jaw1": 8.991960 * 7 / 26, "jaw2": 8.991960 * 7 / 26,
+}  # fmt: skip
 COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
 OFFSETS = "encoffsets:"  # columns of raven_state that a homing writes, in a motion log
 

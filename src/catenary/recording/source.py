@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.reader import DirectoryReader
@@ -25,6 +27,7 @@ from catenary.recording.bag_checks import (
     check_bag,
     unpacked_at_most,
 )
+from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_search import SqliteRows
 from catenary.recording.bag_stream import BagConnection, BagStream, about_of, whole_text
 from catenary.recording.journal import About, JournalTopic
@@ -35,6 +38,7 @@ from catenary.recording.messages import MESSAGES, check_ros2_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
 
 METADATA = "metadata.yaml"
+AT_ONCE = 8192  # messages of a topic that are in memory at once
 FILES = (".mcap", ".db3")  # that a ROS 2 bag consists of
 _LISTED = re.compile(r"""(?m)^\s*-\s+(?:&\w+\s+)?["']?([^\s"']+\.(?:mcap|db3)(?:\.zstd)?)["']?\s*$""")
 _PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a message in CDR begins with 0
@@ -68,8 +72,8 @@ class McapReader:
 
     encoding: Encoding = "cdr"
 
-    def __init__(self, path: Path, *, foreign: bool = False, salvage: str = "") -> None:
-        """Read the topics, and check their types against ours, but not with `foreign`.
+    def __init__(self, path: Path, *, any_types: bool = False, salvage: str = "") -> None:
+        """Read the topics, and check their types against ours, but not with `any_types`.
 
         With `salvage`, what is wrong with a SQLite file, it is read row by row, up to where it is damaged.
         """
@@ -89,7 +93,7 @@ class McapReader:
                 for connection in reader.connections
                 if current_name(connection.msgtype) in MESSAGES
             }
-            if len(definitions) > MOST_DEFINITIONS and not foreign:
+            if len(definitions) > MOST_DEFINITIONS and not any_types:
                 raise FileFormatError(f"{path}: {len(definitions)} definitions of types that are ours")
             for connection in reader.connections:
                 name, kind = connection.topic, connection.msgtype
@@ -97,7 +101,7 @@ class McapReader:
                     raise FileFormatError(
                         f"{path}: topic {shortened(name)}: expected texts for it and its type"
                     )
-                if not foreign:
+                if not any_types:
                     check_ros2_type(path, name, kind, connection.msgdef.data)
                 found = BagConnection(name, kind, "", connection.msgdef.data)
                 if self.connections.setdefault(name, found).type != kind:
@@ -185,13 +189,13 @@ class SplitBag:
 
     encoding: Encoding = "cdr"
 
-    def __init__(self, path: Path, why: str, *, foreign: bool = False) -> None:
+    def __init__(self, path: Path, why: str, *, any_types: bool = False) -> None:
         """Open its files.
 
         Args:
             path: The folder.
             why: It cannot be opened as a whole.
-            foreign: As for `McapReader`.
+            any_types: As for `McapReader`.
         """
         self.path = path
         listed = listed_files(path)
@@ -202,7 +206,7 @@ class SplitBag:
         self.parts: list[McapReader | BagStream] = []
         for name in chosen:
             try:
-                self.parts.append(_part(path / name, foreign=foreign))
+                self.parts.append(_part(path / name, any_types=any_types))
             except FileFormatError as error:
                 self.damage.append(str(error))
         self.damage += [
@@ -253,6 +257,39 @@ class SplitBag:
         self.holes = holes
 
 
+def open_any_types(path: Path) -> "JournalReader | McapReader | BagStream | SplitBag":
+    """Open a journal, a bag of any make or a ROS 2 bag for what is whole in it; its types may be any."""
+    if _is_journal(path):
+        return JournalReader(path)
+    if path.suffix == ".bag" and path.is_file():
+        return BagStream(path, any_types=True)
+    return open_ros2(path, any_types=True)
+
+
+def blocks_of(
+    source: "Source | SplitBag", topics: Sequence[str]
+) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+    """Yield topic, arrival stamps [ns] and messages, as many at once as the source has or AT_ONCE."""
+    if isinstance(source, BagStream) and source.has_blocks:
+        yield from source.blocks(topics)
+        return
+    waiting: dict[str, tuple[list[int], list[bytes]]] = {name: ([], []) for name in topics}
+    for name, stamp, data in source.messages(topics):
+        stamps, messages = waiting[name]
+        stamps.append(stamp)
+        messages.append(data)
+        if len(messages) == AT_ONCE:
+            yield name, np.array(stamps), Block.of(messages)
+            waiting[name] = [], []
+    for name, (stamps, messages) in waiting.items():
+        if messages:
+            yield name, np.array(stamps), Block.of(messages)
+
+
+def _is_journal(path: Path) -> bool:
+    return path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal")))
+
+
 def first_arrival(source: "Source | SplitBag") -> int:
     """Return when the first message of a recording arrived [ns]; the latest time there is without one."""
     if isinstance(source, BagStream) and source.first is not None:
@@ -279,26 +316,26 @@ def bags_in(path: Path) -> list[Path]:
     return sorted(inside) or [path]
 
 
-def open_ros2(path: Path, *, foreign: bool = False) -> McapReader | BagStream | SplitBag:
+def open_ros2(path: Path, *, any_types: bool = False) -> McapReader | BagStream | SplitBag:
     """Open an MCAP or SQLite file, or a ROS 2 bag (folder): as a whole, or else what is whole of each file."""
     try:
-        return McapReader(path, foreign=foreign)
+        return McapReader(path, any_types=any_types)
     except FileFormatError as error:
         if path.is_dir():
-            return SplitBag(path, str(error), foreign=foreign)
-        return _part(path, foreign=foreign)
+            return SplitBag(path, str(error), any_types=any_types)
+        return _part(path, any_types=any_types)
 
 
-def _part(path: Path, *, foreign: bool) -> McapReader | BagStream:
+def _part(path: Path, *, any_types: bool) -> McapReader | BagStream:
     """Open a file of a ROS 2 bag, or what is whole of it."""
     try:
-        return McapReader(path, foreign=foreign)
+        return McapReader(path, any_types=any_types)
     except FileFormatError as error:
         with contextlib.suppress(FileFormatError):
             saved = (
-                BagStream(path, foreign=foreign)
+                BagStream(path, any_types=any_types)
                 if path.suffix == ".mcap"
-                else McapReader(path, foreign=foreign, salvage=str(error))
+                else McapReader(path, any_types=any_types, salvage=str(error))
             )
             if any(saved.counts.values()):
                 return saved
@@ -323,7 +360,7 @@ def open_recording(path: Path, *, salvage: bool = False) -> Source:
     """
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
-    if path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal"))):
+    if _is_journal(path):
         return JournalReader(path)
     if path.suffix == ".bag" and path.is_file():
         bag = BagStream(path)

@@ -176,6 +176,11 @@ ABOUT_TOPIC = "/catenary/recording"
 ABOUT_TYPE = "std_msgs/String"
 
 
+def columns_of_type(name: str) -> Mapping[str, TopicColumn]:
+    """Return the columns of a message type whose numbers are not in SI, by their path in it; none of other types."""
+    return {column.path: column for column in RAVENSTATE.columns} if name == RAVENSTATE.type else {}
+
+
 def topic_named(name: str) -> Topic | None:
     """Return the topic of that name, with or without its leading slash, or None; a PSM's by how its name ends."""
     of_raven = next((topic for topic in TOPICS if topic.name.strip("/") == name.strip("/")), None)

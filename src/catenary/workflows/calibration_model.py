@@ -30,9 +30,8 @@ from catenary.calibration.onnx import OPSET, save_onnx
 from catenary.errors import InputError
 from catenary.files import sha256_of, table_ending
 from catenary.plant import Joints, MotionLog, nameless
-from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.read import Reading, read_logs, read_recording
-from catenary.recording.logs import read_log
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.logs import Reading, read_log, read_logs, read_recording
 
 
 def fit_calibration(

@@ -18,7 +18,7 @@ from catenary.identification.identification import Identification
 from catenary.identification.identification_file import load_identification
 from catenary.identification.residuals import LogResidual
 from catenary.plant import MotionLog
-from catenary.recording.foreign.read import Reading, read_recording, read_torque_recording
+from catenary.recording.logs import Reading, read_recording, read_torque_recording
 from catenary.reports.file_facts import (
     DynamicsFacts,
     FileFacts,

@@ -20,7 +20,7 @@ from catenary.identification.payload import PayloadEstimate, estimate_payload, p
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog
-from catenary.recording.foreign.read import Reading, read_torque_recording
+from catenary.recording.logs import Reading, read_torque_recording
 from catenary.recording.mend import mends_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel

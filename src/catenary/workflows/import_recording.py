@@ -6,11 +6,12 @@ from typing import Any
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.foreign.importer import import_sources
-from catenary.recording.foreign.layouts import Layout, layout_of_files, read_layout
-from catenary.recording.foreign.mapping import RecordingMapping, mapping_of
-from catenary.recording.foreign.proposal import Proposal, propose
-from catenary.recording.foreign.sources import Sources
+from catenary.recording.import_formats.importer import import_sources
+from catenary.recording.import_formats.known_layouts import MOTION_LOG, Layout, layout_of_files, read_layout
+from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
+from catenary.recording.import_formats.proposal import Proposal, propose
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.logs import read_log
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, robot_of
 
@@ -55,6 +56,8 @@ def import_recording(
     found = _known(paths, robot)
     if found is not None:
         listed = None if units is None else [unit.strip() for unit in units.split(",")]
+        if found is MOTION_LOG:
+            return read_log(paths[0], units=listed)
         return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
     opened = Sources(paths)
     proposal = propose(opened, robot=robot, units=units)

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.recording.foreign.imu import ImuRecording
-from catenary.recording.foreign.tables import read_table_file
+from catenary.recording.import_formats.imu_recording import ImuRecording
+from catenary.recording.import_formats.table_files import read_table_file
 from catenary.robots.model import RobotModel
 from catenary.sensing.mounting import Mounting, TumbleSection
 from catenary.sensing.tumble import fit_orientations

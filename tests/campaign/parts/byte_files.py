@@ -231,11 +231,11 @@ def _parquet(checked: bool) -> bytes:
     """A motion log; without checksums of its pages, damage reaches behind them."""
     import pyarrow.parquet as pq
 
-    from catenary.recording.logs import write_parquet
-    from catenary.recording.raven_csv import read_raven_csv
+    from catenary.recording.import_formats.known_layouts import read_raven
+    from catenary.recording.motion_log_file import write_parquet
 
     path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "log.parquet"
-    write_parquet(read_raven_csv(_csv_file()).log, path)
+    write_parquet(read_raven([_csv_file()]).log, path)
     if not checked:
         pq.write_table(pq.read_table(path), path, compression="none", use_dictionary=False)
     return path.read_bytes()
@@ -278,7 +278,7 @@ def topic_case(seed: int, folder: Path) -> None:
 
 @cache
 def _csv_file() -> Path:
-    from catenary.recording.raven_csv import write_raven_csv
+    from catenary.recording.import_formats.raven_columns import write_raven_csv
 
     path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "raven.csv"
     write_raven_csv(_extraction(), path)

@@ -66,7 +66,7 @@ def _monotonic(stamp: "np.ndarray") -> "np.ndarray":
 def recorder(seed: int, folder: Path) -> None:
     """Set the machine's clock while its recorder runs, as often as one likes; extract and synchronise what it kept."""
     from catenary.recording.extract import extract
-    from catenary.recording.synchronise import synchronise
+    from catenary.recording.import_formats.known_layouts import read_raven
     from catenary.recording.topics import raven_topics
     from catenary.workflows.robot.topic_recorder import TopicRecorder
     from oracles.cable_arms import homed_plant
@@ -89,7 +89,7 @@ def recorder(seed: int, folder: Path) -> None:
     for topic, rate in (("/ravenstate", 30.0), ("/ext_jpos", 100.0)):
         if extraction.messages[topic] < 0.95 * rate * 0.02 * ticks - 1:
             raise Fell(f"{topic}: {extraction.messages[topic]} messages in {0.02 * ticks} s")
-    log = synchronise(folder / "x").log
+    log = read_raven([folder / "x"]).log
     if len(log) != extraction.messages["/ravenstate"] or log.time is None or (np.diff(log.time) <= 0).any():
         raise Fell(f"{len(log)} rows of {extraction.messages['/ravenstate']} messages")
     if abs(log.time[-1] - 0.02 * ticks) > 0.1:

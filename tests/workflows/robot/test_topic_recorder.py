@@ -15,9 +15,9 @@ from catenary.crtk.message_values import joint_state_message
 from catenary.errors import InputError, RecordingError, TransportError
 from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import extract, topic_file
+from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.journal import About
 from catenary.recording.source import open_recording
-from catenary.recording.synchronise import synchronise
 from catenary.recording.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics, topic_named
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
@@ -137,7 +137,7 @@ def test_setting_the_machines_clock_costs_no_message_and_is_noted(tmp_path: Path
         assert (np.diff(arrival) > 0).all(), name
         assert np.diff(arrival).max() < 0.05 * SECOND, name
     assert extraction.messages["/ravenstate"] >= 12
-    log = synchronise(tmp_path / "x").log
+    log = read_raven([tmp_path / "x"]).log
     assert len(log) == extraction.messages["/ravenstate"]
     assert log.time is not None
     assert_allclose(log.time[-1], 0.4, atol=0.05)

@@ -173,7 +173,7 @@ def _recording(
 ) -> _Titled:
     """Return a recording of a robot, or a project's."""
     from catenary.calibration.model_file import load_model
-    from catenary.recording.foreign.read import Reading
+    from catenary.recording.logs import Reading
     from catenary.robots.catalog import load_robot
     from catenary.view.described import shapes_of
     from catenary.view.project import shown_project

@@ -13,7 +13,7 @@ from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
-from catenary.recording.foreign.read import Reading, read_logs
+from catenary.recording.logs import Reading, read_logs
 from catenary.reports.error_tables import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory

@@ -18,7 +18,7 @@ from catenary import __version__
 from catenary.config import IN_FILES, parse_settings
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sweep_partial, write_atomically
-from catenary.recording.synchronise import state_columns
+from catenary.recording.import_formats.known_layouts import further_columns
 from catenary.recording.topics import psm_topic
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
@@ -88,7 +88,7 @@ class ProjectSettings:
                     "robot dvrk_psm: has neither --side nor --payload nor --columns of raven_state"
                 )
         check_direction(self.direction, self.form)
-        state_columns(self.columns)
+        further_columns(self.columns, "gold")
 
 
 class Project:

@@ -11,9 +11,9 @@ from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.open_robot import OverTopics, Simulated, open_robot, tilted_base
-from catenary.recording.synchronise import CALIBRATED, ROBOT, Synchronisation, SynchroniseOptions, synchronise
-from catenary.recording.synchronise_psm import ROBOT as PSM
-from catenary.recording.synchronise_psm import synchronise_psm
+from catenary.recording.import_formats.importer import Synchronisation
+from catenary.recording.import_formats.known_layouts import PSM, ROBOT, read_psm, read_raven
+from catenary.recording.raven_transmission import CALIBRATED
 from catenary.recording.topics import EXT_JPOS, PSM_JOINTS, Arm, Topic, psm_topics, raven_topics
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
@@ -182,7 +182,7 @@ class RavenProject(ProjectKind):
 
     def synchronise(self, folder: Path) -> Synchronisation:
         """Return the log on the stamps of raven_state."""
-        return synchronise(folder, SynchroniseOptions(arm=self._arm, columns=self.settings.columns))
+        return read_raven([folder], arm=self._arm, columns=self.settings.columns)
 
 
 class PsmProject(ProjectKind):
@@ -233,7 +233,7 @@ class PsmProject(ProjectKind):
 
     def synchronise(self, folder: Path) -> Synchronisation:
         """Return the log on the stamps of measured_js."""
-        return synchronise_psm(folder, self.settings.namespace)
+        return read_psm([folder], self.settings.namespace)
 
 
 def kind_of(settings: ProjectSettings) -> ProjectKind:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from catenary.errors import ConfigError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.read import Reading, read_recording
-from catenary.recording.logs import read_log, write_parquet
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.logs import Reading, read_log, read_recording
+from catenary.recording.motion_log_file import write_parquet
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.outputs import contents, describe, hold, missing
 from catenary.workflows.project.robot import empty
@@ -33,7 +33,7 @@ def extract_recording(project: Project, name: str) -> bool:
         InUseError: Another process is writing in the project.
     """
     from catenary.recording.extract import extract
-    from catenary.recording.logs import write_parquet
+    from catenary.recording.motion_log_file import write_parquet
     from catenary.workflows.project.kinds import kind_of
 
     folder = project.folder / "extracted" / name

@@ -1,0 +1,257 @@
+"""Groups of columns that may be one quantity of all joints, told by their names, types and ranges."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.recording.import_formats.columns import Stream, arrays_of, natural
+from catenary.recording.import_formats.table_time import time_columns
+from catenary.recording.topics import SECOND
+
+Kind = Literal["position", "velocity", "effort", "current"]
+Role = Literal["measured outside", "actual", "reported", "commanded", "unknown"]
+
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_KINDS: dict[Kind, frozenset[str]] = {
+    "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel"),
+    "effort": _set("effort efforts tau torque torques jf"),
+    "current": _set("current currents cur amps amp dac"),
+}
+_ROLES: dict[Role, frozenset[str]] = {
+    "measured outside": _set(
+        "encoder encoders enc ext external opt optical optitrack opti vicon mocap truth gt ground camera cam tracker "
+        "tracked aurora ndi polaris laser zivid marker markers"
+    ),
+    "commanded": _set(
+        "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref"
+    ),
+    "actual": _set("actual act true real"),
+    "reported": _set(
+        "measured meas state states joint joints jpos pos position positions q js motor motors feedback fb nominal"
+    ),
+}
+_OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values())
+_OK = _set("ok valid tracked visible good")
+_NO_JOINTS = _set(
+    "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
+    "points intensities ranges color colors"
+)
+_UNITS = _set("deg degree degrees rad mm m nm n")
+_UNIT = re.compile(r"[\[( _](?P<unit>deg|degree|degrees|rad|mm|m)[\])]?(?:\[?\d+\]?)?\Z", re.IGNORECASE)
+_UNIT_WORDS = {"degree": "deg", "degrees": "deg"}
+MOST_JOINTS = 64
+_FOLLOWS = 0.8  # correlation of a measured joint with its command: a hysteretic wrist's is 0.82
+_WHOLE = 0.95  # share of rows that a quantity is taken from, at least: the others are lost with it
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Columns of one stream that may be one quantity."""
+
+    stream: Stream
+    columns: tuple[str, ...]
+    kind: Kind
+    role: Role
+    joints: tuple[str, ...]  # names, or "" where the recording has none
+
+    @property
+    def name(self) -> str:
+        """What the columns have in common, for a reader."""
+        first = self.columns[0]
+        base = first[: first.rfind("[")] if first.endswith("]") else first
+        where = f"{self.stream.name}." if self.stream.type != "table" else ""
+        more = f" ... {self.columns[-1]}" if base == first and len(self.columns) > 1 else ""
+        return f"{where}{base}{more}"
+
+    @property
+    def references(self) -> list[str]:
+        """The columns as a mapping names them."""
+        if self.stream.type == "table":
+            return list(self.columns)
+        return [f"{self.stream.name}.{column}" for column in self.columns]
+
+    @property
+    def ranges(self) -> list[tuple[float, float]]:
+        """Least and largest finite number of each column; NaN for none."""
+        return [_range(self.stream.columns[column]) for column in self.columns]
+
+    @property
+    def moves(self) -> bool:
+        """Whether any column is more than one number."""
+        return any(high > low for low, high in self.ranges)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nearly every row has a number in each column."""
+        return all(
+            np.isfinite(self.stream.columns[c].astype(np.float64)).mean() > _WHOLE for c in self.columns
+        )
+
+    @property
+    def rate(self) -> float:
+        """Rows a second [Hz]; NaN where there is no time."""
+        arrival = self.stream.arrival
+        if arrival is None or len(arrival) < 2 or arrival[-1] <= arrival[0]:
+            return float("nan")
+        return (self.stream.rows - 1) * SECOND / float(arrival[-1] - arrival[0])
+
+    def part(self, columns: Sequence[str]) -> "Candidate":
+        """Return it with some of its columns."""
+        joints = dict(zip(self.columns, self.joints, strict=True))
+        return Candidate(self.stream, tuple(columns), self.kind, self.role, tuple(joints[c] for c in columns))
+
+    def is_followed_by(self, other: "Candidate") -> bool:
+        """Whether each column goes up and down with the other's of the same place, in rows of one table."""
+        if self.stream.name != other.stream.name or len(self.columns) != len(other.columns):
+            return False
+        for mine, its in zip(self.columns, other.columns, strict=True):
+            pair = np.array([self.stream.columns[mine], other.stream.columns[its]], dtype=np.float64)
+            pair = pair[:, np.isfinite(pair).all(axis=0)]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                if pair.shape[1] < 3 or not np.asarray(np.corrcoef(pair))[0, 1] > _FOLLOWS:
+                    return False
+        return True
+
+    def stated_units(self) -> tuple[str, ...] | None:
+        """Return the units that the columns' names end in; None where one has none."""
+        found = [_UNIT.search(re.sub(r"\[\d+\]\Z", "", column)) for column in self.columns]
+        if not all(found):
+            return None
+        units = [one["unit"].lower() for one in found if one]
+        return tuple(_UNIT_WORDS.get(unit, unit) for unit in units)
+
+
+def candidates_of(streams: Sequence[Stream]) -> list[Candidate]:
+    """Return the groups of columns that may be a quantity of the joints."""
+    return [
+        one
+        for stream in streams
+        for one in (_of_table(stream) if stream.type == "table" else _of_topic(stream))
+    ]
+
+
+def ok_columns(stream: Stream) -> list[str]:
+    """Return columns of a table that say by name and content where a measurement can be trusted."""
+    return [
+        name
+        for name, values in stream.columns.items()
+        if set(_words(name)) & _OK and bool(np.isin(values, (0, 1)).all())
+    ]
+
+
+def pose_references(stream: Stream) -> list[str]:
+    """Return the poses and transforms in a topic, but the robot's own of its tool (cp)."""
+    if set(_words(stream.name)) & {"cp"}:
+        return []
+    ends = (".orientation.w", ".rotation.w")
+    return [
+        f"{stream.name}.{name[: -len(end)]}" for end in ends for name in stream.columns if name.endswith(end)
+    ]
+
+
+def _of_topic(stream: Stream) -> list[Candidate]:
+    found = []
+    for base, columns in arrays_of(stream).items():
+        columns = [column for column in columns if column in stream.columns]
+        words = _words(base)
+        if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _NO_JOINTS or "." in base.rpartition("[")[2]:
+            continue
+        joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
+        found.append(
+            Candidate(stream, tuple(columns), _kind(words), _role([*_words(stream.name), *words]), joints)
+        )
+    return found
+
+
+def _of_table(stream: Stream) -> list[Candidate]:
+    """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
+    times = {*time_columns(stream), *ok_columns(stream)}
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in stream.columns:
+        words = _words(name)
+        if name in times or set(words) & _NO_JOINTS:
+            continue
+        own = [w for w in words if w in _OF_QUANTITIES]
+        letters = re.sub(r"[\[_. ]?\d+\]?", "#", name)
+        stated = ("words",) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
+        stem = [letters] if _joint_number(name) else []
+        key = ("words", *own, *stem) if own else ("#", letters) if "#" in letters else stated
+        groups.setdefault(key, []).append(name)
+    found = []
+    for (how, *_), columns in groups.items():
+        for part in _by_shared_number(columns) if how != "alone" else ():
+            is_numbered = _joint_number(part[0]) != ""
+            ordered = sorted(part, key=natural) if is_numbered else part
+            if not 1 <= len(ordered) <= MOST_JOINTS:
+                continue
+            words = _words(ordered[0])
+            named = _own_parts(ordered)
+            is_named = not is_numbered and how == "words" and all(named) and len(set(named)) == len(named)
+            joints = named if is_named else ("",) * len(ordered)
+            found.append(Candidate(stream, tuple(ordered), _kind(words), _role(words), joints))
+    return found
+
+
+def _joint_number(name: str) -> str:
+    """Return the number of a joint at the end of its name, behind which only words of its quantity or unit stand."""
+    last = list(re.finditer(r"\d+", name))[-1:]
+    behind = _words(name[last[0].end() :]) if last else ["none"]
+    return last[0].group() if all(word in _OF_QUANTITIES or word in _UNITS for word in behind) else ""
+
+
+def _by_shared_number(columns: Sequence[str]) -> list[list[str]]:
+    """Part columns by numbers that are no joint's own, which several share: of the arm in /PSM1/... and /PSM2/..."""
+    parts = [list(columns)]
+    numbers = {
+        column: re.findall(r"\d+", column)[: -1 if _joint_number(column) else None] for column in columns
+    }
+    for place in range(max(map(len, numbers.values()))):
+        split: list[list[str]] = []
+        for part in parts:
+            by_number: dict[str, list[str]] = {}
+            for column in part:
+                by_number.setdefault("".join(numbers[column][place : place + 1]), []).append(column)
+            shared = len(by_number) > 1 and all(len(own) > 1 for own in by_number.values())
+            split += by_number.values() if shared else [part]
+        parts = split
+    return parts
+
+
+def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
+    """Return what of each name is its own: without what all share between slashes, the quantity's words and units."""
+    segments = [column.split("/") for column in columns]
+    shared = set.intersection(*map(set, segments)) if len(columns) > 1 else set[str]()
+    own = ["_".join(segment for segment in each if segment not in shared) for each in segments]
+    return tuple(
+        "_".join(
+            w for w in re.findall(r"[a-z]+\d*", name.lower()) if w not in _OF_QUANTITIES and w not in _UNITS
+        )
+        for name in own
+    )
+
+
+def _words(name: str) -> list[str]:
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    return re.findall(r"[a-z]+", apart.lower())
+
+
+def _kind(words: Sequence[str]) -> Kind:
+    return next((kind for kind, names in _KINDS.items() if set(words) & names), "position")
+
+
+def _role(words: Sequence[str]) -> Role:
+    return next((role for role, names in _ROLES.items() if set(words) & names), "unknown")
+
+
+def _range(values: NDArray[np.generic]) -> tuple[float, float]:
+    numbers = values.astype(np.float64)
+    finite = numbers[np.isfinite(numbers)]
+    return (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"), float("nan"))

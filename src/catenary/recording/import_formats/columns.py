@@ -1,0 +1,132 @@
+"""Columns of a recording that share their rows: a topic of a bag, or a table."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.documents import cut
+from catenary.errors import InputError
+
+MOST_SHOWN = 12  # names that an error lists
+_INDEXED = re.compile(r"(?P<base>.*)\[(?P<part>[^\[\]]*)\]\Z", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A topic or a table as columns of numbers; NaN where a row has no such number."""
+
+    name: str  # topic, or the name of the file
+    type: str  # of messages, or "table"
+    columns: Mapping[str, NDArray[Any]]  # each (M,) numbers; elements of arrays as "position[0]"
+    rows: int  # M, or as many as there are where this is a sample of them
+    # (M,) [ns] of headers, 0 where a message has none; None in a table, whose time is one of its columns
+    stamp: NDArray[np.int64] | None = None
+    arrival: NDArray[np.int64] | None = None  # (M,) [ns] at the recorder; None where nobody knows
+    # joints, in the order of the first message, of arrays beside a list of names; their columns are "position[yaw]"
+    joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
+    texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a column of numbers is found."""
+
+    stream: str
+    column: str
+    star: str = field(default="", compare=False)  # what the * of a pattern stands for in its name
+
+
+def places_of(reference: str, streams: Sequence[Stream]) -> list[Place]:
+    """Return the columns that a reference stands for, in order.
+
+    A reference is the name of a column, of an array (`position`, all its elements), a part of one (`position[2]`,
+    `position[0:6]`, `position[elbow]` by the name of the joint) or a pattern (`cmd_*`, in the file's order; names that
+    differ in a number by that). In front of it stands a topic and a dot (`/arm/state.position`); of several tables, the
+    name of the file and a colon.
+    """
+    stem, colon, rest = reference.partition(":")
+    candidates: list[tuple[Stream, str]] = []
+    for stream in streams:
+        if stream.type == "table":
+            candidates.append((stream, reference))
+            if colon and stem == stream.name:
+                candidates.append((stream, rest))
+        elif reference.startswith(f"{stream.name}."):
+            candidates.append((stream, reference[len(stream.name) + 1 :]))
+    found = [(s, inner, names) for s, inner in candidates if (names := _columns(inner, s))]
+    if len({stream.name for stream, _, _ in found}) > 1:
+        raise InputError(
+            f'column "{cut(reference)}" is in {" and in ".join(stream.name for stream, _, _ in found)}; '
+            f'write "{found[0][0].name}:{cut(reference)}"'
+        )
+    if not found:
+        raise InputError(f'no column "{cut(reference)}"; {_choices(reference, streams)}')
+    stream, inner, names = found[0]
+    ends = [len(end) for end in inner.split("*")] if inner.count("*") == 1 else []
+    return [Place(stream.name, name, name[ends[0] : len(name) - ends[1]] if ends else "") for name in names]
+
+
+def natural(name: str) -> tuple[tuple[int, str], ...]:
+    """Return a key by which q2 comes before q10."""
+    parts = re.split(r"(\d+)", name)
+    return tuple((int(part[:18]), "") if part.isdigit() else (-1, part) for part in parts)
+
+
+def arrays_of(stream: Stream) -> dict[str, list[str]]:
+    """Return the arrays of a stream: the columns of each, in order."""
+    arrays: dict[str, list[str]] = {}
+    for name in stream.columns:
+        found = _INDEXED.match(name)
+        if found and found["part"].isdigit():
+            arrays.setdefault(found["base"], []).append(name)
+    numbered = {base: sorted(names, key=natural) for base, names in arrays.items()}
+    named = {base: [f"{base}[{joint}]" for joint in joints] for base, joints in stream.joints.items()}
+    return numbered | named
+
+
+def _columns(inner: str, stream: Stream) -> list[str]:
+    if inner in stream.columns:
+        return [inner]
+    arrays = arrays_of(stream)
+    if inner in arrays:
+        return arrays[inner]
+    found = _INDEXED.match(inner)
+    if found:
+        base, part = found["base"], found["part"]
+        limits = re.fullmatch(r"(\d{0,9}):(\d{0,9})|(\d{1,9})", part)
+        if limits and base in arrays:
+            alone = limits[3]
+            first = int(limits[1] or alone or 0)
+            last = int(limits[2] or (first + 1 if alone else len(arrays[base])))
+            return arrays[base][first:last] if first < last <= len(arrays[base]) else []
+    if "*" in inner and len(inner) <= 200 and inner.count("*") <= 4:
+        found_names = [name for name in stream.columns if fnmatchcase(name, inner)]
+        is_numbered = len({re.sub(r"\d+", "#", name) for name in found_names}) == 1
+        return sorted(found_names, key=natural) if is_numbered else found_names
+    return []
+
+
+def _choices(reference: str, streams: Sequence[Stream]) -> str:
+    """Return in words what there is in place of a reference."""
+    own = [s for s in streams if s.type != "table" and reference.startswith(f"{s.name}.")]
+    tables = [s for s in streams if s.type == "table"]
+    if not own and not tables:
+        return f"topics are {_listed([stream.name for stream in streams])}"
+    chosen = own or tables
+    names = [f"{base}[0:{len(columns)}]" for stream in chosen for base, columns in arrays_of(stream).items()]
+    names += [name for stream in chosen for name in stream.columns if not _INDEXED.match(name)]
+    joints = [joint for stream in own for inner in stream.joints.values() for joint in inner]
+    said = f"; its joints are {_listed(list(dict.fromkeys(joints)))}" if joints else ""
+    return f"{', '.join(stream.name for stream in chosen)} has {_listed(names)}{said}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+    return ", ".join(map(cut, names[:MOST_SHOWN])) + more if names else "none"

@@ -1,0 +1,390 @@
+"""A recording of any make into a MotionLog, by a mapping."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.documents import cut
+from catenary.errors import InputError
+from catenary.files import sha256_of
+from catenary.plant import Joints, MotionLog, nameless
+from catenary.plant import places_of as places_of_joints
+from catenary.recording.import_formats.column_groups import Candidate
+from catenary.recording.import_formats.column_units import encoder_units, factors, joint_units_of
+from catenary.recording.import_formats.columns import Place, Stream, places_of
+from catenary.recording.import_formats.joint_names import joint_names_of, joints_meant, recorded_joints
+from catenary.recording.import_formats.mapping import (
+    JOINT_QUANTITIES,
+    Quantity,
+    RecordingMapping,
+    TrackedPose,
+)
+from catenary.recording.import_formats.one_clock import OneClock
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.tracked_pose import joints_from_poses, pose_places
+from catenary.recording.import_formats.whole_turns import in_one_turn, unwrap_columns
+from catenary.recording.series import Series, TopicReport, interpolate
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+from catenary.transmission.cable_coupling import joint_forces
+
+_SIGNED = "-"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Where the columns of a quantity are, and the sign of each."""
+
+    places: list[Place]
+    sign: Floats
+
+
+@dataclass
+class _Wanted:
+    """Columns that are to be read, by stream."""
+
+    streams: Sequence[Stream]
+    columns: dict[str, dict[str, None]] = field(default_factory=dict)
+
+    def of(self, references: Sequence[str], what: str, *, optional: bool = False) -> _Found | None:
+        """Find references, and keep them to be read; None of what is optional and not there."""
+        places, signs = list[Place](), list[float]()
+        for reference in references:
+            try:
+                found, sign = places_of(reference, self.streams), 1.0
+            except InputError as error:
+                if optional:
+                    return None
+                if not reference.startswith(_SIGNED):
+                    raise InputError(f"{what}: {error}") from error
+                found, sign = places_of(reference[1:], self.streams), -1.0
+            places += found
+            signs += [sign] * len(found)
+        self.keep(places)
+        return _Found(places, np.array(signs))
+
+    def keep(self, places: Sequence[Place]) -> None:
+        for place in places:
+            self.columns.setdefault(place.stream, {})[place.column] = None
+
+
+@dataclass(frozen=True)
+class Synchronisation:
+    """A motion log, with reports on the streams that it was made from."""
+
+    log: MotionLog
+    topics: tuple[TopicReport, ...]
+    without_encoder: int  # rows whose `ok` is not set
+    dropped: int  # rows left out since something that a log must have was not there
+
+
+def import_sources(
+    sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None
+) -> MotionLog:
+    """Read a recording by a mapping, on one clock; see `synchronise`."""
+    return synchronise(sources, mapping, model=model).log
+
+
+def synchronise(
+    sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None
+) -> Synchronisation:
+    """Read a recording by a mapping, on one clock.
+
+    Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
+    `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out.
+
+    Args:
+        sources: The files.
+        mapping: Which column is what.
+        model: The robot; the mapping's when None.
+    """
+    where = ", ".join(path.name for path in sources.paths)
+    wanted = _Wanted(sources.streams)
+    joints: dict[str, _Found] = {}
+    for key in JOINT_QUANTITIES:
+        quantity: Quantity | None = getattr(mapping, key)
+        if quantity is not None and quantity.columns:
+            found = wanted.of(quantity.columns, key, optional=quantity.optional)
+            joints |= {} if found is None else {key: found}
+    found = wanted.of(mapping.ok, "ok")
+    valid = {"ok": found} if found is not None and found.places else {}
+    signals = {
+        f"signal {key}": found
+        for key, signal in mapping.signals.items()
+        if (found := wanted.of(signal.columns, f"signal {key}", optional=signal.optional)) is not None
+    }
+    tracked = mapping.q_encoder.pose if mapping.q_encoder is not None else None
+    pose = pose_places(tracked, sources.streams) if tracked is not None else []
+    wanted.keep(pose)
+    for name in mapping.reported:
+        if any(stream.name == name for stream in sources.streams):
+            wanted.columns.setdefault(name, {})
+
+    n = len(joints["q_nominal"].places)
+    for key, columns in joints.items():
+        if len(columns.places) != n:
+            raise InputError(
+                f"{where}: {key} has {len(columns.places)} columns, q_nominal {n}; expected as many"
+            )
+    if model is None and mapping.robot is not None:
+        model = load_robot(mapping.robot)
+    mapping, in_file = _with_texts(where, mapping, sources.streams, joints["q_nominal"].places)
+    notes = _ordered_by_name(joints, mapping, sources.streams, model)
+    base = joints["q_nominal"].places
+    names, said = joint_names_of(mapping, model, base, sources.streams)
+    notes += said
+    nominal = _candidate(base, sources.streams, names)
+    units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
+    notes += said
+    streams = sources.read({stream: list(columns) for stream, columns in wanted.columns.items()})
+    for stream in streams.values():
+        notes += [f"{stream.name}: {note}" for note in stream.notes]
+    scaled, jumped = {}, set[str]()
+    for key, columns in joints.items():
+        quantity = getattr(mapping, key)
+        stated, factor = factors(key, quantity, units, n)
+        if stated is None and key != "tau" and not mapping.name:
+            own = told or units if key != "q_encoder" else None
+            if own is None:
+                encoder = _candidate(columns.places, sources.streams, names)
+                its = (mapping.q_nominal.units * n)[:n] if mapping.q_nominal.units else told or units
+                own, why, is_sure = encoder_units(encoder, nominal, its, None)
+                own, why = (
+                    (own, why) if is_sure and not mapping.q_nominal.scale else (units, "as the joints'")
+                )
+                notes.append(f"q_encoder: its units were not stated; taken in {', '.join(own)}: {why}")
+            factor = factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
+        scaled[key] = factor * columns.sign
+        if key in ("q_nominal", "q_encoder"):
+            streams, turns = unwrap_columns(streams, columns.places, scaled[key], units, names)
+            notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
+            jumped |= set(turns)
+    quantities = {key: columns.places for key, columns in {**joints, **valid, **signals}.items()}
+    quantities |= {"pose": pose} if pose else {}
+    clock = OneClock(streams, quantities, mapping)
+
+    rows = {key: clock.rows(key) * scaled[key] for key in joints}
+    coupling = mapping.tau.coupling if mapping.tau is not None else None
+    if "tau" in rows and coupling is not None:
+        rows["tau"] = np.column_stack(joint_forces(np.array(coupling), tuple(rows["tau"].T)))
+    further = {
+        key: clock.rows(key) * mapping.signals[key.removeprefix("signal ")].scale * columns.sign
+        for key, columns in signals.items()
+    }
+    for key in [k for k in ("qd", "tau") if k in rows and getattr(mapping, k).optional]:
+        if not np.isfinite(rows[key]).any():
+            del rows[key]
+    whole = _whole_rows({**rows, **further}, notes)
+    if not whole.any():
+        raise InputError(f"{where}: no row has all of {', '.join([*rows, *further])}; {'; '.join(notes)}")
+    ok = np.ones(len(whole), dtype=bool)
+    if tracked is not None and model is not None:
+        rows["q_encoder"] = _tracked(clock, tracked, model, scaled["q_nominal"], names, notes)
+    rows["q_nominal"], measured, said = in_one_turn(
+        rows["q_nominal"], rows.get("q_encoder"), units, names, model, jumped
+    )
+    notes += said
+    if measured is not None:
+        rows["q_encoder"] = measured
+        ok &= np.isfinite(rows["q_encoder"]).all(axis=1)
+    if valid:
+        ok &= (clock.rows("ok") > 0.5).all(axis=1)
+    if "q_encoder" in rows and not ok.any():
+        raise InputError(f"{where}: q_encoder is measured on no row of q_nominal; {'; '.join(clock.notes)}")
+    notes += [f"{int((~ok[whole]).sum())} of {int(whole.sum())} rows have no q_encoder"] * bool(
+        (~ok[whole]).any()
+    )
+    signal_columns, signal_units = _signals(further, mapping, whole)
+    time, began = clock.time(whole)
+    stated_robot = None if sources.about is None else sources.about.robot
+    if model is not None and stated_robot not in (None, model.name):
+        notes.append(f"the recording says that it is of {stated_robot}; read as of {model.name}")
+    log = MotionLog(
+        name=sources.paths[0].stem,
+        joint_names=names,
+        joint_units=units,
+        q_nominal=rows["q_nominal"][whole],
+        q_encoder=rows["q_encoder"][whole] if "q_encoder" in rows else None,
+        ok=ok[whole],
+        time=time,
+        began=began,
+        qd=rows["qd"][whole] if "qd" in rows else None,
+        tau=rows["tau"][whole] if "tau" in rows else None,
+        signals=signal_columns,
+        signal_units=signal_units,
+        robot=stated_robot or mapping.default_robot or None if model is None else model.name,
+        simulated=sources.about is not None and sources.about.simulated,
+        sha256=_sha256(sources.paths),
+        units_assumed=assumed,
+        settled=_settled(mapping, joints, in_file=in_file),
+        notes=(
+            *([] if mapping.name else [f"imported from {where}: {_told(mapping, joints)}"]),
+            *dict.fromkeys([*sources.notes, *clock.notes, *notes]),
+        ),
+    )
+    if model is not None:
+        in_order = Joints(tuple(name for name in model.joint_names if name in names))
+        log = log.in_order_of(in_order, of=f'robot "{model.name}" has')
+    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()))
+
+
+def _with_texts(
+    where: str, mapping: RecordingMapping, streams: Sequence[Stream], places: Sequence[Place]
+) -> tuple[RecordingMapping, bool]:
+    """Return a mapping with the joints' names and units that a file's own texts state, and whether it states units."""
+    texts = next(stream.texts for stream in streams if stream.name == places[0].stream)
+    n = len(places)
+
+    def own(array: str | None) -> tuple[str, ...]:
+        found = texts.get(array or "", ())
+        if array is not None and found and len(found) != n:
+            raise InputError(
+                f"{where}: {array}: expected (n,) texts, {n} as there are columns of q_nominal, got {len(found)}"
+            )
+        return found
+
+    names, units = own(mapping.names_in), own(mapping.units_in)
+    if not names and not units:
+        return mapping, False
+    given = mapping.joint_units
+    if given and mapping.joint_names and names:
+        had = Joints(mapping.joint_names, given)
+        order = places_of_joints(Joints(names), had, whose="the robot that was named", of=f"{where} is of")
+        given = tuple(given[j] for j in order)
+    if given and units and given != units:
+        raise InputError(f"{where}: states the units {','.join(units)}, but {','.join(given)} were given")
+    update = {"joint_names": names or mapping.joint_names, "joint_units": given or units}
+    return mapping.model_copy(update=update), bool(units)
+
+
+def _candidate(places: Sequence[Place], streams: Sequence[Stream], names: Sequence[str]) -> Candidate:
+    """Return columns with the numbers by which their units are told."""
+    by_name = {stream.name: stream for stream in streams}
+    columns = {place.column: by_name[place.stream].columns[place.column] for place in places}
+    own = tuple("" for _ in names) if tuple(names) == nameless(len(names)) else tuple(names)
+    stream = replace(by_name[places[0].stream], columns=columns)
+    return Candidate(stream, tuple(place.column for place in places), "position", "unknown", own)
+
+
+def _ordered_by_name(
+    joints: dict[str, _Found],
+    mapping: RecordingMapping,
+    streams: Sequence[Stream],
+    model: RobotModel | None,
+) -> list[str]:
+    """Put whole arrays, parts of them and patterns into the order of q_nominal's joints by name; say so."""
+
+    def names_of(key: str) -> tuple[str, ...]:
+        places = joints[key].places
+        own = found = recorded_joints(places, streams) or tuple(place.star for place in places)
+        if model is not None:
+            found = joints_meant([o or p.column for o, p in zip(own, places, strict=True)], model)
+        found = found if all(found) else own
+        return found if all(found) and len(set(found)) == len(found) else ()
+
+    in_recording, notes = names_of("q_nominal"), []
+    for key, columns in joints.items():
+        own = names_of(key)
+        orders = [in_recording, mapping.joint_names] if key != "q_nominal" else [mapping.joint_names]
+        order = next((one for one in orders if set(own) & set(one)), ())
+        if own == order or not own or not any(orders):
+            continue
+        if not order:
+            if key != "q_nominal":
+                notes.append(f"{key}: taken in order, as q_nominal has none of {', '.join(own)}")
+            continue
+        if len(getattr(mapping, key).columns) == len(own):  # listed one by one
+            notes.append(f"{key}: joints are in another order than q_nominal's, as the mapping names them")
+            continue
+        index = places_of_joints(Joints(order), Joints(own), whose=key, of="q_nominal has")
+        joints[key] = _Found([columns.places[i] for i in index], columns.sign[index])
+        notes.append(f"{key}: has its joints in another order; they were taken by name")
+    return notes
+
+
+def _whole_rows(rows: dict[str, Floats], notes: list[str]) -> NDArray[np.bool_]:
+    """Return the rows that have all that a log must have on each; say what others lack."""
+    whole = np.ones(len(rows["q_nominal"]), dtype=bool)
+    for key, values in rows.items():
+        if key == "q_encoder":
+            continue
+        there = np.asarray(np.isfinite(values).all(axis=1))
+        if not there.all():
+            notes.append(f"{int((whole & ~there).sum())} of {len(there)} rows without {key} were left out")
+        whole &= there
+    return whole
+
+
+def _tracked(
+    clock: OneClock,
+    tracked: TrackedPose,
+    model: RobotModel,
+    scale: Floats,
+    names: Sequence[str],
+    notes: list[str],
+) -> Floats:
+    """Return the joints that poses stand for, at the stamps of q_nominal."""
+    poses, q = clock.samples("pose"), clock.samples("q_nominal")
+    if poses is None or q is None:
+        raise InputError("a pose, and q_nominal beside it, must each be of one topic or table")
+    nominal = Series(q.stamp, q.values * scale, q.report)
+    near = interpolate(nominal, poses.stamp, clock.gap("q_nominal"))[0]
+    chosen = [model.joint_names.index(name) for name in names]
+    start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
+    start[:, chosen] = near
+    found = joints_from_poses(model, tracked, poses.values, start, chosen)
+    lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(start).any(axis=1).sum())
+    if lost > 0:
+        notes.append(
+            f"{lost} of {len(found)} poses were left out: not finite, singular, or beyond {tracked.within_mm:g} mm"
+            + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
+            + " from all that the robot reaches"
+        )
+    return clock.at_rows(Series(poses.stamp, found[:, chosen], poses.report), "pose")
+
+
+def _signals(
+    further: dict[str, Floats], mapping: RecordingMapping, whole: NDArray[np.bool_]
+) -> tuple[dict[str, Floats], dict[str, str]]:
+    columns, units = dict[str, Floats](), dict[str, str]()
+    for what, values in further.items():
+        key = what.removeprefix("signal ")
+        names = [key] if values.shape[1] == 1 else [f"{key}[{i}]" for i in range(values.shape[1])]
+        columns |= {name: values[whole, i] for i, name in enumerate(names)}
+        units |= dict.fromkeys(names, mapping.signals[key].units)
+    return columns, units
+
+
+def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
+    """Return a mapping in a line, its patterns as the columns that they stand for."""
+    parts = []
+    for key in ("q_nominal", "q_encoder", "qd", "tau"):
+        quantity: Quantity | None = getattr(mapping, key)
+        if quantity is not None:
+            source = quantity.columns if quantity.pose is None else (f"pose {quantity.pose.columns[0]}",)
+            if any("*" in column for column in source) and key in joints:
+                source = tuple(place.column for place in joints[key].places)
+            units = f" [{', '.join(quantity.units)}]" if quantity.units else ""
+            parts.append(f"{key} = {cut(', '.join(source))}{units}")
+    return "; ".join(parts)
+
+
+def _settled(
+    mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: bool
+) -> dict[str, tuple[str, ...]]:
+    """Return what a mapping says itself, and no mend of a model's training data says anew."""
+    said = [] if mapping.assumed_units and not in_file else ["units"]
+    settled = [step for step in (*said, "time_unit") if step not in mapping.unsettled]
+    for key, columns in joints.items():
+        quantity = getattr(mapping, key)
+        settled += [f"units:{key}"] * bool(quantity.units) + [f"scale:{key}"] * bool(quantity.scale)
+        settled += [f"sign:{key}"] * bool(quantity.sign or (columns.sign < 0.0).any())
+    return dict.fromkeys(settled, ())
+
+
+def _sha256(paths: Sequence[Path]) -> str | None:
+    return sha256_of(paths[0]) if len(paths) == 1 and paths[0].is_file() else None

@@ -1,0 +1,280 @@
+"""Layouts that need no mapping from their reader: each is a mapping in TOML, recognised by the files it is of.
+
+RAVEN-II's topics and its 252 columns, a PSM's topics, command logs, positions and torques, RAVEN-II's recorded state.
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from catenary.archives import content_in_words, read_arrays
+from catenary.config import parse_settings
+from catenary.errors import FileFormatError, InputError
+from catenary.files import table_ending
+from catenary.plant import MotionLog, nameless
+from catenary.recording.extract import is_extraction
+from catenary.recording.import_formats.importer import Synchronisation, import_sources, synchronise
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.raven_columns import raven_columns, raven_table
+from catenary.recording.import_formats.sources import Sources, is_bag
+from catenary.recording.parquet_files import open_parquet
+from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE
+from catenary.recording.source import open_recordings
+from catenary.recording.topics import (
+    EXT_JPOS,
+    RAVENSTATE,
+    RAVENSTATE_100HZ,
+    Arm,
+    measured_topic,
+    psm_topic,
+)
+from catenary.robots.model import RobotModel
+
+ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
+PSM = "dvrk_psm"  # of the catalogue, in the joints of measured_js
+_STATE_ARRAYS = {"t", "jpos", "jpos_d", "pos", "pos_d"}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A layout that was recognised."""
+
+    name: str
+    needs_robot: bool = False  # whose joints' names and units the file lacks
+
+
+MOTION_LOG = Layout("catenary's motion log")
+RAVEN_CSV = Layout("RAVEN-II's published CSV")
+COMMAND_LOG = Layout("commanded and measured joints (q_des, q_act, ok)")
+TORQUE_LOG = Layout("positions and torques (q, tau, and dq, fs or t)", needs_robot=True)
+RAVEN_BAG = Layout("RAVEN-II's topics: raven_state and the external encoders")
+RAVEN_STATE = Layout("RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)")
+
+
+def layout_mapping(name: str, **words: Any) -> RecordingMapping:
+    """Return the mapping of a layout, data/NAME.toml, its words in braces filled in."""
+    text = _text(name)
+    for word, value in words.items():
+        text = text.replace(f"{{{word}}}", value if isinstance(value, str) else repr(value))
+    return parse_settings(tomllib.loads(text), RecordingMapping, f"{name}.toml")
+
+
+@cache
+def _text(name: str) -> str:
+    return (files("catenary.recording") / "data" / f"{name}.toml").read_text()
+
+
+def read_raven(
+    paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = (), max_gap: float = 0.05
+) -> Synchronisation:
+    """Bring a RAVEN-II's encoders onto the stamps of its raven_state.
+
+    A row is a raven_state message: `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
+    joint, `q_encoder` ext_jpos. Signals are q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel,
+    and the further columns that are asked for. measured_js, which repeats jpos, is only reported on.
+
+    Args:
+        paths: Extraction, journal, bags, or the published CSV.
+        arm: Whose log.
+        columns: Further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",).
+        max_gap: Between two samples that are interpolated between [s].
+    """
+    if not max_gap > 0.0:
+        raise InputError(f"synchronise: expected a positive gap, got {max_gap}")
+    further = further_columns(columns, arm)
+    is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
+    sources = raven_columns(paths[0]) if is_table else Sources(paths)
+    there = {stream.name for stream in sources.streams}
+    states = [topic.name for topic in (RAVENSTATE, RAVENSTATE_100HZ) if topic.name in there]
+    if len(states) > 1:
+        raise FileFormatError(f"{paths[0]}: has {' and '.join(states)}; expected one, extract only that")
+    state = states[0] if states else RAVENSTATE.name
+    mapping = layout_mapping(
+        "raven2",
+        state=state,
+        arm=arm,
+        robot="" if is_table else ROBOT[arm],
+        measured_js=measured_topic(arm).name,
+        coupling=COUPLING.tolist(),
+        cable_scale=[JOINT_TORQUE[joint] for joint in CALIBRATED],
+        **{f"{joint}_scale": JOINT_TORQUE[joint] for joint in JOINT_TORQUE if joint not in CALIBRATED},
+    )
+    signals = {
+        name: {"columns": [f"{state}.{column}"], "units": unit, "optional": True}
+        for name, (column, unit) in further.items()
+    }
+    content = mapping.model_dump(mode="json", exclude_unset=True)
+    content |= {"signals": content["signals"] | signals, "max_gap_s": max_gap}
+    return synchronise(sources, parse_settings(content, RecordingMapping, "raven2.toml"))
+
+
+def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
+    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js.
+
+    A row is a message of measured_js: `q_nominal`, `qd` and `tau` are its positions, velocities and efforts.
+
+    Args:
+        paths: Extraction, journal or bags.
+        namespace: Of the arm, such as /PSM1.
+    """
+    psm_topic(namespace, "measured_js")  # refuses a namespace that no PSM has
+    return synchronise(Sources(paths), layout_mapping("dvrk_psm", namespace=f"/{namespace.strip('/')}"))
+
+
+def further_columns(columns: Sequence[str], arm: Arm) -> dict[str, tuple[str, str]]:
+    """Return the signals that further columns of raven_state become: path in the message and unit, by name.
+
+    An arm's own are called mpos:<axis>, the other arm's green_mpos:<axis>, those of neither as they are; what is in
+    every log is not repeated.
+    """
+    known = {column.name: column for column in RAVENSTATE.columns}
+    unknown = [name for name in columns if name not in known and name != "all"]
+    if unknown:
+        raise InputError(f"columns: no {', '.join(unknown)} in raven_state; it has all, {', '.join(known)}")
+    signals = {}
+    for name in known if "all" in columns else dict.fromkeys(columns):
+        for label, unit in zip(known[name].labels, known[name].units, strict=True):
+            if name in ("jpos", "tau") and label.startswith(arm):
+                continue
+            # another arm's name stands first: its tau is none of the group tau
+            whose, _, rest = label.partition("_")
+            first = "" if whose in ("", arm) else f"{whose}_"
+            path = f"{known[name].path}[{label}]" if label else known[name].path
+            signals[f"{first}{name}:{rest}" if rest else f"{first}{name}"] = path, unit
+    return signals
+
+
+def layout_of_files(paths: Sequence[Path]) -> Layout | None:
+    """Return which known layout the files of a recording have; None for another, which needs a mapping."""
+    if not paths or not all(is_bag(path) and path.exists() for path in paths):
+        return layout_of_file(paths[0]) if len(paths) == 1 else None
+    try:
+        if len(paths) == 1 and is_extraction(paths[0]):
+            topics = {stream.name for stream in Sources(paths).streams}
+        else:
+            topics = {
+                topic.name for source in open_recordings(paths, salvage=True) for topic in source.topics
+            }
+    except FileFormatError:  # of other types under these names, say
+        return None
+    state = topics & {RAVENSTATE.name, RAVENSTATE_100HZ.name}
+    return RAVEN_BAG if len(state) == 1 and EXT_JPOS.name in topics else None
+
+
+def layout_of_file(path: Path) -> Layout | None:
+    """Return which known layout a file has; None for another, which needs a mapping."""
+    if not path.is_file():
+        return None
+    ending = table_ending(path)
+    if ending == ".parquet":
+        return MOTION_LOG if b"catenary" in (open_parquet(path).schema_arrow.metadata or {}) else None
+    if ending == ".csv":
+        with path.open("rb") as file:
+            width = file.readline(100_000).count(b",") + 1
+        return RAVEN_CSV if width in raven_table()["widths"] else None
+    if ending != ".npz":
+        return None
+    names = set(read_arrays(path))
+    if {"q_des", "q_act", "ok"} <= names:
+        return COMMAND_LOG
+    if "q" in names and names & {"tau", "effort"}:
+        return TORQUE_LOG
+    return RAVEN_STATE if names >= _STATE_ARRAYS else None
+
+
+def read_layout(
+    paths: Sequence[Path],
+    layout: Layout,
+    *,
+    model: RobotModel | None = None,
+    units: Sequence[str] | None = None,
+    joint_names: Sequence[str] | None = None,
+) -> MotionLog:
+    """Read a recording of a known layout, but a motion log.
+
+    Args:
+        paths: The file; bags may be several.
+        layout: Which one it has.
+        model: The robot, where the layout needs one.
+        units: "rad" or "m" per joint, for a file that does not state them.
+        joint_names: For a file that does not state them.
+    """
+    path = paths[0]
+    if layout in (RAVEN_BAG, RAVEN_CSV):
+        arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
+        log = read_raven(paths, arm=arm).log
+        return replace(log, name=path.stem)
+    if layout is TORQUE_LOG:
+        if model is None:
+            raise FileFormatError(
+                f"{path}: has {layout.name}, and states neither names nor units of its joints; give the robot"
+            )
+        return read_torques(path, model)
+    if layout is RAVEN_STATE:
+        return import_sources(Sources(paths), layout_mapping("raven2_state"))
+    if model is not None:
+        units, joint_names = units or model.joint_units, joint_names or model.joint_names
+    return read_commands(path, units=units, joint_names=joint_names)
+
+
+def read_commands(
+    path: Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
+) -> MotionLog:
+    """Read a `.npz` of commanded and measured joint positions.
+
+    Arrays: `q_des` (N, n), `q_act` (N, n) in rad and m, `ok` (N,) bool, and, if there, `t` (N,) in s,
+    `tau` (N, n), `dq` (N, n), `units`, `joint_names` (n,) strings. A time stamp that goes back begins another
+    recording. The layout is that of Hwang et al. (RA-L 2020).
+
+    Args:
+        path: The file.
+        units: "rad" or "m" for each of `joint_names`, the same as the file's if it states them; where neither says,
+            three and six joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad,
+            rad, rad), and the log says so.
+        joint_names: Names of the joints where the file has none, otherwise J1, J2, ...
+    """
+    content = read_arrays(path)
+    for key in ("q_des", "q_act", "ok"):
+        if key not in content:
+            raise FileFormatError(
+                f'{path}: array "{key}" is missing; a command log has q_des (N, n), q_act (N, n) and ok (N,); '
+                f"{content_in_words(content)}"
+            )
+    mapping = layout_mapping("command_log")
+    given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
+    return import_sources(Sources([path], rows_first=True), mapping.model_copy(update=given))
+
+
+def read_torques(path: Path, model: RobotModel) -> MotionLog:
+    """Read a `.npz` of a robot's positions and torques; see `recording.logs.read_torque_log`."""
+    content = read_arrays(path)
+    if "q" not in content or not {"tau", "effort"} & set(content):
+        raise FileFormatError(
+            f"{path}: expected arrays q (N, n) and tau (N, n), and dq, fs or t where the robot moves; "
+            f"{content_in_words(content)}"
+        )
+    sources = Sources([path], rows_first=True)
+    mapping = layout_mapping("torque_log", torque="tau" if "tau" in content else "effort")
+    n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
+    names = sources.streams[0].texts.get("joint_names") or (
+        model.joint_names if n == model.n else nameless(n)
+    )
+    own = dict(zip(model.joint_names, model.joint_units, strict=True))
+    stated = sources.streams[0].texts.get("units")
+    units = stated or tuple(own.get(name, "rad") for name in names)
+    given = {"joint_names": tuple(names), "joint_units": units, "default_robot": model.name}
+    log = import_sources(sources, mapping.model_copy(update=given))
+    log = log.in_order_of(model, of=f'robot "{model.name}" has')
+    if "tau" in content:
+        return log
+    scale = None if model.actuation is None else model.actuation.effort_scale
+    if scale is None:
+        raise InputError(
+            f'{path}: has raw efforts, and robot "{model.name}" gives no effort_scale; expected an array tau [Nm or N]'
+        )
+    assert log.tau is not None  # for the type checker
+    return replace(log, tau=log.tau * scale, notes=(*log.notes, "raw efforts times the robot's effort_scale"))

@@ -1,0 +1,228 @@
+"""A mapping: which columns of a recording are which quantity, and in which units; TOML, or options of a command."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from catenary.config import Settings, load_toml, parse_settings
+from catenary.documents import cut
+from catenary.errors import ConfigError
+from catenary.recording.import_formats.table_time import TimeUnit
+from catenary.spatial import Pose, as_rotation, rotation_from_quaternion
+
+Unit = Literal["rad", "deg", "m", "mm", "counts"]
+SI = {"rad": ("rad", 1.0), "deg": ("rad", math.pi / 180.0), "m": ("m", 1.0), "mm": ("m", 0.001)}
+JOINT_QUANTITIES = ("q_nominal", "q_encoder", "qd", "tau")
+_OPTION = re.compile(r"(?P<quantity>[a-z_]+)(?::(?P<signal>[^=]+))?=(?P<columns>.+)\Z", re.DOTALL)
+
+
+def _listed(value: object) -> object:
+    """Let one stand for a list of one."""
+    if isinstance(value, list):
+        return tuple(value)
+    return (value,) if isinstance(value, str | int | float) and not isinstance(value, bool) else value
+
+
+Texts = Annotated[tuple[str, ...], BeforeValidator(_listed)]
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_listed)]
+Units = Annotated[tuple[Unit, ...], BeforeValidator(_listed)]
+
+
+class Transform(Settings):
+    """Pose of a frame b in a frame a."""
+
+    position_m: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] = (0.0, 0.0, 0.0)
+    quaternion_wxyz: Annotated[tuple[float, ...], Field(min_length=4, max_length=4)] | None = None
+    rotation: tuple[tuple[float, float, float], ...] | None = None  # rows of R_a_b
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> "Transform":
+        if self.rotation is not None and (self.quaternion_wxyz is not None or len(self.rotation) != 3):
+            raise ValueError("expected quaternion_wxyz, or three rows of rotation")
+        return self
+
+    def pose(self) -> Pose:
+        """Return it in SI."""
+        position = np.array(self.position_m)
+        if self.rotation is not None:
+            return Pose(as_rotation("rotation", np.array(self.rotation)), position)
+        return Pose(rotation_from_quaternion(self.quaternion_wxyz or (1.0, 0.0, 0.0, 0.0)), position)
+
+
+class TrackedPose(Settings):
+    """Pose of a marker in a tracker's frame, from which joints follow by inverse kinematics."""
+
+    # a message's pose or transform, such as "/tracker/pose.pose"; or seven columns, position x y z, quaternion x y z w
+    columns: Texts
+    unit: Literal["m", "mm"] = "m"
+    frame: str | None = None  # of the robot; its tip when None
+    match: Literal["pose", "position"] = "position"
+    # how far from a pose the nearest joints may leave the frame: noise, or an arm with fewer than six joints
+    within_mm: Annotated[float, Field(gt=0.0)] = 1.0
+    within_deg: Annotated[float, Field(gt=0.0)] = 1.0
+    T_base_tracker: Transform = Transform()  # the tracker's frame in the robot's base
+    T_marker_frame: Transform = Transform()  # the robot's frame in the marker's
+
+
+class Quantity(Settings):
+    """Columns of one quantity, in the order of the joints."""
+
+    columns: Texts = ()
+    units: Units = ()  # one for all, or one per joint; of qd per second
+    scale: Numbers = ()  # rad or m per count; of tau Nm or N per unit; of others a factor
+    sign: Numbers = ()
+    # c01, c02, c12 of the cables (transmission/coupling.py): tau is then at the drums, and taken to the joints
+    coupling: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] | None = None
+    optional: bool = False  # left out of the log where the recording has none of it
+    pose: TrackedPose | None = None  # of q_encoder, in place of columns
+
+    @model_validator(mode="after")
+    def _checked(self) -> "Quantity":
+        if bool(self.columns) == (self.pose is not None):
+            raise ValueError("expected columns, or a pose")
+        if any(sign not in (-1.0, 1.0) for sign in self.sign):
+            raise ValueError("sign: expected 1 or -1 for each joint")
+        if any(scale == 0.0 for scale in self.scale):
+            raise ValueError("scale: expected numbers that are not 0")
+        return self
+
+
+class Signal(Settings):
+    """A further column."""
+
+    columns: Texts
+    units: str = ""
+    scale: float = 1.0
+    optional: bool = False  # left out of the log where the recording has none of it
+
+
+class RecordingMapping(Settings):
+    """Which columns of a recording are which quantity; see docs/how-to-bring-your-recordings.md."""
+
+    q_nominal: Quantity
+    q_encoder: Quantity | None = None
+    qd: Quantity | None = None
+    tau: Quantity | None = None
+    ok: Texts = ()  # columns that are not 0 where q_encoder can be trusted
+    signals: dict[str, Signal] = Field(default_factory=dict)
+    robot: str | None = None  # catalogue name or file
+    default_robot: str | None = None  # that the log is of, where neither `robot` nor the recording says it
+    name: str = ""  # of a layout that needs no mapping from its reader
+    joint_names: Texts = ()
+    joint_units: Annotated[tuple[Literal["rad", "m"], ...], BeforeValidator(_listed)] = ()
+    names_in: str | None = None  # array of texts in a file that holds the joints' names, where it has one
+    units_in: str | None = None  # and their units
+    assumed_units: tuple[
+        tuple[Literal["rad", "m"], ...], ...
+    ] = ()  # by the number of joints, where nobody says them
+    reported: Texts = ()  # topics that nothing is taken of, whose rates and gaps are told
+    stamps: Literal["auto", "header", "arrival"] = "auto"  # of messages
+    time: Texts = ()  # column of a table; of several tables, one for each
+    time_unit: TimeUnit | None = None
+    time_zero: Literal["first row", "file"] = "first row"  # where the log's time begins; the file's own zero
+    unsettled: Texts = ()  # mends that recordings of this layout may still need: "units", "time_unit"
+    rate_hz: Annotated[float, Field(gt=0.0)] | None = None  # of a table without time
+    max_gap_s: Annotated[float, Field(gt=0.0)] = 0.05  # between samples that are interpolated between
+
+    @model_validator(mode="after")
+    def _measured_or_given(self) -> "RecordingMapping":
+        for name in ("q_nominal", "q_encoder", "qd", "tau"):
+            quantity = getattr(self, name)
+            if name != "tau" and quantity is not None and quantity.coupling is not None:
+                raise ValueError(f"{name}: a coupling is of tau alone")
+            if name != "q_encoder" and quantity is not None and quantity.pose is not None:
+                raise ValueError(f"{name}: a pose gives q_encoder alone")
+        if self.q_encoder is not None and self.q_encoder.pose is not None and self.robot is None:
+            raise ValueError("q_encoder from a pose needs robot, whose inverse kinematics it takes")
+        return self
+
+
+def load_mapping(path: Path) -> RecordingMapping:
+    """Read a mapping from TOML."""
+    return load_toml(path, RecordingMapping)
+
+
+def mapping_of(
+    options: Sequence[str],
+    *,
+    file: Path | None = None,
+    content: Mapping[str, Any] | None = None,
+    units: str | None = None,
+    settings: Mapping[str, object] | None = None,
+) -> RecordingMapping | None:
+    """Return the mapping that options give, on top of a file's; None where there is neither.
+
+    Args:
+        options: Such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid",
+            "time=t@ms" or "signal:force=/ati.wrench.force.x@N". A minus turns a column round; units follow an @.
+        file: TOML with a mapping.
+        content: A mapping as such a file has it.
+        units: Of the joints, where an option has none: one, or one per joint.
+        settings: Further keys, such as robot; those that are None are left out.
+    """
+    own = {key: value for key, value in (settings or {}).items() if value is not None}
+    if not options and file is None and content is None:
+        return None
+    content = load_mapping(file).model_dump(mode="json", exclude_unset=True) if file else dict(content or {})
+    for option in options:
+        _take(option, content)
+    for name in ("q_nominal", "q_encoder", "qd") if units else ():
+        quantity = content.get(name)
+        if isinstance(quantity, dict) and not quantity.get("units") and not quantity.get("pose"):
+            content[name] = {**quantity, "units": words_of(units)}
+    where = str(file) if file is not None else "--map" if options else "mapping"
+    return parse_settings({**content, **own}, RecordingMapping, where)
+
+
+def words_of(text: str | None) -> list[str]:
+    """Return what stands between commas."""
+    return [word.strip() for word in (text or "").split(",") if word.strip()]
+
+
+def _take(option: str, content: dict[str, Any]) -> None:
+    found = _OPTION.match(option)
+    names = (*JOINT_QUANTITIES, "ok", "time", "signal:NAME")
+    if found is None:
+        raise ConfigError(
+            f"--map {cut(option)}: expected QUANTITY=COLUMNS, QUANTITY one of {', '.join(names)}"
+        )
+    quantity, text = found["quantity"], found["columns"]
+    columns, at, units = text.rpartition("@")
+    if not at:
+        columns, units = text, ""
+    listed = words_of(columns)
+    if quantity == "signal" and found["signal"]:
+        signal = {"columns": listed, "units": units}
+        content.setdefault("signals", {})[found["signal"].strip()] = signal
+    elif quantity in JOINT_QUANTITIES:
+        content[quantity] = {"columns": listed, **_units_and_scales(option, units)}
+    elif quantity == "ok":
+        content["ok"] = listed
+    elif quantity == "time":
+        content["time"] = listed
+        if units:
+            content["time_unit"] = units
+    else:
+        raise ConfigError(
+            f"--map {cut(option)}: no quantity {cut(quantity)}; expected one of {', '.join(names)}"
+        )
+
+
+def _units_and_scales(option: str, text: str) -> dict[str, list[str] | list[float]]:
+    """Read units such as "deg,deg,mm" or "counts*1.5e-4"."""
+    if not text:
+        return {}
+    units, scales = [], []
+    for part in text.split(","):
+        unit, _, scale = part.partition("*")
+        units.append(unit.strip())
+        try:
+            scales.append(float(scale) if scale else 1.0)
+        except ValueError:
+            raise ConfigError(f"--map {cut(option)}: scale {cut(scale)}: expected a number") from None
+    return {"units": [u for u in units if u], **({"scale": scales} if "*" in text else {})}

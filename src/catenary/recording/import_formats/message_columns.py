@@ -1,0 +1,355 @@
+"""Messages of bags as columns of numbers, thousands at once: ROS 1 bags, ROS 2 bags, MCAP and journals, of any types.
+
+Types are read as the bag defines them, or ROS where the bag does not say. A RAVEN-II's raven_state comes in SI, its
+elements by name, `jpos[gold_elbow]`: `topics.py` knows what the robot publishes.
+"""
+
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+
+from catenary.documents import cut, shortened
+from catenary.errors import FileFormatError
+from catenary.recording.bag_chunks import Block
+from catenary.recording.bag_stream import BagConnection
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
+from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name
+from catenary.recording.parquet_files import MOST_COLUMNS
+from catenary.recording.source import blocks_of, first_arrival, open_any_types
+from catenary.recording.topics import SECOND, TopicColumn, columns_of_type
+
+SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
+LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
+MOST_DEFINED = 1_000_000  # characters of all definitions that differ: reading them takes time
+MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000
+DEEPEST = 32  # messages within each other
+_BATCH = 4096
+_MOST_JOINTS = 1000
+_NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
+_SAME = {"octet": "uint8"}  # ROS 2's words for ROS 1's
+_Blocks = Iterator[tuple[str, NDArray[np.int64], Block]]
+
+
+class Bag:
+    """A ROS 1 bag, an MCAP file, a ROS 2 bag (folder) or a journal, whose types may be any."""
+
+    def __init__(self, path: Path) -> None:
+        """Open it."""
+        self.path = path
+        self._reader = open_any_types(path)
+        self.encoding: Encoding = self._reader.encoding
+        self._known: dict[str, FieldsOf] = {}  # by topic
+        self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
+        self.counts = {name: count for name, count in self._reader.counts.items() if count}
+        self.about = self._reader.about
+
+    @property
+    def first_arrival(self) -> int:
+        """When its first message arrived [ns]."""
+        return first_arrival(self._reader)
+
+    @property
+    def problems(self) -> list[str]:
+        """What was damaged; complete once messages were read."""
+        return self._reader.problems
+
+    def sample(self) -> list[Stream]:
+        """Return some messages of every topic, evenly over the recording; topics that cannot be read have a note."""
+        streams: dict[str, Stream] = {}
+        fields = {}
+
+        def unread(name: str, error: FileFormatError) -> None:
+            kind = self._reader.connections[name].type
+            streams[name] = Stream(name, kind, {}, self.counts[name], notes=(str(error),))
+
+        for name in self.counts:
+            try:
+                fields[name] = self._fields(name)
+            except FileFormatError as error:
+                unread(name, error)
+        for name, columns in self._collected(fields, None, self._evenly(fields)).items():
+            try:
+                streams[name] = self._stream(name, columns)
+            except FileFormatError as error:  # harms no other topic
+                unread(name, error)
+        return [streams[name] for name in self.counts]
+
+    def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
+        """Return topics with the columns that are wanted of each, all messages."""
+        fields = {name: self._fields(name) for name in wanted}
+        collected = self._collected(fields, wanted, blocks_of(self._reader, tuple(fields)))
+        return [self._stream(name, columns) for name, columns in collected.items()]
+
+    def _evenly(self, topics: Collection[str]) -> _Blocks:
+        """Yield SAMPLED messages of each topic at most, and no long ones."""
+        seen = dict.fromkeys(topics, 0)
+        for name, arrivals, block in blocks_of(self._reader, tuple(topics)) if topics else ():
+            every = -(-self.counts[name] // SAMPLED)
+            rows = np.flatnonzero((seen[name] + np.arange(len(block))) % every == 0)
+            seen[name] += len(block)
+            rows = rows[block.lengths[rows] <= LONGEST]
+            if len(rows):
+                yield name, arrivals[rows], Block.of([block[row] for row in rows.tolist()])
+
+    def _fields(self, topic: str) -> FieldsOf:
+        if topic not in self._known:
+            connection = self._reader.connections[topic]
+            key = (connection.type, connection.definition)
+            if key not in self._parsed:
+                read = sum(len(text) for _, text in self._parsed)
+                if read > MOST_DEFINED:
+                    raise FileFormatError(
+                        f"{self.path}: topic {cut(topic)}: types before it have {read} characters, "
+                        f"{MOST_DEFINED} are read"
+                    )
+                self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
+            self._known[topic] = self._parsed[key]
+        return self._known[topic]
+
+    def _stream(self, name: str, columns: "_TopicColumns") -> Stream:
+        return columns.stream(name, self.counts[name], f"{self.path}: topic {cut(name)}")
+
+    def _collected(
+        self, fields: Mapping[str, FieldsOf], wanted: Mapping[str, Collection[str]] | None, blocks: _Blocks
+    ) -> dict[str, "_TopicColumns"]:
+        connections = self._reader.connections
+        columns = {
+            name: _TopicColumns(connections[name].type, self.encoding, fields[name], wanted and wanted[name])
+            for name in fields
+        }
+        for name, arrivals, block in blocks if fields else ():
+            columns[name].add(arrivals, block)
+        return columns
+
+
+@dataclass
+class _TopicColumns:
+    """Numbers of a topic's messages as they come."""
+
+    type: str
+    encoding: Encoding
+    fields_of: FieldsOf
+    wanted: Collection[str] | None  # all when None
+    _arrivals: list[NDArray[np.int64]] = field(default_factory=list)
+    _waiting: list[Block] = field(default_factory=list)
+    _parts: list[tuple[int, dict[str, NDArray[Any]]]] = field(default_factory=list)
+    _joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    _notes: dict[str, None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._own: Mapping[str, TopicColumn] = columns_of_type(current_name(self.type))
+        self._joints |= {path: own.labels for path, own in self._own.items() if own.width > 1}
+
+    def add(self, arrivals: NDArray[np.int64], block: Block) -> None:
+        self._arrivals.append(arrivals)
+        self._waiting.append(block)
+        if sum(map(len, self._waiting)) >= _BATCH:
+            self._read()
+
+    def stream(self, name: str, rows: int, where: str) -> Stream:
+        """Return what came, in the order in which it arrived."""
+        try:
+            self._read()
+        except FileFormatError as error:
+            raise FileFormatError(f"{where}: {error}") from error
+        count = sum(length for length, _ in self._parts)
+        names = dict.fromkeys(column for _, part in self._parts for column in part if column)
+        if len(names) > MOST_COLUMNS:
+            raise FileFormatError(f"{where}: {len(names)} columns, expected {MOST_COLUMNS} at most")
+        columns = {column: np.full(count, np.nan) for column in names}
+        stamp = np.zeros(count, dtype=np.int64)
+        first = 0
+        for length, part in self._parts:
+            for column, values in part.items():
+                (columns[column] if column else stamp)[first : first + length] = values
+            first += length
+        arrival = np.concatenate(self._arrivals) if self._arrivals else np.zeros(0, dtype=np.int64)
+        return Stream(name, self.type, columns, rows, stamp, arrival, self._joints, notes=tuple(self._notes))
+
+    def _read(self) -> None:
+        """Turn the messages that wait into columns; those of one shape together."""
+        if not self._waiting:
+            return
+        waiting, self._waiting = Block.joined(self._waiting), []
+        part: dict[str, NDArray[Any]] = {}
+        for rows, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
+            for inside, column, values in self._numbers(records):
+                if len(part) > MOST_COLUMNS:  # before as many arrays are made
+                    raise FileFormatError(f"more than {MOST_COLUMNS} columns")
+                if column == "" and column not in part:
+                    part[""] = np.zeros(len(waiting), dtype=np.int64)
+                elif column not in part:
+                    part[column] = np.full(len(waiting), np.nan)
+                part[column][rows[inside]] = values
+        self._parts.append((len(waiting), part))
+
+    def _numbers(self, records: NDArray[np.void]) -> Iterator[tuple[NDArray[np.int64], str, NDArray[Any]]]:
+        """Yield rows, column and numbers; the stamp of the header as the column "" [ns]."""
+        every = np.arange(len(records))
+        kinds: Mapping[str, Any] = records.dtype.fields or {}
+        stamp = _stamp_path(kinds)
+        if stamp is not None:
+            seconds = records[f"{stamp}.sec"].astype(np.int64)
+            yield every, "", seconds * SECOND + records[f"{stamp}.nsec"].astype(np.int64)
+        named = _named_arrays(kinds)
+        orders = {names: _orders(records, kinds, names) for names in set(named.values())}
+        for path, (kind, *_) in kinds.items():
+            if path in self._own and path not in named:
+                yield from self._in_si(every, path, records[path])
+                continue
+            if path.endswith(".nsec") and path.removesuffix(".nsec") in self._own:  # a duration
+                base = path.removesuffix(".nsec")
+                if self._is_wanted(base):
+                    yield every, base, records[f"{base}.sec"] + records[path] / SECOND
+                continue
+            if path.startswith(COUNT) or kind.base.kind not in "iuf" or path.endswith((".sec", ".nsec")):
+                continue
+            column = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", path)
+            if not kind.shape:
+                if self._is_wanted(column):
+                    yield every, column, records[path].astype(np.float64)
+                continue
+            if path in named:
+                for rows, joints in orders[named[path]]:
+                    for i, target in enumerate(self._joint_columns(column, joints, kind.shape[0])):
+                        if self._is_wanted(target):
+                            yield rows, target, records[path][rows, i].astype(np.float64)
+                continue
+            for i in range(kind.shape[0]):
+                if self._is_wanted(f"{column}[{i}]"):
+                    yield every, f"{column}[{i}]", records[path][:, i].astype(np.float64)
+
+    def _in_si(
+        self, every: NDArray[np.int64], path: str, values: NDArray[Any]
+    ) -> Iterator[tuple[NDArray[np.int64], str, NDArray[Any]]]:
+        """Yield the elements of a field whose units are known."""
+        own = self._own[path]
+        values = values.reshape(len(values), -1)
+        for i, label in enumerate(own.labels[: values.shape[1]]):
+            target = f"{path}[{label}]" if label else path
+            if self._is_wanted(target):
+                with np.errstate(invalid="ignore"):  # of NaN that signals; it stays NaN
+                    yield every, target, np.multiply(values[:, i], own.to_si, dtype=np.float64)
+
+    def _is_wanted(self, column: str) -> bool:
+        return self.wanted is None or column in self.wanted
+
+    def _joint_columns(self, array: str, joints: Sequence[str], count: int) -> list[str]:
+        """Return the column of each element: by its joint's name where it has one."""
+        if len(joints) != count or len(set(joints)) != count:
+            return [f"{array}[{i}]" for i in range(count)]
+        known = self._joints.setdefault(array, tuple(joints))
+        if tuple(joints) != known:
+            note = "joints change their order or number between messages; they were followed by name"
+            self._notes[note] = None
+            new = tuple(joint for joint in joints if joint not in known)
+            self._joints[array] = (known + new)[:_MOST_JOINTS]
+        return [f"{array}[{joint}]" for joint in joints]
+
+
+def _stamp_path(kinds: Mapping[str, Any]) -> str | None:
+    """Return the path of a message's own stamp: of its header, or its first field that is a time."""
+    stamps = [path.removesuffix(".sec") for path in kinds if re.fullmatch(r"\w+(\.stamp)?\.sec", path)]
+    headers = [path for path in stamps if path.endswith(".stamp")]
+    plain = [path for path in stamps if path in ("stamp", "time", "timestamp")]
+    return next(iter([*headers, *plain]), None)
+
+
+def _named_arrays(kinds: Mapping[str, Any]) -> dict[str, str]:
+    """Return arrays of numbers whose elements a list of texts beside them names."""
+    named = {}
+    for path, (kind, *_) in kinds.items():
+        prefix = path[: path.rfind(".") + 1]
+        names = next((prefix + name for name in _NAMES if f"{COUNT}{prefix}{name}" in kinds), None)
+        if kind.shape and names is not None and f"{names}.0" in kinds:
+            named[path] = names
+    return named
+
+
+def _orders(
+    records: NDArray[np.void], kinds: Mapping[str, Any], names: str
+) -> list[tuple[NDArray[np.int64], list[str]]]:
+    """Return the orders of joints that occur, each with its rows."""
+    fields: list[str] = []
+    while f"{names}.{len(fields)}" in kinds and len(fields) < _MOST_JOINTS:
+        fields.append(f"{names}.{len(fields)}")
+    texts = [bytes(records[0][one]) for one in fields]
+    same = np.ones(len(records), dtype=bool)
+    for one in fields:
+        same &= records[one] == records[one][0]
+    groups: dict[tuple[bytes, ...], list[int]] = {}
+    for row in np.flatnonzero(~same).tolist():
+        groups.setdefault(tuple(bytes(records[row][one]) for one in fields), []).append(row)
+    found = [(np.flatnonzero(same), texts)]
+    found += [(np.array(rows, dtype=np.int64), list(order)) for order, rows in groups.items()]
+    return [(rows, [text.rstrip(b"\0").decode(errors="replace") for text in order]) for rows, order in found]
+
+
+def fields_by_definition(
+    path: Path, connection: BagConnection, encoding: Encoding
+) -> Callable[[str], tuple[Field, ...]]:
+    """Return what gives the fields of a topic's message type and of those within it."""
+    where = f"{path}: topic {cut(connection.topic)}: type {cut(connection.type)}"
+    types = _types(where, connection, encoding)
+    known: dict[str, tuple[Field, ...]] = {}
+    deepest: dict[str, int] = {}
+
+    def depth(name: str, above: tuple[str, ...]) -> int:
+        if name in above or len(above) > DEEPEST:
+            raise FileFormatError(
+                f"{where}: {cut(name)} holds itself, or is more than {DEEPEST} messages deep"
+            )
+        if name not in deepest:
+            if ros2_name(name) not in types:
+                raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
+            known[name] = tuple(
+                each._replace(type=_SAME.get(each.type, current_name(each.type)))
+                for each in fields_of(types[ros2_name(name)][1])
+            )
+            inner = {f.type for f in known[name]} - set(NUMBERS) - {*TIMES, "string"}
+            strange = sorted(kind for kind in inner if "/" not in kind)
+            if strange:
+                raise FileFormatError(f"{where}: has a {cut(strange[0])}, which is not read")
+            deepest[name] = 1 + max((depth(kind, (*above, name)) for kind in inner), default=0)
+        return deepest[name]
+
+    depth(current_name(connection.type), ())
+    return known.__getitem__
+
+
+def _types(where: str, connection: BagConnection, encoding: Encoding) -> Typesdict:
+    text = connection.definition
+    if not text.strip():
+        return _of_ros(encoding)
+    if len(text) > 4 * MAX_TEXT:
+        raise FileFormatError(
+            f"{where}: its definition has {len(text)} characters, expected {MAX_TEXT} at most"
+        )
+    is_idl = text.lstrip("= \n").startswith("IDL:")
+    lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in text.split("\n"))
+    plain = text if is_idl else "\n".join(line for line in lines if line.strip())
+    if len(plain) > MAX_TEXT:
+        raise FileFormatError(
+            f"{where}: its definition has {len(plain)} characters, expected {MAX_TEXT} at most"
+        )
+    try:
+        found = get_types_from_idl(plain) if is_idl else get_types_from_msg(plain, connection.type)
+    except (
+        TypesysError, ValueError, LookupError, TypeError, RecursionError, AssertionError, AttributeError,
+    ) as error:  # fmt: skip
+        raise FileFormatError(f"{where}: its definition cannot be read: {shortened(str(error))}") from error
+    return _of_ros(encoding) | found
+
+
+@cache
+def _of_ros(encoding: Encoding) -> Typesdict:
+    return dict(get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE).fielddefs)

@@ -1,0 +1,291 @@
+"""The synchroniser: what was recorded at rates and by clocks of its own, at the stamps of q_nominal.
+
+Topics of a bag, tables beside one another and the columns of one table are alike: samples with stamps, cleaned, and
+read on the straight line between their two neighbours in time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.recording.clock_steps import ClockStep
+from catenary.recording.import_formats.columns import Place, Stream
+from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.table_time import TableTime, time_of
+from catenary.recording.series import WIDE, Series, clean_series, interpolate
+from catenary.recording.topics import SECOND
+
+APART = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
+BASE = "q_nominal"  # the quantity whose samples are the rows
+# of a quantity's rows, or of q_nominal's: a table that lacks more of them has the two at rates of their own
+OTHER_RATE = 0.5
+_LOST = np.iinfo(np.int64).min  # stamp of a row without time
+_BETWEEN = 10 * 24 * 3600  # [s] between recordings that stand one behind the other in a table
+
+
+class _Stamps(NamedTuple):
+    """Stamps of streams on one clock."""
+
+    stamp: dict[str, NDArray[np.int64]]  # [ns]
+    arrival: dict[str, NDArray[np.int64] | None]
+    table: dict[str, TableTime]
+    by_header: set[str]  # topics whose messages carry stamps
+    notes: list[str]
+
+
+class OneClock:
+    """Quantities of a recording at the stamps of q_nominal.
+
+    Headers are left for arrivals in all topics when the headers of two differ by more than a second from the arrivals,
+    each by another time: they are then of clocks that nobody set. Rows of one table in which time goes back begin
+    another recording. A table without time keeps its rows.
+    """
+
+    def __init__(
+        self,
+        streams: Mapping[str, Stream],
+        quantities: Mapping[str, Sequence[Place]],
+        mapping: RecordingMapping,
+    ) -> None:
+        """Clean the streams.
+
+        Args:
+            streams: By name; those of no quantity are only reported on.
+            quantities: Where the columns of each are, q_nominal among them.
+            mapping: Clock and gaps.
+        """
+        self._quantities, self._mapping = quantities, mapping
+        self.base = quantities[BASE][0].stream
+        self._alone = len(streams) == 1 and streams[self.base].stamp is None
+        stamps = _stamps_of(streams, mapping, alone=self._alone)
+        found = self._clean(streams, stamps)
+        offsets = {name: found[name, ""].report.clock_offset for name in stamps.by_header}
+        unstamped = [n for n, came in stamps.arrival.items() if came is not None and n not in offsets]
+        spread = [*offsets.values(), *([0.0] if unstamped and offsets else [])]
+        if mapping.stamps == "auto" and spread and max(spread) - min(spread) > APART:
+            said = ", ".join(f"{name} {offset:.3f} s" for name, offset in offsets.items())
+            stamps.notes.append(
+                f"stamps lie before arrival by {said}: clocks that differ; arrivals were taken for all topics"
+            )
+            came = {name: arrival for name, arrival in stamps.arrival.items() if arrival is not None}
+            found = self._clean(streams, stamps._replace(stamp=stamps.stamp | came))
+        elif mapping.stamps == "arrival" and any(came is not None for came in stamps.arrival.values()):
+            stamps.notes.append("arrival times were taken, as asked")
+        self._series = found
+        series = found[self.base, ""]
+        table = stamps.table.get(self.base)
+        self._at: dict[tuple[str, str], Floats] = {}
+        self.stamp = series.stamp
+        self._own_stamp, self._seconds = series.stamp, None
+        if table is not None:
+            rows = series.values[:, -1].astype(np.int64)
+            self._own_stamp = table.stamp[rows]
+            self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
+        self._timed = table is None or table.column is not None
+        self.reports = tuple(one.report for one in found.values())
+        self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
+        for (name, _), one in found.items():
+            if one.stamp[-1] < self.stamp[0] or one.stamp[0] > self.stamp[-1]:
+                if not any(place.stream == name for places in quantities.values() for place in places):
+                    continue
+                raise InputError(
+                    f"{name}: is of another time than {self.base}: {_seconds(one, self.stamp[0])} after its first, "
+                    f"{_seconds(series, self.stamp[0])}; are the clocks or units of time different?"
+                )
+
+    def time(self, whole: NDArray[np.bool_]) -> tuple[Floats | None, float]:
+        """Return the time of rows (N,) [s], from the first one on, and what its own clock said then [s]."""
+        if not self._timed:
+            return None, 0.0
+        stamp = self._own_stamp[whole]
+        if self._seconds is None:
+            time = (stamp - stamp[0]) / SECOND
+            return time, int(stamp[0]) / SECOND
+        seconds = self._seconds[whole]
+        if self._mapping.time_zero == "file":
+            return seconds, 0.0
+        return seconds - seconds[0], int(stamp[0]) / SECOND
+
+    def rows(self, key: str) -> Floats:
+        """Return a quantity at the stamps of q_nominal, (N, k); NaN in gaps."""
+        return np.column_stack([self._column(key, place) for place in self._quantities[key]])
+
+    def at_rows(self, series: Series, key: str) -> Floats:
+        """Return what was made of a quantity's samples at the stamps of q_nominal; NaN in gaps."""
+        return interpolate(series, self.stamp, self.gap(key))[0]
+
+    def samples(self, key: str) -> Series | None:
+        """Return a quantity at its own stamps; None where its columns are of several streams."""
+        places = self._quantities[key]
+        if len({place.stream for place in places}) != 1:
+            return None
+        series = self._series[self._part(key, places[0])]
+        values = np.column_stack([series.values[:, self._index(key, place)] for place in places])
+        return Series(series.stamp, values, series.report)
+
+    def gap(self, key: str) -> float:
+        """Return how far apart two samples may be that are interpolated between [s]; more for a slow stream."""
+        return self._gap(self._series[self._part(key, self._quantities[key][0])])
+
+    def _gap(self, series: Series) -> float:
+        steps = np.diff(series.stamp)
+        most = self._mapping.max_gap_s
+        return max(most, WIDE * float(np.median(steps)) / SECOND) if len(steps) else most
+
+    def _part(self, key: str, place: Place) -> tuple[str, str]:
+        return (place.stream, key) if (place.stream, key) in self._series else (place.stream, "")
+
+    def _index(self, key: str, place: Place) -> int:
+        return self._columns[self._part(key, place)].index(place.column)
+
+    def _column(self, key: str, place: Place) -> Floats:
+        part = self._part(key, place)
+        if part not in self._at:
+            series = self._series[part]
+            same = part == (self.base, "")
+            self._at[part] = series.values if same else interpolate(series, self.stamp, self._gap(series))[0]
+        column: Floats = self._at[part][:, self._index(key, place)]
+        return column
+
+    def _clean(self, streams: Mapping[str, Stream], stamps: _Stamps) -> dict[tuple[str, str], Series]:
+        """Return the samples of each stream, or part of a table with rows of its own, the base first."""
+        found: dict[tuple[str, str], Series] = {}
+        self._columns: dict[tuple[str, str], list[str]] = {}
+        span: tuple[int, int] | None = None
+        steps: tuple[ClockStep, ...] = ()
+        for name in (self.base, *(other for other in streams if other != self.base)):
+            stream, stamp, arrival = streams[name], stamps.stamp[name], stamps.arrival[name]
+            timed = stamp != _LOST
+            if not timed.all():
+                stamps.notes.append(f"{name}: {int((~timed).sum())} rows without time were left out")
+            if name in stamps.table and self._alone:
+                stamp = self._in_a_row(name, stamp, timed, stamps.notes)
+            for part, (columns, rows) in self._parts(stream, stamps).items():
+                rows = rows & timed
+                index = np.flatnonzero(rows)
+                if not len(index):
+                    raise InputError(f"{name}: no row has a time")
+                # the last column is the row in the file
+                values = [stream.columns[column][index] for column in columns]
+                values += [index] * (name in stamps.table)
+                series = clean_series(
+                    f"{name} ({part})" if part else name,
+                    stamp[index],
+                    np.column_stack(values).astype(np.float64) if values else np.empty((len(index), 0)),
+                    max_gap=self._mapping.max_gap_s,
+                    arrival=None if arrival is None else arrival[index],
+                    span=span,
+                    clock_steps=steps,
+                )
+                gaps = tuple(gap for gap in series.report.gaps if gap[1] < 0.9 * _BETWEEN)
+                found[name, part] = replace(series, report=replace(series.report, gaps=gaps))
+                self._columns[name, part] = columns
+                if name == self.base and not part:
+                    span, steps = (int(series.stamp[0]), int(series.stamp[-1])), series.report.clock_steps
+        return found
+
+    def _parts(self, stream: Stream, stamps: _Stamps) -> dict[str, tuple[list[str], NDArray[np.bool_]]]:
+        """Return the columns of a stream and their rows; those of a table at other rates apart, by quantity."""
+        every = np.ones(len(stamps.stamp[stream.name]), dtype=bool)
+        of: dict[str, list[str]] = {}
+        for key, places in self._quantities.items():
+            here = [place.column for place in places if place.stream == stream.name]
+            if here:
+                of[key] = list(dict.fromkeys(here))
+        together = list(dict.fromkeys(column for columns in of.values() for column in columns))
+        table = stamps.table.get(stream.name)
+        if table is None or table.column is None:
+            return {"": (together, every)}
+        there = {
+            key: np.logical_or.reduce([np.isfinite(stream.columns[c].astype(np.float64)) for c in columns])
+            for key, columns in of.items()
+        }
+        if BASE not in of:
+            parts = {key: (columns, there[key]) for key, columns in of.items() if there[key].any()}
+            return parts or {"": (together, every)}
+        base = there[BASE]
+        apart = [
+            key
+            for key, rows in there.items()
+            if rows.any()
+            and (
+                (base & ~rows).sum() > OTHER_RATE * base.sum()
+                or (rows & ~base).sum() > OTHER_RATE * rows.sum()
+            )
+        ]
+        if not apart or not base.any():
+            return {"": (together, every)}
+        stamps.notes.append(
+            f"{stream.name}: {', '.join(apart)} were recorded at another rate than q_nominal, and brought onto its rows"
+        )
+        left = list(
+            dict.fromkeys(column for key, columns in of.items() if key not in apart for column in columns)
+        )
+        return {"": (left, base), **{key: (of[key], there[key]) for key in apart}}
+
+    def _in_a_row(
+        self, name: str, stamp: NDArray[np.int64], timed: NDArray[np.bool_], notes: list[str]
+    ) -> NDArray[np.int64]:
+        """Return stamps that rise where those of a table go back, far apart from the recording before."""
+        known = stamp[timed]
+        back = np.flatnonzero(np.diff(known) < 0) + 1
+        if not len(back):
+            return stamp
+        notes.append(
+            f"{name}: time goes back {len(back)} time(s), first at row {back[0]}; another recording begins "
+            "there" + ("; are the rows shuffled?" if len(back) > 5 else "")
+        )
+        later = np.zeros(len(known), dtype=np.int64)
+        later[back] = known[back - 1] - known[back] + min(_BETWEEN, 4 * 10**9 // len(back)) * SECOND
+        moved = stamp.copy()
+        moved[timed] = known + np.cumsum(later)
+        return moved
+
+
+def _stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping, *, alone: bool) -> _Stamps:
+    """Return the stamps to go by: a table's time, a message's header where it has one, or its arrival."""
+    found = _Stamps({}, {}, {}, set(), [])
+    for name, stream in streams.items():
+        own, came = stream.stamp, stream.arrival
+        if own is None:
+            time = time_of(stream, mapping.time, mapping.time_unit, mapping.rate_hz)
+            if time is None and not alone:
+                raise InputError(
+                    f"{name}: which column is the time? give time = ..., or rate_hz where rows are evenly apart; "
+                    "streams with clocks of their own cannot be put together without"
+                )
+            if time is None:
+                time = TableTime(
+                    np.arange(stream.rows) * SECOND, None, "s", "no column is the time: rows have none"
+                )
+                found.notes.extend([time.said] * (not mapping.name))
+            else:
+                found.notes.extend([f"{name}: {time.said}"] * (not mapping.name))
+            found.table[name], found.stamp[name], found.arrival[name] = time, time.stamp, None
+            continue
+        found.stamp[name], found.arrival[name] = own, came
+        if came is None:
+            continue
+        missing = own == 0
+        if missing.all() or mapping.stamps == "arrival":
+            if mapping.stamps == "header":
+                raise InputError(f'{name}: its messages carry no stamps; give stamps = "arrival"')
+            found.stamp[name] = np.zeros_like(came) if mapping.stamps == "auto" else came
+            continue
+        if missing.any():
+            found.stamp[name] = np.where(missing, came, own)
+            found.notes.append(
+                f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken"
+            )
+        found.by_header.add(name)
+    return found
+
+
+def _seconds(series: Series, origin: np.int64) -> str:
+    first, last = (float(int(s) - int(origin)) / SECOND for s in (series.stamp[0], series.stamp[-1]))
+    return f"{first:.3f} to {last:.3f} s"

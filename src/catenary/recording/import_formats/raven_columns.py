@@ -1,0 +1,207 @@
+"""The CSV that RAVEN-II's group publishes, 252 columns without names, read into topics and written from them.
+
+A row is a raven_state message with the samples of ext_jpos and measured_js nearest to it in time, each with its own
+stamp. Degrees trap: everything from raven_state is as published, positions and velocities times 180/pi, metres of
+insertion too; ext_jpos and measured_js are rad and m. Which columns are which is in data/raven2_columns.toml.
+"""
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.errors import FileFormatError, InputError
+from catenary.files import written_whole
+from catenary.recording.clock_steps import ClockStep, without_steps
+from catenary.recording.extract import topic_file
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.csv_files import is_number
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.series import Series, clean_series
+from catenary.recording.topics import (
+    EXT_JPOS,
+    RAVENSTATE,
+    RAVENSTATE_100HZ,
+    SECOND,
+    Arm,
+    Topic,
+    TopicColumn,
+    columns_of_type,
+    measured_topic,
+)
+
+
+@cache
+def raven_table() -> dict[str, Any]:
+    """Return the layout: `widths`, and the topics that stand one behind the other in a row."""
+    return tomllib.loads((files("catenary.recording") / "data" / "raven2_columns.toml").read_text())
+
+
+def raven_columns(path: Path) -> Sources:
+    """Open RAVEN-II's published CSV as the topics that it was made from, in SI."""
+    table = _read_numbers(path)
+    if len(table) == 0:
+        raise InputError(f"{path}: has no rows")
+    parts, first, origin = {}, 0, 0.0
+    for topic in raven_table()["topics"]:
+        width = 1 + sum(count for _, count in topic["columns"])
+        parts[topic["name"]] = topic, table[:, first : first + width]
+        first += width
+    state = parts[RAVENSTATE.name][1][:, 0]
+    origin = float(state[0])  # stamps count from the same instant, whichever that is
+    began = round(origin * SECOND) if abs(origin) < 9e9 else 0
+    streams = []
+    for name, (topic, numbers) in parts.items():
+        if numbers.shape[1] == 0:
+            continue
+        stamp = numbers[:, 0] - (origin if "stamp_from" not in topic else 0.0)
+        if topic.get("stamp_from") == "its row":
+            stamp = state - origin
+        streams.append(_part(path, topic, stamp, numbers[:, 1:], began, is_state=name == RAVENSTATE.name))
+    return Sources.of([path], [stream for stream in streams if stream is not None])
+
+
+def _part(
+    path: Path,
+    topic: Mapping[str, Any],
+    seconds: NDArray[Any],
+    numbers: NDArray[Any],
+    began: int,
+    *,
+    is_state: bool,
+) -> Stream | None:
+    """Return a topic of the published CSV; a sample that stands in two rows is one.
+
+    A float32 written shortest is not the same number when read as a float64, so these go through float32 again.
+    """
+    with np.errstate(invalid="ignore"):
+        timed = np.abs(seconds) < 9e9
+    if is_state and not timed.all():
+        raise FileFormatError(
+            f"{path}: the stamp of {topic['name']} is not finite, or spans more than 9e+09 s"
+        )
+    if not is_state:
+        timed &= np.isfinite(numbers).all(axis=1)
+        same = (seconds[1:] == seconds[:-1]) & (numbers[1:] == numbers[:-1]).all(axis=1)
+        timed[1:] &= ~same
+    if not timed.any():
+        if topic["name"] == EXT_JPOS.name:
+            raise InputError(f"{path}: columns 0 to 3, ext_jpos, are finite in no row")
+        return None
+    known = columns_of_type(topic["type"])
+    columns: dict[str, NDArray[Any]] = {}
+    first = 0
+    for name, width in topic["columns"]:
+        values = numbers[timed, first : first + width]
+        labels = [str(i) for i in range(width)] if name != "force" else list("xyz")
+        if name in known:
+            labels = list(known[name].labels)
+            if not known[name].whole and name not in ("pos", "pos_d"):
+                with np.errstate(over="ignore"):  # beyond a float32 is infinite, and the row is left out
+                    values = values.astype(np.float32).astype(np.float64)
+            values = values * known[name].to_si
+        columns |= {f"{name}[{x}]" if x else name: v for x, v in zip(labels, values.T, strict=True)}
+        first += width
+    stamp = began + np.rint(seconds[timed] * SECOND).astype(np.int64)
+    return Stream(topic["name"], topic["type"], columns, len(stamp), stamp)
+
+
+def _read_numbers(path: Path) -> NDArray[Any]:
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    with path.open("rb") as file:
+        head = file.readline(100_000).decode(errors="replace").strip().split(",")
+    widths = raven_table()["widths"]
+    if len(head) not in widths:
+        raise FileFormatError(
+            f"{path}: {len(head)} columns, expected RAVEN-II's {widths[0]}, or {widths[1]} with force; "
+            f"`catenary import {path}` proposes how to read others"
+        )
+    names = [str(i) for i in range(len(head))]
+    try:
+        read = pa.csv.ReadOptions(column_names=names, skip_rows=0 if is_number(head[0]) else 1)
+        convert = pa.csv.ConvertOptions(
+            column_types={name: pa.float64() for name in names}, null_values=["", "nan", "NaN", "-nan"]
+        )
+        table = pa.csv.read_csv(path, read, convert_options=convert)
+    except (pa.ArrowException, OSError, MemoryError) as error:
+        raise FileFormatError(f"{path}: cannot be read as RAVEN-II's CSV: {error}") from error
+    return np.column_stack([column.to_numpy() for column in table.columns]).astype(np.float64)
+
+
+def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: float = 0.05) -> int:
+    """Write an extraction in the published layout without force, in bounded memory.
+
+    Args:
+        folder: What `extract` wrote.
+        path: The file; replaced if it is there.
+        arm: Whose measured_js.
+        max_gap: A sample further away than this [s] is left out: its stamp and numbers are `nan`.
+
+    Returns:
+        Number of rows.
+    """
+    there = [topic for topic in (RAVENSTATE_100HZ,) if (folder / f"{topic.stem}.parquet").is_file()]
+    file = topic_file(folder, there[0] if there else RAVENSTATE)
+    told = file.read(["stamp", "arrival"])
+    stamps, steps = without_steps(told["stamp"], told["arrival"])
+    topics = (EXT_JPOS, measured_topic(arm))
+    parts = [_positions(folder, topic, max_gap, steps) for topic in topics]
+    rows = 0
+    known = columns_of_type(RAVENSTATE.type)
+    listed = next(topic["columns"] for topic in raven_table()["topics"] if topic["name"] == RAVENSTATE.name)
+    columns = [known[name] for name, _ in listed]
+    names = [name for column in columns for name in column.names]
+    options = pa.csv.WriteOptions(include_header=False, quoting_style="none")
+    with written_whole(path) as out:
+        first = int(stamps[0]) if file.rows else 0
+        for group in range(file.row_groups):
+            content = file.read(names, group)
+            stamp_ns = stamps[rows : rows + len(content[names[0]])]
+            blocks: list[NDArray[Any]] = [*_nearest(parts[0], stamp_ns, max_gap, first)]
+            blocks += [*_nearest(parts[1], stamp_ns, max_gap), stamp_ns / SECOND]
+            blocks += [_published(column, content[name]) for column in columns for name in column.names]
+            table = pa.table(blocks, names=[str(i) for i in range(len(blocks))])
+            pa.csv.write_csv(table, out, options)
+            rows += len(stamp_ns)
+    return rows
+
+
+def _positions(folder: Path, topic: Topic, max_gap: float, steps: Sequence[ClockStep]) -> Series:
+    """Return the positions of an extracted topic, in order of time."""
+    file = topic_file(folder, topic)
+    names = topic.columns[0].names
+    told = file.read(["stamp", "arrival", *names])
+    values = np.column_stack([told[name] for name in names])
+    return clean_series(
+        topic.name, told["stamp"], values, max_gap=max_gap, arrival=told["arrival"], clock_steps=steps
+    )
+
+
+def _nearest(series: Series, stamp: NDArray[np.int64], max_gap: float, origin: int = 0) -> Iterator[Floats]:
+    """Stamp [s] and numbers of the samples nearest in time, column by column."""
+    right = np.clip(np.searchsorted(series.stamp, stamp), 0, len(series.stamp) - 1)
+    left = np.maximum(right - 1, 0)
+    nearer = np.abs(series.stamp[left] - stamp) <= np.abs(series.stamp[right] - stamp)
+    index = np.where(nearer, left, right)
+    near = np.abs(series.stamp[index] - stamp) <= max_gap * SECOND
+    yield np.where(near, (series.stamp[index] - origin) / SECOND, np.nan)
+    for column in series.values.T:
+        yield np.where(near, column[index], np.nan)
+
+
+def _published(column: TopicColumn, values: NDArray[Any]) -> NDArray[Any]:
+    """Numbers in the robot's own units and type: the float32 or whole number that was in the message."""
+    if column.whole:
+        return values
+    if column.path in ("pos", "pos_d"):
+        return np.rint(values / column.to_si).astype(np.int32)
+    return (values / column.to_si).astype(np.float32)

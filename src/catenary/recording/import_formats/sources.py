@@ -1,0 +1,173 @@
+"""The files of one recording, whatever container they are in, opened as streams of columns."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.extract import TopicFile, is_extraction
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.message_columns import SAMPLED, Bag
+from catenary.recording.import_formats.table_files import read_table_file
+from catenary.recording.journal import About, same_origin
+from catenary.recording.source import bags_in
+
+BAG_ENDINGS = (".bag", ".mcap", ".db3", ".journal")
+
+
+class Extraction:
+    """What `extract` wrote: a Parquet file for each topic, its columns called as in the topic's messages."""
+
+    def __init__(self, path: Path) -> None:
+        """Open its files."""
+        files = [TopicFile(file) for file in sorted(path.glob("*.parquet"))]
+        self._files = {file.topic.name: file for file in files}
+        self.counts = {name: file.rows for name, file in self._files.items() if file.rows}
+        self.about = next((file.about for file in files), None)
+        self.problems: list[str] = []
+
+    def sample(self) -> list[Stream]:
+        """Return the first messages of every topic."""
+        return [self._stream(name, None) for name in self.counts]
+
+    def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
+        """Return topics with the columns that are wanted of each, all messages."""
+        return [self._stream(name, columns) for name, columns in wanted.items()]
+
+    def _stream(self, name: str, wanted: Collection[str] | None) -> Stream:
+        file = self._files[name]
+        stored = {
+            f"{column.path}[{label}]" if label else column.path: own
+            for column in file.topic.columns
+            for label, own in zip(column.labels, column.names, strict=True)
+        }
+        chosen = [column for column in stored if wanted is None or column in wanted]
+        groups = range(file.row_groups) if wanted is not None else range(1)
+        rows = file.rows if wanted is not None else min(file.rows_of(0), SAMPLED)
+        columns = {column: np.empty(rows) for column in chosen}
+        stamp, arrival = np.empty((2, rows), dtype=np.int64)
+        first = 0
+        for group in groups:
+            content = file.read(["stamp", "arrival", *(stored[column] for column in chosen)], group)
+            here = slice(first, min(rows, first + len(content["stamp"])))
+            count = here.stop - first
+            stamp[here], arrival[here] = content["stamp"][:count], content["arrival"][:count]
+            for column in chosen:
+                columns[column][here] = content[stored[column]][:count]
+            first = here.stop
+        # a column of no number stands for a field that no message has
+        there = {column: v for column, v in columns.items() if np.isfinite(v).any() or wanted is not None}
+        joints = {
+            column.path: tuple(label for label in column.labels if f"{column.path}[{label}]" in there)
+            for column in file.topic.columns
+            if column.width > 1
+        }
+        return Stream(name, file.topic.type, there, file.rows, stamp, arrival, joints)
+
+
+class Sources:
+    """Bags and tables of one recording."""
+
+    def __init__(self, paths: Sequence[Path], *, rows_first: bool = False) -> None:
+        """Open them: a sample of each bag's topics, tables whole.
+
+        Args:
+            paths: Bags, tables, journals, extractions, or folders of bags.
+            rows_first: Arrays of tables are (rows, columns), and never turned.
+        """
+        if not paths:
+            raise FileFormatError("recording: expected at least one file, got none")
+        self.paths = tuple(paths)
+        self.notes: list[str] = []
+        self._bags: list[Bag | Extraction] = []
+        streams: list[Stream] = []
+        bags: list[Bag] = []
+        for path in paths:
+            if not path.exists():
+                raise FileFormatError(f"{path}: no such file")
+            if is_extraction(path):
+                self._bags.append(Extraction(path))
+            elif is_bag(path):
+                bags += [Bag(part) for part in bags_in(path)]
+            else:
+                streams += read_table_file(path, rows_first=rows_first)
+        bags.sort(key=lambda bag: bag.first_arrival)
+        self._bags += bags
+        self.about: About | None = same_origin([bag.about for bag in self._bags])
+        streams += [stream for bag in self._bags for stream in bag.sample()]
+        self.streams = _joined(streams)
+        if not any(stream.columns for stream in self.streams):
+            why = "; ".join(note for stream in self.streams for note in stream.notes)
+            raise FileFormatError(
+                f"{', '.join(map(str, paths))}: holds no numbers{f'; {why}' if why else ''}"
+            )
+
+    @classmethod
+    def of(cls, paths: Sequence[Path], streams: Sequence[Stream]) -> Self:
+        """Return sources of streams that were read already."""
+        made = cls.__new__(cls)
+        made.paths, made.notes, made._bags, made.about = tuple(paths), [], [], None
+        made.streams = list(streams)
+        return made
+
+    def read(self, wanted: Mapping[str, Collection[str]]) -> dict[str, Stream]:
+        """Return streams with the columns wanted of each, whole."""
+        found = [stream for stream in self.streams if stream.arrival is None and stream.name in wanted]
+        for bag in self._bags:
+            here = {name: columns for name, columns in wanted.items() if name in bag.counts}
+            if here:
+                found += bag.read(here)
+            self.notes += [note for note in bag.problems if note not in self.notes]
+        return {stream.name: stream for stream in _joined(found)}
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a file or folder is a bag, by its ending or its metadata."""
+    return path.suffix in BAG_ENDINGS or path.is_dir()
+
+
+def _joined(streams: Sequence[Stream]) -> list[Stream]:
+    """Return streams with the parts of a topic that lie in several bags put one behind the other."""
+    found: dict[str, Stream] = {}
+    for stream in streams:
+        if stream.name not in found:
+            found[stream.name] = stream
+        elif stream.type == "table" or found[stream.name].type != stream.type:
+            raise InputError(
+                f"{stream.name}: is there twice, as {found[stream.name].type} and as {stream.type}; "
+                "expected parts of one recording"
+            )
+        else:
+            found[stream.name] = _behind(found[stream.name], stream)
+    return list(found.values())
+
+
+def _behind(first: Stream, second: Stream) -> Stream:
+    lengths = [0 if stream.stamp is None else len(stream.stamp) for stream in (first, second)]
+
+    def column(name: str) -> NDArray[Any]:
+        parts = zip((first, second), lengths, strict=True)
+        return np.concatenate(
+            [s.columns[name] if name in s.columns else np.full(n, np.nan) for s, n in parts]
+        )
+
+    def stamps(name: str) -> NDArray[np.int64]:
+        return np.concatenate([getattr(first, name), getattr(second, name)])
+
+    joints = {
+        array: tuple(dict.fromkeys([*first.joints.get(array, ()), *second.joints.get(array, ())]))
+        for array in {**first.joints, **second.joints}
+    }
+    return replace(
+        first,
+        columns={name: column(name) for name in {**first.columns, **second.columns}},
+        rows=first.rows + second.rows,
+        stamp=stamps("stamp"),
+        arrival=stamps("arrival"),
+        joints=joints,
+        notes=tuple(dict.fromkeys([*first.notes, *second.notes])),
+    )

@@ -1,0 +1,169 @@
+"""Tables in files of many kinds as streams of named columns: CSV, Parquet, NumPy and MATLAB."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.archives import read_array, read_arrays
+from catenary.documents import cut
+from catenary.errors import FileFormatError, InputError
+from catenary.files import table_ending
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.csv_files import read_csv
+from catenary.recording.import_formats.matlab import read_matlab
+from catenary.recording.parquet_files import MOST_COLUMNS
+
+PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
+ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
+
+
+def read_table_file(path: Path, *, rows_first: bool = False) -> list[Stream]:
+    """Read a file as streams without stamps: which column holds the time is for the mapping to say.
+
+    Arrays of another number of rows are streams of their own, called `FILE#ROWS`.
+
+    Args:
+        path: The file.
+        rows_first: Arrays are (rows, columns), and never turned.
+    """
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    ending = table_ending(path)
+    if ending in (".csv", ".txt"):
+        columns, notes = read_csv(path)
+        return [_table(path, columns, {}, notes)]
+    if ending == ".parquet":
+        return [_parquet(path)]
+    if ending == ".npz":
+        return _of_arrays(path, read_arrays(path), rows_first=rows_first)
+    if ending == ".npy":
+        return _of_arrays(path, {"data": read_array(path)})
+    if ending == ".mat":
+        return _of_arrays(path, read_matlab(path))
+    raise FileFormatError(
+        f'{path}: ending "{path.suffix}": expected a bag (.bag, .mcap, the folder of a ROS 2 bag) or a table '
+        f"({', '.join(ENDINGS)})"
+    )
+
+
+def _table(
+    path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[str, float], notes: list[str]
+) -> Stream:
+    """Return a stream of columns; whole numbers that a float64 cannot hold stay whole."""
+    if len(columns) > MOST_COLUMNS:
+        raise InputError(f"{path}: {len(columns)} columns, expected {MOST_COLUMNS} at most")
+    numbers: dict[str, NDArray[Any]] = {}
+    for name, values in columns.items():
+        whole = (
+            values.dtype.kind in "iu" and len(values) and np.abs(values.astype(np.float64)).max() > 2.0**53
+        )
+        with np.errstate(over="ignore"):
+            numbers[name] = values.astype(np.int64 if whole else np.float64)
+    rows = len(next(iter(numbers.values()))) if numbers else 0
+    if rows == 0:
+        raise FileFormatError(f"{path}: has no row of numbers")
+    return Stream(path.stem, "table", numbers, rows, constants=constants, notes=tuple(notes))
+
+
+def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bool = False) -> list[Stream]:
+    """Return arrays by their number of rows, that of most numbers first; wide ones as `name[0]`, `name[1]`, ..."""
+    plain = {name: a for name, a in arrays.items() if a.dtype.kind in "biuf" and a.size}
+    plain = plain if rows_first else {name: np.squeeze(a) for name, a in plain.items()}
+    texts = {
+        name: _texts(path, name, a) for name, a in arrays.items() if a.dtype.kind in "US" and a.ndim <= 1
+    }
+    constants = {name: float(a) for name, a in plain.items() if a.ndim == 0}
+    plain = {name: a for name, a in plain.items() if a.ndim in (1, 2)}
+    if not plain:
+        raise FileFormatError(
+            f"{path}: holds no array of numbers of one or two dimensions; it has {_named(arrays)}"
+        )
+    numbers = Counter[int]()
+    for a in plain.values():
+        numbers[len(a) if rows_first else max(a.shape)] += a.size
+    rows = max(numbers, key=lambda size: (numbers[size], size))
+    groups: dict[int, dict[str, NDArray[Any]]] = {rows: {}}
+    notes: list[str] = []
+    for name, a in plain.items():
+        if (
+            a.ndim == 2
+            and not rows_first
+            and a.shape[0] != rows
+            and (a.shape[1] == rows or a.shape[0] < a.shape[1])
+        ):
+            a = a.T
+            notes.append(f"{name}: had a row for each column, and was turned")
+        columns = {name: a} if a.ndim == 1 else {f"{name}[{i}]": a[:, i] for i in range(a.shape[1])}
+        groups.setdefault(len(a), {}).update(columns)
+    notes += [
+        f"{', '.join(map(cut, columns))}: has {size} rows where others have {rows}, and is a table of its own"
+        for size, columns in groups.items()
+        if size != rows
+    ]
+    tables = {
+        size: replace(_table(path, columns, constants, notes), texts=texts)
+        for size, columns in groups.items()
+        if columns
+    }
+    return [
+        table if size == rows else replace(table, name=f"{path.stem}#{size}")
+        for size, table in tables.items()
+    ]
+
+
+def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
+    try:
+        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in np.atleast_1d(values).tolist())
+    except (UnicodeDecodeError, SystemError) as error:  # SystemError: NumPy's, of what is no character
+        raise InputError(f"{path}: {name}: expected texts in UTF-8: {error}") from error
+
+
+def _parquet(path: Path) -> Stream:
+    """Read numbers, truth values, stamps and lists of one length."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    from catenary.recording.parquet_files import open_parquet
+
+    file = open_parquet(path)
+    columns: dict[str, NDArray[Any]] = {}
+    left, notes = [], []
+    try:
+        names = file.schema_arrow.names
+        for name in names:
+            kind = file.schema_arrow.field(name).type
+            if names.count(name) > 1:
+                left.append(name)
+                continue
+            if pa.types.is_timestamp(kind):
+                column = file.read(columns=[name]).column(0).cast(pa.timestamp("ns")).cast(pa.int64())
+                plain = "time" if name == PANDAS_INDEX and "time" not in names else name
+                columns[plain] = column.to_numpy()
+                notes.append(f"{plain}: holds stamps, read as nanoseconds")
+            elif pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+                columns[name] = file.read(columns=[name]).column(0).to_numpy()
+            elif pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind):
+                column = file.read(columns=[name]).column(0)
+                widths = pc.unique(pc.list_value_length(column)).to_pylist()
+                if len(widths) == 1 and widths[0] and widths[0] <= MOST_COLUMNS:
+                    flat = pc.list_flatten(column).to_numpy().reshape(-1, widths[0])
+                    columns |= {f"{name}[{i}]": flat[:, i] for i in range(widths[0])}
+                else:
+                    left.append(name)
+            else:
+                left.append(name)
+    except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
+        raise FileFormatError(f"{path}: cannot be read as Parquet: {cut(str(error))}") from error
+    columns = {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}
+    if left:
+        notes.append(f"columns that hold no numbers were left out: {', '.join(map(cut, left[:10]))}")
+    return _table(path, columns, {}, notes)
+
+
+def _named(arrays: Mapping[str, NDArray[Any]]) -> str:
+    return ", ".join(f"{cut(name)} {a.shape}" for name, a in list(arrays.items())[:10]) or "nothing"

@@ -1,0 +1,106 @@
+"""A recording with stamps since 1970 keeps its date, whatever holds it; a clock of its own has none."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+import pytest
+from scipy.io import savemat
+
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.features import FeatureSet
+from catenary.recording.logs import read_log
+from catenary.recording.motion_log_file import write_parquet
+from catenary.workflows.import_recording import import_recording
+from command_line import catenary
+from lab_bags import two_topics
+
+DAY, BEGIN = "2023-11-14", 1_700_000_000  # [s] 22:13:20 UTC
+PER = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+MAPPING = ["q_nominal=q1,q2,q3", "q_encoder=e1,e2,e3"]
+
+
+def columns(begin: int, unit: str = "s") -> dict[str, np.ndarray]:
+    t = np.arange(600) * 10  # [ms]
+    time = begin * PER[unit] + t * (PER[unit] // 1000) if unit != "s" else begin + t / 1000
+    q = np.sin(t[:, None] / 1000 + np.arange(3))
+    named = {f"q{j + 1}": q[:, j] for j in range(3)} | {f"e{j + 1}": 1.01 * q[:, j] + 0.02 for j in range(3)}
+    return {"time": np.asarray(time), **named}
+
+
+def csv(path: Path, begin: int, unit: str) -> Path:
+    pa.csv.write_csv(pa.table(columns(begin, unit)), path / "lab.csv")
+    return path / "lab.csv"
+
+
+def parquet(path: Path, begin: int, unit: str) -> Path:
+    pq.write_table(pa.table(columns(begin, unit)), path / "lab.parquet")
+    return path / "lab.parquet"
+
+
+def npz(path: Path, begin: int, unit: str) -> Path:
+    np.savez(path / "lab.npz", **columns(begin, unit))
+    return path / "lab.npz"
+
+
+def matlab(path: Path, begin: int, unit: str) -> Path:
+    savemat(path / "lab.mat", {name: values.reshape(-1, 1) for name, values in columns(begin, unit).items()})
+    return path / "lab.mat"
+
+
+MAKERS = (csv, parquet, npz, matlab)
+
+
+def date_of(log) -> str | None:  # type: ignore[no-untyped-def]
+    data = calibration_data([log], FeatureSet(tuple(f"q:{n}" for n in log.joint_names), log.joint_units))
+    assert data.dates[0] == data.dates[1]
+    return data.dates[1]
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "ns"])
+@pytest.mark.parametrize("make", MAKERS)
+def test_a_column_of_time_since_1970_is_a_date(make, unit: str, tmp_path: Path) -> None:
+    log = import_recording(make(tmp_path, BEGIN, unit), MAPPING, units="rad,rad,m")
+    assert log.time is not None
+    assert log.time[0] == 0.0
+    assert log.began == BEGIN
+    assert date_of(log) == DAY
+    write_parquet(log, tmp_path / "log.parquet")
+    assert date_of(read_log(tmp_path / "log.parquet")) == DAY
+
+
+@pytest.mark.parametrize("kind", ["ros1", "sqlite", "mcap"])
+def test_bags_have_the_date_of_their_stamps(kind, tmp_path: Path) -> None:
+    mapping = ["q_nominal=/raven/joint_cmd.position", "q_encoder=/optitrack/joints.position"]
+    log = import_recording(two_topics(tmp_path / "lab", kind), mapping, units="rad,rad,m")
+    assert date_of(log) == DAY
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("begin", [0, 86_400])  # a robot that has been on for a day
+def test_a_clock_of_its_own_has_no_date(make, begin: int, tmp_path: Path) -> None:
+    log = import_recording(make(tmp_path, begin, "s"), MAPPING, units="rad,rad,m")
+    assert date_of(log) is None
+
+
+def test_rows_of_a_given_rate_have_no_date(tmp_path: Path) -> None:
+    pa.csv.write_csv(pa.table(columns(BEGIN)).drop_columns("time"), tmp_path / "lab.csv")
+    mapping = {
+        "q_nominal": {"columns": ["q1", "q2", "q3"], "units": ["rad", "rad", "m"]},
+        "q_encoder": {"columns": ["e1", "e2", "e3"], "units": ["rad", "rad", "m"]},
+        "rate_hz": 100.0,
+    }
+    assert date_of(import_recording(tmp_path / "lab.csv", mapping)) is None
+
+
+def test_the_card_and_drift_tell_the_day_of_an_imported_recording(tmp_path: Path) -> None:
+    source, log, model = csv(tmp_path, BEGIN, "s"), tmp_path / "log.parquet", tmp_path / "model.npz"
+    maps = [word for each in MAPPING for word in ("--map", each)]
+    assert catenary("import", source, *maps, "--units", "rad,rad,m", "--out", log).code == 0
+    fitted = catenary("fit", log, "--out", model, "--model", "linear", "--json")
+    assert fitted.code == 0, fitted.err
+    assert f'"recorded": "{DAY}"' in (tmp_path / "model.card.json").read_text()
+    drift = catenary("drift", model, log, "--json")
+    assert DAY in drift.out, (drift.out, drift.err)

@@ -1,0 +1,231 @@
+"""Recordings of other makes, written by other programs' libraries, on one clock."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import ConfigError, InputError
+from catenary.plant import MotionLog
+from catenary.robots.catalog import load_robot
+from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
+from catenary.workflows.import_recording import import_recording
+from lab_bags import (
+    JOINT_STATE,
+    JOINTS,
+    KINDS,
+    POSE,
+    Kind,
+    Message,
+    joint_state,
+    pose,
+    true_q,
+    two_topics,
+    write_bag,
+)
+
+BY_HAND = ["q_nominal=/raven/joint_cmd.position", "q_encoder=/optitrack/joints.position"]
+# a straight line between samples 1/30 s apart is off by at most h^2/8 of the acceleration, 0.7 rad/s2
+STRAIGHT = 0.7 / 30**2 / 8 + 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_any_kind_is_brought_onto_one_clock_by_the_joints_names(kind: Kind, tmp_path: Path) -> None:
+    log = import_recording(two_topics(tmp_path / "lab", kind), BY_HAND, units="rad,rad,m")
+    assert log.joint_names == JOINTS
+    assert log.time is not None
+    assert log.q_encoder is not None
+    assert_allclose(log.q_nominal, true_q(log.time), atol=1e-9)
+    assert log.ok.sum() > 700  # of 1000: the camera sees 8 s of 10
+    assert not log.ok[log.time < 0.99].any()  # it starts later
+    assert_allclose(log.q_encoder[log.ok], true_q(log.time[log.ok]) + 0.02, atol=STRAIGHT)
+    assert any("followed by name" in note for note in log.notes)
+    assert any("rows have no q_encoder" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_proposal_imports_the_same(kind: Kind, tmp_path: Path) -> None:
+    bag = two_topics(tmp_path / "lab", kind)
+    proposed = import_recording(bag, accept_proposal=True)
+    by_hand = import_recording(bag, BY_HAND, units="rad,rad,m")
+    assert proposed.joint_units == ("rad", "rad", "m")
+    for key in ("q_nominal", "q_encoder", "ok", "time"):
+        assert_allclose(getattr(proposed, key), getattr(by_hand, key))
+
+
+def test_units_signs_and_parts_of_arrays_turn_numbers_into_si(tmp_path: Path) -> None:
+    t = np.arange(0.0, 2.0, 0.01)
+    seen = np.column_stack([np.rad2deg(true_q(t)[:, 0]), -np.rad2deg(true_q(t)[:, 1]), 1e3 * true_q(t)[:, 2]])
+    messages: list[Message] = [(x, "/cmd", joint_state(JOINTS, true_q(x))) for x in t]
+    messages += [(x, "/cam", joint_state((), row)) for x, row in zip(t, seen, strict=True)]
+    bag = write_bag(tmp_path / "lab", "mcap", {"/cmd": JOINT_STATE, "/cam": JOINT_STATE}, messages)
+    options = ["q_nominal=/cmd.position[0:3]@rad,rad,m"]
+    options += ["q_encoder=/cam.position[0],-/cam.position[1],/cam.position[2]@deg,deg,mm"]
+    log = import_recording(bag, options)
+    assert log.q_encoder is not None
+    assert log.ok.all()
+    assert_allclose(log.q_encoder, log.q_nominal, atol=1e-12)
+
+
+def test_counts_need_a_scale(tmp_path: Path) -> None:
+    bag = two_topics(tmp_path / "lab", "ros1")
+    with pytest.raises(InputError, match="counts: give the scale"):
+        import_recording(
+            bag,
+            ["q_nominal=/raven/joint_cmd.position[outer_yaw],/raven/joint_cmd.position[outer_pitch]@counts"],
+            robot="two_link",
+        )
+    counted = import_recording(
+        bag, ["q_nominal=/raven/joint_cmd.position[outer_yaw],/raven/joint_cmd.position[outer_pitch]@counts*0.5"],
+        robot="two_link",
+    )  # fmt: skip
+    assert counted.time is not None
+    assert_allclose(counted.q_nominal, 0.5 * true_q(counted.time)[:, :2], atol=1e-9)
+
+
+def test_arrays_that_change_length_leave_rows_without_a_measurement(tmp_path: Path) -> None:
+    messages: list[Message] = []
+    for i, t in enumerate(np.arange(0.0, 2.0, 0.01)):
+        messages.append((t, "/cmd", joint_state(JOINTS, true_q(t), qd=() if i % 4 == 0 else np.ones(3))))
+        lost = 50 <= i < 80
+        messages.append((t, "/cam", joint_state(JOINTS[: 1 if lost else 3], true_q(t)[: 1 if lost else 3])))
+    bag = write_bag(tmp_path / "lab", "sqlite", {"/cmd": JOINT_STATE, "/cam": JOINT_STATE}, messages)
+    log = import_recording(bag, ["q_nominal=/cmd.position", "q_encoder=/cam.position"], units="rad,rad,m")
+    assert log.time is not None
+    assert not log.ok[(log.time > 0.495) & (log.time < 0.795)].any()
+    assert log.ok.sum() == 170
+    moving = import_recording(bag, ["q_nominal=/cmd.position", "qd=/cmd.velocity"], units="rad,rad,m")
+    assert len(moving) == 150
+    assert any("50 of 200 rows without qd were left out" in note for note in moving.notes)
+
+
+def test_messages_without_stamps_are_taken_at_their_arrival_and_nan_is_no_measurement(tmp_path: Path) -> None:
+    messages: list[Message] = []
+    for i, t in enumerate(np.arange(0.0, 2.0, 0.01)):
+        seen = true_q(t) * (np.nan if i == 100 else 1.0)
+        messages.append((t, "/cmd", joint_state(JOINTS, true_q(t), stamped=False)))
+        messages.append((t, "/cam", joint_state(JOINTS, seen, stamped=False)))
+    bag = write_bag(tmp_path / "lab", "ros1", {"/cmd": JOINT_STATE, "/cam": JOINT_STATE}, messages)
+    log = import_recording(bag, ["q_nominal=/cmd.position", "q_encoder=/cam.position"], units="rad,rad,m")
+    assert log.q_encoder is not None
+    assert any("carry no stamps; their arrival was taken" in note for note in log.notes)
+    assert np.flatnonzero(~log.ok).tolist() == [100]
+    assert_allclose(log.q_encoder[log.ok], log.q_nominal[log.ok])
+
+
+def test_clocks_that_nobody_set_are_left_for_arrivals(tmp_path: Path) -> None:
+    from lab_bags import header
+
+    def by_a_wrong_clock(t: float) -> Message:
+        def make(store: object, head: object) -> object:
+            made = joint_state(JOINTS, true_q(t))(store, head)
+            made.header = header(store, round(t * 1e9) + 10**9, ros1=True)  # 1970
+            return made
+
+        return t, "/cam", make
+
+    times = np.arange(0.0, 2.0, 0.01)
+    messages: list[Message] = [(t, "/cmd", joint_state(JOINTS, true_q(t))) for t in times]
+    messages += [by_a_wrong_clock(t) for t in times]
+    bag = write_bag(tmp_path / "lab", "ros1", {"/cmd": JOINT_STATE, "/cam": JOINT_STATE}, messages)
+    options = ["q_nominal=/cmd.position", "q_encoder=/cam.position"]
+    log = import_recording(bag, options, units="rad,rad,m")
+    assert log.ok.all()
+    assert_allclose(log.q_encoder, log.q_nominal, atol=1e-9)  # type: ignore[arg-type]
+    assert any("clocks that differ; arrivals were taken" in note for note in log.notes)
+
+
+def dvrk_bag(path: Path, kind: Kind, truth: np.ndarray) -> tuple[Path, dict[str, object]]:
+    """A PSM's measured_js and setpoint_js at 100 Hz, and a tracker that sees a marker on its insertion at 40 Hz."""
+    robot = load_robot("dvrk_psm")
+    tracker = Pose(rotation_from_rpy([0.1, -0.2, 1.0]), np.array([0.4, -0.3, 0.9]))  # in the base
+    frame = Pose(
+        rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02])
+    )  # the insertion's in the marker's
+    times = np.arange(0.0, 5.0, 0.025)
+    messages: list[Message] = []
+    for t in np.arange(0.0, 5.0, 0.01):
+        q = np.concatenate([true_q(t), np.zeros(3)])
+        names = [*JOINTS, "outer_roll", "wrist_pitch", "wrist_yaw"]
+        messages.append((t, "/PSM1/measured_js", joint_state(names, q, np.zeros(6), np.zeros(6))))
+        messages.append((t, "/PSM1/setpoint_js", joint_state(names, q + 0.001, (), np.zeros(6))))
+    for t in times:
+        full = np.zeros(6)
+        full[:3] = true_q(t) + truth
+        marker = tracker.inverse() @ forward_kinematics(robot, full, "outer_insertion") @ frame.inverse()
+        messages.append((t, "/ndi/marker", pose(marker.position, quaternion_from_rotation(marker.rotation))))
+    topics = {"/PSM1/measured_js": JOINT_STATE, "/PSM1/setpoint_js": JOINT_STATE, "/ndi/marker": POSE}
+    transforms = {
+        name: {"position_m": t.position.tolist(), "rotation": t.rotation.tolist()}
+        for name, t in (("T_base_tracker", tracker), ("T_marker_frame", frame))
+    }
+    return write_bag(path, kind, topics, messages), transforms
+
+
+@pytest.mark.slow  # compiles the robot's kinematics
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_a_dvrk_s_joints_follow_from_a_tracked_marker(kind: Kind, tmp_path: Path) -> None:
+    error = np.array([0.01, -0.02, 0.003])
+    bag, transforms = dvrk_bag(tmp_path / "psm", kind, error)
+    mapping = {
+        "robot": "dvrk_psm",
+        "joint_names": ["outer_yaw", "outer_pitch", "outer_insertion"],
+        "q_nominal": {"columns": "/PSM1/measured_js.position[0:3]"},
+        "q_encoder": {"pose": {"columns": "/ndi/marker.pose", "frame": "outer_insertion", **transforms}},
+    }
+    log = import_recording(bag, mapping)
+    assert log.joint_names == ("outer_yaw", "outer_pitch", "outer_insertion")
+    assert log.time is not None
+    assert log.q_encoder is not None
+    assert log.ok.mean() > 0.95
+    # 40 Hz: a straight line between poses; the search ends within 1e-6
+    assert_allclose(log.q_encoder[log.ok], true_q(log.time[log.ok]) + error, atol=0.7 / 40**2 / 8 + 5e-5)
+
+
+@pytest.mark.slow  # as above
+def test_the_proposal_asks_what_a_tracked_pose_is(tmp_path: Path) -> None:
+    bag, _ = dvrk_bag(tmp_path / "psm", "ros1", np.zeros(3))
+    with pytest.raises(InputError, match=r"leaves open: .*/ndi/marker\.pose") as refused:
+        import_recording(bag, robot="dvrk_psm", accept_proposal=True)
+    assert "T_base_tracker" in str(refused.value)
+    assert "not what it was told (/PSM1/setpoint_js.position)" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["q_nominal=/raven/joint_cmd.positions"], r"no column .*joint_cmd has .*position\[0:3\]"),
+        (["q_nominal=/raven/joints.position"], "topics are /raven/joint_cmd, /optitrack/joints"),
+        (["q_nominal=/raven/joint_cmd.position[elbow]"], "its joints are outer_yaw"),
+        (["q_nominal=/raven/joint_cmd.position[0:9]"], "no column"),
+        (["q_nominal=/raven/joint_cmd.position", "q_encoder=/optitrack/joints.position[0]"], "1 columns, q_nominal 3"),
+        (["q_nominal=/raven/joint_cmd.position@deg,mm"], "2 for 3 columns"),
+    ],
+)  # fmt: skip
+def test_what_is_not_there_is_named_with_what_is(options: list[str], message: str, tmp_path: Path) -> None:
+    bag = two_topics(tmp_path / "lab", "ros1", seconds=3.0)
+    with pytest.raises(InputError, match=message):
+        import_recording(bag, options)
+
+
+@pytest.mark.parametrize("option", ["q_nominal", "q=a", "signal=a", "q_nominal=a@furlong", "time=t@min"])
+def test_options_that_are_no_mapping_are_refused(option: str, tmp_path: Path) -> None:
+    bag = two_topics(tmp_path / "lab", "ros1", seconds=3.0)
+    with pytest.raises(ConfigError):
+        import_recording(bag, ["q_nominal=/raven/joint_cmd.position", option])
+
+
+def test_bags_of_one_recording_and_a_csv_beside_them_are_one_log(tmp_path: Path) -> None:
+    whole = two_topics(tmp_path / "lab", "ros1", seconds=4.0)
+    t = np.arange(0.0, 4.0, 0.002)
+    table = tmp_path / "ati.csv"
+    stamps = 1_700_000_000_000_000_000 + np.rint(t * 1e9).astype(np.int64)
+    rows = "\n".join(f"{stamp},{force}" for stamp, force in zip(stamps, np.sin(t), strict=True))
+    table.write_text(f"stamp,fx\n{rows}\n")
+    log = import_recording([whole, table], [*BY_HAND, "signal:force=fx@N"], units="rad,rad,m")
+    assert isinstance(log, MotionLog)
+    assert log.time is not None
+    assert_allclose(log.signals["force"], np.sin(log.time), atol=1e-6)
+    assert log.signal_units["force"] == "N"

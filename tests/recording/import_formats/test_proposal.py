@@ -1,0 +1,185 @@
+"""What a recording suggests is proposed; what it leaves open is asked, never chosen in silence."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from catenary.config import parse_settings
+from catenary.documents import toml_table
+from catenary.errors import ConfigError, InputError
+from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
+from catenary.workflows.import_recording import Proposal, import_recording, propose_mapping
+from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
+
+T = np.arange(0.0, 3.0, 0.01)
+Q = true_q(T)[:, :2]
+
+
+def of_table(folder: Path, names: str, *columns: np.ndarray) -> Proposal:
+    table = folder / "lab.csv"
+    rows = "\n".join(",".join(f"{v:.9f}" for v in row) for row in np.column_stack([T, *columns]))
+    table.write_text(f"t,{names}\n{rows}\n")
+    return propose_mapping(table)
+
+
+@pytest.mark.parametrize(
+    ("names", "scale", "asked"),
+    [
+        ("cmd1_deg,cmd2_deg,optitrack1_deg,optitrack2_deg", 1.0, None),
+        ("cmd1_rad,cmd2_rad,encoder1,encoder2", 57.2957795, None),  # told by the ranges: degrees
+        ("cmd1,cmd2,encoder1,encoder2", 1.0, "the units of q_nominal"),
+        ("cmd1_rad,cmd2_rad,encoder1,encoder2", 7.0, "the units of q_encoder"),
+        ("q_des1_rad,q_des2_rad,q_act1_rad,q_act2_rad", 1.0, "measured at the joints"),
+        ("a1,a2,b1,b2", 1.0, "which is q_nominal"),
+        ("shoe,hat,tie,scarf", 1.0, "which columns are q_nominal"),
+    ],
+)
+def test_what_is_open_is_asked_and_nothing_is_accepted_then(
+    names: str, scale: float, asked: str | None, tmp_path: Path
+) -> None:
+    proposal = of_table(tmp_path, names, *Q.T, *(scale * (Q + 0.01)).T)
+    if asked is None:
+        assert proposal.questions == ()
+        assert proposal.accepted().q_encoder is not None
+        return
+    assert any(asked in question for question in proposal.questions)
+    assert "OPEN" in proposal.toml
+    with pytest.raises(InputError, match="leaves open"):
+        proposal.accepted()
+
+
+def test_units_follow_from_ranges_beside_each_other(tmp_path: Path) -> None:
+    proposal = of_table(tmp_path, "cmd1_rad,cmd2_rad,encoder1,encoder2", *Q.T, *np.rad2deg(Q).T)
+    mapping = proposal.accepted()
+    assert mapping.q_encoder is not None
+    assert mapping.q_encoder.units == ("deg", "deg")
+
+
+def test_columns_that_never_change_and_currents_are_set_aside_and_said(tmp_path: Path) -> None:
+    still = np.ones((len(T), 2))
+    proposal = of_table(tmp_path, "q1_rad,q2_rad,enc1_rad,enc2_rad,current1,current2", *Q.T, *still.T, *Q.T)
+    assert any("never changes" in said for said in proposal.decisions)
+    assert any("needs a scale" in said for said in proposal.decisions)
+    assert proposal.accepted().q_encoder is None
+
+
+@pytest.mark.parametrize(
+    ("names", "robot", "units", "is_open"),
+    [
+        (("shoulder", "elbow", "insertion"), None, ["rad", "rad", "mm"], False),  # by its name
+        (("j1", "j2", "j3"), None, ["rad", "rad", "mm"], True),  # angles are in rad, so this is none in deg
+        (("j1", "j2", "j3"), "raven2", ["rad", "rad", "mm"], False),  # by the limits of its third joint
+    ],
+)
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_a_slide_in_mm_among_angles_in_rad_is_told_by_its_range(
+    names: tuple[str, ...], robot: str | None, units: list[str], is_open: bool, scale: float, tmp_path: Path
+) -> None:
+    q = np.column_stack(
+        [0.5 + 0.2 * np.sin(T), 1.5 + 0.2 * np.cos(T), scale * (0.4 + 0.05 * np.sin(0.7 * T))]
+    )
+    messages: list[Message] = [
+        (t, "/joint_states", joint_state(names, row)) for t, row in zip(T, q, strict=True)
+    ]
+    bag = write_bag(tmp_path / "lab", "ros1", {"/joint_states": JOINT_STATE}, messages)
+    proposal = propose_mapping(bag, robot=robot)
+    expected = units if scale > 1.0 else ["rad", "rad", "m" if "insertion" in names or robot else "rad"]
+    assert f"units = {json.dumps(expected)}  # " in proposal.toml  # and how it was told
+    assert any("the units of q_nominal" in one for one in proposal.questions) == (is_open and scale > 1.0)
+
+
+def test_two_topics_that_may_both_be_the_encoder_are_asked(tmp_path: Path) -> None:
+    topics = ("/arm/joint_states", "/vicon/joints", "/camera/joints")
+    messages: list[Message] = [(t, topic, joint_state(JOINTS, true_q(t))) for t in T for topic in topics]
+    bag = write_bag(tmp_path / "lab", "ros1", dict.fromkeys(topics, JOINT_STATE), messages)
+    proposal = propose_mapping(bag)
+    assert any("/vicon/joints.position or /camera/joints.position" in one for one in proposal.questions)
+
+
+@settings(max_examples=30)
+@given(st.text(max_size=12), st.sampled_from(["q_nominal", "signal:x", "time", "ok", "other"]))
+def test_any_text_as_an_option_is_a_mapping_or_refused(text: str, quantity: str) -> None:
+    try:
+        mapping = mapping_of(["q_nominal=a", f"{quantity}={text}"])
+    except ConfigError:
+        return
+    assert mapping is not None
+    assert mapping.q_nominal.columns
+
+
+def test_a_mapping_with_keys_that_there_are_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="unknown key"):
+        parse_settings(toml_table('[q_nominal]\ncolumn = "a"\n', "x"), RecordingMapping, "x")
+    with pytest.raises(ValueError, match="needs robot"):
+        parse_settings(
+            {"q_nominal": {"columns": "a"}, "q_encoder": {"pose": {"columns": "b"}}}, RecordingMapping, "x"
+        )
+
+
+def moving(rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    """Commands of three joints [deg, deg, mm], and measurements that follow them."""
+    t = np.linspace(0.0, 20.0, rows)
+    q = np.column_stack([30.0 * np.sin(t), 20.0 * np.cos(1.3 * t), 150.0 + 25.0 * np.sin(0.7 * t)])
+    return q, 1.02 * q + 0.5
+
+
+def test_an_array_without_names_is_parted_into_time_commands_and_measurements(tmp_path: Path) -> None:
+    q, seen = moving()
+    np.savez(
+        tmp_path / "three.npz",
+        data=np.column_stack([0.05 * np.arange(len(q)), np.deg2rad(q), np.deg2rad(seen)]),
+    )
+    proposal = propose_mapping(tmp_path / "three.npz", units="rad")
+    assert 'time = "data[0]"' in proposal.toml
+    assert 'columns = ["data[1]", "data[2]", "data[3]"]' in proposal.toml
+    assert 'columns = ["data[4]", "data[5]", "data[6]"]' in proposal.toml
+    assert any("which moves with it" in question for question in proposal.questions)
+
+
+def test_units_behind_the_names_and_words_of_a_lab_are_enough(tmp_path: Path) -> None:
+    q, seen = moving()
+    header = "stamp_ms,opt_axis1,opt_axis2,opt_axis3,set_axis1,set_axis2,set_axis3"
+    table = np.column_stack([50.0 * np.arange(len(q)), seen, q])
+    np.savetxt(tmp_path / "one.csv", table, delimiter=",", header=header, comments="")
+    toml = propose_mapping(tmp_path / "one.csv", units="deg,deg,mm").toml
+    assert (
+        toml.index("[q_nominal]")
+        < toml.index('"set_axis1"')
+        < toml.index("[q_encoder]")
+        < toml.index('"opt_axis1"')
+    )
+    robot = np.column_stack([0.05 * np.arange(len(q)), q])
+    np.savetxt(
+        tmp_path / "robot.csv",
+        robot,
+        delimiter=",",
+        header="time,yaw [deg],pitch [deg],insertion [mm]",
+        comments="",
+    )
+    camera = np.column_stack([0.15 * np.arange(len(seen[::3])), seen[::3]])
+    np.savetxt(
+        tmp_path / "camera.csv", camera, delimiter=",", header="t,yaw_cam,pitch_cam,ins_cam", comments=""
+    )
+    proposal = propose_mapping([tmp_path / "robot.csv", tmp_path / "camera.csv"])
+    assert 'units = ["deg", "deg", "mm"]' in proposal.toml
+    assert "yaw_cam" in proposal.toml.partition("[q_encoder]")[2]
+    # one table's joint is insertion, the other's ins: that is asked, and the text is a mapping once it is answered
+    mapping = parse_settings(toml_table(proposal.toml, "proposal"), RecordingMapping, "proposal")
+    assert mapping.time == ("time", "t")
+    log = import_recording(
+        [tmp_path / "robot.csv", tmp_path / "camera.csv"], mapping.model_dump(exclude_unset=True)
+    )
+    assert log.q_encoder is not None
+    assert_allclose(log.q_nominal, q * [np.pi / 180, np.pi / 180, 1e-3], atol=1e-12)
+
+
+def test_what_was_told_and_what_was_measured_in_one_file_says_what_a_fit_needs(tmp_path: Path) -> None:
+    q, seen = moving()
+    np.savez(tmp_path / "two.npz", joint_desired=q, joint_measured=seen, time=0.05 * np.arange(len(q)))
+    said = propose_mapping(tmp_path / "two.npz", units="deg,deg,mm").decisions
+    assert any("it is q_encoder, and joint_desired is q_nominal" in decision for decision in said)

@@ -1,0 +1,248 @@
+"""Tables of many makes, written by the libraries that people use for them."""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from numpy.testing import assert_allclose
+from scipy.io import savemat
+
+from catenary.errors import FileFormatError, InputError
+from catenary.workflows.import_recording import import_recording, propose_mapping
+from lab_bags import true_q
+
+T = np.arange(0.0, 6.0, 0.01)
+Q = true_q(T)
+SEEN = Q + np.array([0.01, -0.02, 0.002])
+DEG = np.array([180 / np.pi, 180 / np.pi, 1000.0])
+NAMES = ("shoulder", "elbow", "insertion")
+
+
+def write_csv(
+    path: Path, names: list[str], columns: list[np.ndarray], separator: str = ",", decimal: str = "."
+) -> Path:
+    rows = [separator.join(f"{v:.9f}".replace(".", decimal) for v in row) for row in np.column_stack(columns)]
+    path.write_text("\n".join([separator.join(names), *rows]) + "\n")
+    return path
+
+
+def own_names(path: Path, **how: str) -> Path:
+    names = ["time_ms", *(f"{n}_cmd_{u}" for n, u in zip(NAMES, ("deg", "deg", "mm"), strict=True))]
+    names += [f"camera_{n} [{u}]" for n, u in zip(NAMES, ("deg", "deg", "mm"), strict=True)]
+    return write_csv(path, names, [1e3 * T, *(Q * DEG).T, *(SEEN * DEG).T], **how)
+
+
+@pytest.mark.parametrize("how", [{}, {"separator": ";", "decimal": ","}, {"separator": "\t"}])
+def test_a_csv_with_names_of_its_own_is_imported_by_mapping_and_by_proposal(
+    how: dict, tmp_path: Path
+) -> None:
+    table = own_names(tmp_path / "lab.csv", **how)
+    units = ("deg", "deg", "mm")
+    by_hand = import_recording(
+        table,
+        {
+            "q_nominal": {
+                "columns": [f"{n}_cmd_{u}" for n, u in zip(NAMES, units, strict=True)],
+                "units": units,
+            },
+            "q_encoder": {
+                "columns": [f"camera_{n} [{u}]" for n, u in zip(NAMES, units, strict=True)],
+                "units": units,
+            },
+        },
+    )
+    proposed = import_recording(table, accept_proposal=True)
+    for log in (by_hand, proposed):
+        assert log.joint_units == ("rad", "rad", "m")
+        assert log.ok.all()
+        assert_allclose(log.time, T, atol=1e-9)
+        assert_allclose(log.q_nominal, Q, atol=1e-9)
+        assert_allclose(log.q_encoder, SEEN, atol=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+@pytest.mark.parametrize("since", [0.0, 1.7e9])
+def test_the_unit_of_time_is_told_by_the_rate_or_the_epoch_and_said(
+    unit: str, scale: float, since: float, tmp_path: Path
+) -> None:
+    path = tmp_path / "lab.csv"
+    stamps = [str(round((since + t) * 1e9)) if unit == "ns" else f"{(since + t) * scale:.6f}" for t in T]
+    rows = [f"{s},{a:.9f},{b:.9f}" for s, a, b in zip(stamps, Q[:, 0], Q[:, 1], strict=True)]
+    path.write_text("t,q1,q2\n" + "\n".join(rows) + "\n")
+    log = import_recording(path, ["q_nominal=q1,q2"], units="rad")
+    assert_allclose(log.time, T, atol=1e-6)
+    assert any(f"time is t in {unit}" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+@pytest.mark.parametrize("name", ["", "stamp"])
+def test_dates_of_a_data_frame_are_the_time(name: str, zone: str, tmp_path: Path) -> None:
+    begin = np.datetime64("2026-03-29T00:59:58", "ns")  # an hour later clocks went forwards
+    dates = begin + np.round(T * 1e9).astype("timedelta64[ns]")
+    told = [str(date).replace("T", " ").removesuffix(".000000000") + zone for date in dates]
+    rows = [f"{d},{a:.9f},{b:.9f}" for d, a, b in zip(told, Q[:, 0], Q[:, 1], strict=True)]
+    path = tmp_path / "frame.csv"
+    path.write_text(f"{name},q1,q2\n" + "\n".join(rows) + "\n")
+    log = import_recording(path, ["q_nominal=q1,q2"], units="rad")
+    assert_allclose(log.time, T, atol=1e-6)
+    assert any(f"{name or 'time'}: holds dates" in note for note in log.notes)
+
+
+def test_an_index_of_dates_without_a_name_is_the_time_of_a_parquet_file(tmp_path: Path) -> None:
+    dates = pa.array(np.round((1.7e9 + T) * 1e9).astype(np.int64), pa.timestamp("ns"))
+    table = pa.table({"q1": Q[:, 0], "q2": Q[:, 1], "__index_level_0__": dates})
+    pq.write_table(table, tmp_path / "frame.parquet")
+    log = import_recording(tmp_path / "frame.parquet", ["q_nominal=q1,q2"], units="rad")
+    assert_allclose(log.time, T, atol=1e-6)
+
+
+def test_a_first_line_that_tells_spreadsheets_the_separator_is_no_line_of_names(tmp_path: Path) -> None:
+    table = write_csv(
+        tmp_path / "lab.csv", ["t [s]", "q1", "q2"], [T, Q[:, 0], Q[:, 1]], separator=";", decimal=","
+    )
+    table.write_text("sep=;\n" + table.read_text())
+    assert_allclose(import_recording(table, ["q_nominal=q1,q2"], units="rad").q_nominal, Q[:, :2], atol=1e-9)
+    table.write_text("sep=;\n")
+    with pytest.raises(FileFormatError, match="expected a line of names"):
+        import_recording(table, ["q_nominal=q1,q2"], units="rad")
+
+
+def test_a_unit_of_time_that_cannot_be_told_is_asked(tmp_path: Path) -> None:
+    table = write_csv(tmp_path / "lab.csv", ["t", "q1", "q2"], [np.arange(600.0), Q[:, 0], Q[:, 1]])
+    with pytest.raises(InputError, match=r"unit of time t cannot be told, rows are 1 apart.*ms \(1000 Hz\)"):
+        import_recording(table, ["q_nominal=q1,q2"], units="rad")
+    log = import_recording(table, ["q_nominal=q1,q2", "time=t@ms"], units="rad")
+    assert log.time is not None
+    assert log.time[-1] == pytest.approx(0.599)
+
+
+def test_names_that_are_there_twice_are_numbered(tmp_path: Path) -> None:
+    table = write_csv(tmp_path / "lab.csv", ["t", "q", "q", "q"], [T, *Q.T])
+    log = import_recording(table, ["q_nominal=q,q#2,q#3"], units="rad,rad,m")
+    assert_allclose(log.q_nominal, Q, atol=1e-9)
+    assert any("numbered" in note for note in log.notes)
+
+
+def test_rows_repeated_or_without_numbers_are_told_and_time_that_goes_back_begins_a_recording(
+    tmp_path: Path,
+) -> None:
+    time, q = T[:100].copy(), Q[:100].copy()
+    time[50:] -= 0.3
+    time[11] = time[10]
+    q[20, 1] = np.nan
+    table = write_csv(tmp_path / "lab.csv", ["t", "a", "b"], [time, q[:, 0], q[:, 1]])
+    log = import_recording(table, ["q_nominal=a,b"], units="rad")
+    assert len(log) == 98
+    assert len(log.starts) == 2
+    said = " ".join(log.notes)
+    for words in (
+        "1 repeated stamps were dropped",
+        "1 of 99 rows without q_nominal",
+        "time goes back 1 time",
+    ):
+        assert words in said
+
+
+def of_numpy(path: Path) -> Path:
+    np.savez(path.with_suffix(".npz"), time=T, cmd=Q, optitrack=SEEN, fs=100.0)
+    return path.with_suffix(".npz")
+
+
+def of_matlab(path: Path) -> Path:
+    content = {"log": {"time": T[:, np.newaxis], "cmd": Q, "optitrack": SEEN.T}, "note": "a text"}
+    savemat(path.with_suffix(".mat"), content, do_compression=True)
+    return path.with_suffix(".mat")
+
+
+def of_parquet(path: Path) -> Path:
+    stamps = pa.array(np.rint(T * 1e9).astype(np.int64) + 1_700_000_000 * 10**9).cast(pa.timestamp("ns"))
+    lists = {
+        name: pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), 3)
+        for name, values in (("cmd", Q), ("optitrack", SEEN))
+    }
+    pq.write_table(pa.table({"timestamp": stamps, **lists}), path.with_suffix(".parquet"))
+    return path.with_suffix(".parquet")
+
+
+@pytest.mark.parametrize("make", [of_numpy, of_matlab, of_parquet])
+def test_arrays_of_other_programs_are_read_by_name(make, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    table = make(tmp_path / "lab")
+    prefix = "log." if table.suffix == ".mat" else ""
+    log = import_recording(
+        table, [f"q_nominal={prefix}cmd", f"q_encoder={prefix}optitrack"], units="rad,rad,m"
+    )
+    assert log.q_encoder is not None
+    assert_allclose(log.time, T, atol=1e-9)
+    assert_allclose(log.q_nominal, Q)
+    assert_allclose(log.q_encoder, SEEN)
+    with pytest.raises(InputError, match="leaves open: the units of q_nominal"):
+        import_recording(table, accept_proposal=True)
+    assert "optitrack[0]" in propose_mapping(table, units="rad,rad,m").toml
+
+
+def test_a_matlab_file_with_an_encoder_of_its_own_rate_and_time(tmp_path: Path) -> None:
+    slow = np.arange(0.0, 6.0, 0.03)
+    content = {"t": T, "cmd": Q, "t_cam": slow, "cam": true_q(slow) + 0.01}
+    savemat(tmp_path / "lab.mat", content)
+    log = import_recording(tmp_path / "lab.mat", ["q_nominal=cmd", "q_encoder=cam"], units="rad,rad,m")
+    assert log.q_encoder is not None
+    assert log.ok.mean() > 0.98
+    assert_allclose(log.q_encoder[log.ok], Q[log.ok] + 0.01, atol=0.7 * 0.03**2 / 8)
+
+
+def test_matlab_s_version_7_3_is_refused_with_advice(tmp_path: Path) -> None:
+    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM"
+    (tmp_path / "lab.mat").write_bytes(head.ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(500))
+    with pytest.raises(FileFormatError, match=r"7\.3.*'-v7'"):
+        propose_mapping(tmp_path / "lab.mat")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "expected a line of names"),
+        (b"1,2,3\n4,5,6\n", "first line has numbers"),
+        (b"\xff\xfea\0", "expected"),
+        (b"a,b\n" + b"\0" * 20 + b"\n", "no text"),
+        (b"a,b\nx,y\nz,w\n", "no column of numbers"),
+        (b"a" * 2_000_000 + b"\n1\n", "a line of more than"),
+        (b"a,b\n1,2\n3\n", "cannot be read as CSV"),
+        (",".join(f"c{i}" for i in range(6000)).encode() + b"\n" + b",".join([b"1"] * 6000), "6000 columns"),
+    ],
+)
+def test_what_is_no_table_is_refused_in_words(content: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_bytes(content)
+    with pytest.raises(FileFormatError, match=message):
+        propose_mapping(tmp_path / "lab.csv")
+
+
+@pytest.mark.parametrize("ending", [".mat", ".npz", ".npy", ".parquet", ".bag", ".mcap", ".db3", ".csv"])
+def test_bytes_of_no_file_are_refused(ending: str, tmp_path: Path, rng: np.random.Generator) -> None:
+    for size in (0, 10, 600, 5000):
+        (tmp_path / f"lab{ending}").write_bytes(rng.bytes(size))
+        with pytest.raises(FileFormatError):
+            propose_mapping(tmp_path / f"lab{ending}")
+
+
+def test_damaged_matlab_files_are_refused_or_read(tmp_path: Path, rng: np.random.Generator) -> None:
+    whole = of_matlab(tmp_path / "lab").read_bytes()
+    for _ in range(60):
+        data = bytearray(whole)
+        for place in rng.integers(0, len(data), 3):
+            data[place] = rng.integers(256)
+        (tmp_path / "bad.mat").write_bytes(bytes(data[: rng.integers(100, len(data))]))
+        try:
+            propose_mapping(tmp_path / "bad.mat")
+        except (FileFormatError, InputError):
+            continue
+
+
+def test_control_characters_in_names_stay_out_of_the_proposal(tmp_path: Path) -> None:
+    names = ["t", "cmd_a\x1b\x07", "cmd_b", "camera_a\x1b\x07", "camera_b"]
+    table = write_csv(tmp_path / "lab.csv", names, [T, Q[:, 0], Q[:, 1], SEEN[:, 0], SEEN[:, 1]])
+    proposal = propose_mapping(table, units="rad")
+    assert not any(ord(letter) < 32 and letter != "\n" for letter in proposal.toml)
+    log = import_recording(table, proposal.accepted())
+    assert_allclose(log.q_nominal, Q[:, :2], atol=1e-9)

@@ -1,0 +1,149 @@
+"""Joints from the poses of a tracked marker: the nearest that the robot reaches."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.arrays import Floats
+from catenary.dynamics.inverse_kinematics import nearest_coordinates
+from catenary.dynamics.kinematics import forward_kinematics, jacobian
+from catenary.errors import InputError
+from catenary.recording.import_formats.tracked_pose import open_joints
+from catenary.robots.catalog import load_robot
+from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
+from catenary.workflows.import_recording import import_recording
+
+TRACKER = Pose(rotation_from_rpy([0.1, -0.2, 1.0]), np.array([0.4, -0.3, 0.9]))  # in the base
+MARKER = Pose(
+    rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02])
+)  # the tip in the marker's frame
+
+
+def tracked(path: Path, robot: str, reported: Floats, truth: Floats, off: Floats | float = 0.0) -> Path:
+    """A CSV of reported joints in rad and m, and the marker's pose in mm and as x, y, z, w, off by some mm."""
+    model, rows = load_robot(robot), []
+    for q, real, wrong in zip(reported, truth, np.broadcast_to(off, (len(truth), 3)), strict=True):
+        marker = TRACKER.inverse() @ forward_kinematics(model, real) @ MARKER.inverse()
+        w, x, y, z = quaternion_from_rotation(marker.rotation)
+        rows.append([*q, *(1e3 * marker.position + wrong), x, y, z, w])
+    names = [*(f"q{j}" for j in range(model.n)), "x", "y", "z", "qx", "qy", "qz", "qw"]
+    table = np.column_stack([0.02 * np.arange(len(rows)), rows])
+    np.savetxt(path, table, delimiter=",", header=",".join(["t", *names]), comments="")
+    return path
+
+
+def mapping(robot: str, **how: object) -> dict[str, object]:
+    transforms = {
+        name: {"position_m": pose.position.tolist(), "rotation": pose.rotation.tolist()}
+        for name, pose in (("T_base_tracker", TRACKER), ("T_marker_frame", MARKER))
+    }
+    pose = {"columns": ["x", "y", "z", "qx", "qy", "qz", "qw"], "unit": "mm", **transforms, **how}
+    return {
+        "robot": robot,
+        "time": "t",
+        "q_nominal": {"columns": [f"q{j}" for j in range(load_robot(robot).n)]},
+        "q_encoder": {"pose": pose},
+    }
+
+
+def motion(robot: str, rows: int = 60) -> Floats:
+    """A smooth motion in the middle half of the limits."""
+    model, s = load_robot(robot), np.linspace(0.0, 1.0, rows)[:, None]
+    phase, rate = np.arange(model.n), 1.0 + np.arange(model.n) % 3
+    low, high = np.maximum(model.lower, -1.5), np.minimum(model.upper, 1.5)
+    return np.asarray(0.5 * (low + high) + 0.25 * (high - low) * np.sin(2.0 * np.pi * rate * s + phase))
+
+
+@pytest.mark.slow  # compiles the robot's kinematics
+def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
+    q = motion("raven2_full", rows=12)
+    error = np.array([0.02, -0.015, 0.002, 0.1, -0.08, 0.05])
+    path = tracked(tmp_path / "arm.csv", "raven2_full", q, q + error)
+    log = import_recording(path, mapping("raven2_full", match="pose"))
+    assert log.q_encoder is not None
+    assert log.ok.all()
+    assert_allclose(
+        log.q_encoder, q + error, atol=1e-5
+    )  # the CSV has all digits; the search ends within 1e-9 m
+
+
+@pytest.mark.parametrize(
+    ("robot", "match", "lost", "choice"),
+    [
+        ("raven2_full", "position", "shoulder, elbow, insertion, roll, wrist, tool", 'match = "pose" or'),
+        ("dvrk_psm", "position", "outer_yaw, .*, outer_wrist_yaw", 'match = "pose" or'),
+        (
+            "dvrk_psm_motors",
+            "pose",
+            "q4, q5, q6, q7",
+            "a frame that they move",
+        ),  # its file ends at the insertion
+        ("planar_3r", "position", "link1, link2, link3", 'match = "pose" or'),
+        ("panda", "pose", "q1, q2, q3, q4, q5, q6, q7", "a frame that they move"),  # one joint too many
+    ],
+)
+def test_a_pose_that_leaves_joints_open_is_refused(
+    tmp_path: Path, robot: str, match: str, lost: str, choice: str
+) -> None:
+    q = motion(robot, rows=12)
+    path = tracked(tmp_path / "arm.csv", robot, q, q + 0.01)
+    said = f"the {match} of .* leaves {lost} open, of {q.shape[1]} joints: .* expected {choice}"
+    with pytest.raises(InputError, match=said):
+        import_recording(path, mapping(robot, match=match))
+
+
+def test_a_pose_turned_about_the_tools_own_axis_leaves_its_roll_open_and_no_other() -> None:
+    model = load_robot("raven2_full")
+    q = motion("raven2_full", 3)[1]
+    roll = model.joint_names.index("roll")
+    axis = jacobian(model, q)[3:, roll]
+    assert np.linalg.norm(axis) == pytest.approx(1.0)
+    for chosen in ([0, 1, 2], [roll]):
+        assert not open_joints(model, q, None, "pose", chosen).any()
+    arm = load_robot("raven2")  # the first three joints, whose tip is on the tool's axis
+    assert not open_joints(arm, motion("raven2", 3)[1], None, "position", [0, 1, 2]).any()
+
+
+def test_a_singular_pose_in_passing_is_one_row_without_a_measurement(tmp_path: Path) -> None:
+    q = motion("two_link")
+    q[30, 1] = 0.0  # stretched: the tip does not tell which way the elbow bends
+    log = import_recording(tracked(tmp_path / "arm.csv", "two_link", q, q), mapping("two_link"))
+    assert np.flatnonzero(~log.ok).tolist() == [30]
+    assert any("singular" in note for note in log.notes)
+
+
+@pytest.mark.slow  # as above
+def test_an_arm_that_reaches_no_measured_pose_is_taken_at_its_nearest(tmp_path: Path) -> None:
+    q = motion("planar_3r")
+    noise = np.random.default_rng(0).normal(0.0, 0.2, (len(q), 3))  # [mm], out of the arm's plane too
+    path = tracked(tmp_path / "arm.csv", "planar_3r", q, q + 0.01, noise)
+    log = import_recording(path, mapping("planar_3r", match="pose"))
+    assert log.q_encoder is not None
+    assert log.ok.mean() > 0.95
+    # 0.2 mm at 0.2 m and more is 1 mrad, and three joints share it
+    assert np.sqrt(np.mean((log.q_encoder - q - 0.01)[log.ok] ** 2)) < 4e-3
+    few = import_recording(path, mapping("planar_3r", match="pose", within_mm=0.2))
+    assert 0 < few.ok.sum() < 0.9 * len(q)
+    assert any("beyond 0.2 mm and 1 deg from all that the robot reaches" in note for note in few.notes)
+    with pytest.raises(InputError, match="measured on no row"):
+        import_recording(
+            tracked(tmp_path / "far.csv", "planar_3r", q, q, 50.0), mapping("planar_3r", match="pose")
+        )
+
+
+@pytest.mark.slow  # as above
+def test_nothing_beside_the_nearest_coordinates_is_nearer() -> None:
+    model, rng = load_robot("planar_3r"), np.random.default_rng(1)
+    for q in motion("planar_3r", 8):
+        reached = forward_kinematics(model, q)
+        wanted = Pose(
+            reached.rotation @ rotation_from_rpy([0.02, 0.01, 0.0]),
+            reached.position + np.array([0.0, 3e-3, 1e-3]),
+        )
+        found = nearest_coordinates(model, wanted, q)
+        square = found.position_error**2 + found.orientation_error**2
+        for step in rng.normal(0.0, 1e-3, (20, model.n)):
+            beside = nearest_coordinates(model, wanted, found.q + step, max_iterations=0)
+            assert square <= beside.position_error**2 + beside.orientation_error**2 + 1e-12

@@ -1,0 +1,215 @@
+"""One recording in ten containers: ten equal logs, and ten equal verdicts."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from numpy.testing import assert_array_equal
+from rosbags.rosbag2 import StoragePlugin, Writer
+from scipy.io import savemat
+
+from catenary.plant import MotionLog
+from catenary.recording.journal import JournalTopic, JournalWriter
+from catenary.recording.messages import ros2_name, typestore
+from catenary.verdict.check import findings_of
+from catenary.workflows.import_recording import import_recording
+from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
+
+START = 1_700_000_000_000_000_000  # [ns] of lab_bags
+STATE, CAMERA = "/arm/joint_states", "/camera/joints"
+# the robot at 30 Hz with jitter, the camera at 100 Hz, blind for two seconds, at last stuck on one joint
+_RNG = np.random.default_rng(5)
+T = np.round(np.cumsum(_RNG.uniform(0.025, 0.042, 900)), 4)
+T_SEEN = np.round(np.arange(0.0, T[-1], 0.01), 4)
+T_SEEN = T_SEEN[(T_SEEN < 8.0) | (T_SEEN > 10.0)]
+Q, QD, TAU = true_q(T), np.gradient(true_q(T), T, axis=0), _RNG.normal(size=(len(T), 3))
+SEEN = true_q(T_SEEN) + np.array([0.01, -0.02, 0.001])
+SEEN[T_SEEN > 15.0, 1] = SEEN[T_SEEN > 15.0, 1][0]
+SEEN[40, 2] = np.nan
+
+
+def stamps(time: np.ndarray) -> np.ndarray:
+    return START + np.rint(time * 1e9).astype(np.int64)
+
+
+def messages() -> list[Message]:
+    told: list[Message] = [
+        (t, STATE, joint_state(JOINTS, *row)) for t, row in zip(T, zip(Q, QD, TAU, strict=True), strict=True)
+    ]
+    seen: list[Message] = [(t, CAMERA, joint_state(JOINTS, row)) for t, row in zip(T_SEEN, SEEN, strict=True)]
+    return [*told, *seen]
+
+
+def of_bag(kind: str) -> Callable[[Path], list[Path]]:
+    def write(folder: Path) -> list[Path]:
+        topics = {STATE: JOINT_STATE, CAMERA: JOINT_STATE}
+        return [write_bag(folder / "lab", kind, topics, messages())]  # type: ignore[arg-type]
+
+    return write
+
+
+def of_split_bag(folder: Path) -> list[Path]:
+    """A ROS 2 bag whose second file begins in the middle, as `ros2 bag record --max-bag-duration` writes it."""
+    store = typestore(2)
+    parts = [folder / "first", folder / "second"]
+    for half, path in enumerate(parts):
+        with Writer(path, version=8, storage_plugin=StoragePlugin.SQLITE3) as bag:
+            to = {t: bag.add_connection(t, JOINT_STATE, typestore=store) for t in (STATE, CAMERA)}
+            for time, topic, make in sorted(messages(), key=lambda message: message[0]):
+                if (time > 14.0) == bool(half):
+                    head = store.types["std_msgs/msg/Header"](
+                        stamp=store.types["builtin_interfaces/msg/Time"](
+                            *divmod(START + round(time * 1e9), 10**9)
+                        ),
+                        frame_id="",
+                    )
+                    data = store.serialize_cdr(make(store, head), JOINT_STATE)
+                    bag.write(to[topic], START + round(time * 1e9), data)
+    return parts
+
+
+def of_journal(folder: Path) -> list[Path]:
+    store = typestore(1)
+    topics = [JournalTopic(topic, "sensor_msgs/JointState") for topic in (STATE, CAMERA)]
+    with JournalWriter(folder / "lab", topics) as journal:
+        for time, topic, make in sorted(messages(), key=lambda message: message[0]):
+            stamp = store.types["builtin_interfaces/msg/Time"](*divmod(START + round(time * 1e9), 10**9))
+            head = store.types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="")
+            data = store.serialize_ros1(make(store, head), ros2_name("sensor_msgs/JointState"))
+            journal.append(topic, START + round(time * 1e9), bytes(data))
+    return [folder / "lab"]
+
+
+def columns() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The two topics as columns: the stamp [ns], then numbers."""
+    state = {f"{name}[{i}]": v[:, i] for name, v in (("q", Q), ("qd", QD), ("tau", TAU)) for i in range(3)}
+    camera = {f"cam[{i}]": SEEN[:, i] for i in range(3)}
+    return {"stamp": stamps(T), **state}, {"stamp": stamps(T_SEEN), **camera}
+
+
+def one_table() -> dict[str, list[object]]:
+    """All columns in one table, as PlotJuggler writes it: a row for each message, what is not in it left open."""
+    state, camera = columns()
+    names = [name for part in (state, camera) for name in part if name != "stamp"]
+    rows = []
+    for part in (state, camera):
+        for i, stamp in enumerate(part["stamp"].tolist()):
+            rows.append((stamp, {name: part[name][i] for name in part if name != "stamp"}))
+    rows.sort(key=lambda row: row[0])
+    table: dict[str, list[object]] = {"stamp": [stamp for stamp, _ in rows]}
+    return table | {name: [row.get(name) for _, row in rows] for name in names}
+
+
+def as_csv(path: Path, table: dict[str, list[object]]) -> Path:
+    lines = [",".join(table)]
+    lines += [
+        ",".join("" if value is None else repr(getattr(value, "item", lambda v=value: v)()) for value in row)
+        for row in zip(*table.values(), strict=True)
+    ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def of_one_csv(folder: Path) -> list[Path]:
+    return [as_csv(folder / "lab.csv", one_table())]
+
+
+def of_a_csv_a_topic(folder: Path) -> list[Path]:
+    state, camera = columns()
+    return [
+        as_csv(folder / "lab.csv", {name: list(v) for name, v in state.items()}),
+        as_csv(folder / "camera.csv", {name: list(v) for name, v in camera.items()}),
+    ]
+
+
+def of_parquet(folder: Path) -> list[Path]:
+    pq.write_table(pa.table(one_table()), folder / "lab.parquet")
+    return [folder / "lab.parquet"]
+
+
+ARRAYS = {"stamp": stamps(T), "q": Q, "qd": QD, "tau": TAU, "stamp_cam": stamps(T_SEEN), "cam": SEEN}
+
+
+def of_numpy(folder: Path) -> list[Path]:
+    np.savez(folder / "lab.npz", **ARRAYS)
+    return [folder / "lab.npz"]
+
+
+def of_matlab(folder: Path) -> list[Path]:
+    savemat(folder / "lab.mat", ARRAYS)
+    return [folder / "lab.mat"]
+
+
+BY_TOPIC = {
+    "q_nominal": {"columns": f"{STATE}.position", "units": ["rad", "rad", "m"]},
+    "q_encoder": {"columns": f"{CAMERA}.position", "units": ["rad", "rad", "m"]},
+    "qd": {"columns": f"{STATE}.velocity", "units": ["rad", "rad", "m"]},
+    "tau": {"columns": f"{STATE}.effort"},
+}
+BY_COLUMN = {
+    "q_nominal": {"columns": "q", "units": ["rad", "rad", "m"]},
+    "q_encoder": {"columns": "cam", "units": ["rad", "rad", "m"]},
+    "qd": {"columns": "qd", "units": ["rad", "rad", "m"]},
+    "tau": {"columns": "tau"},
+    "joint_names": list(JOINTS),
+    "time_unit": "ns",
+}
+CONTAINERS: dict[str, tuple[Callable[[Path], list[Path]], dict[str, object]]] = {
+    "ROS 1 bag": (of_bag("ros1"), BY_TOPIC),
+    "split ROS 2 bag": (of_split_bag, BY_TOPIC),
+    "SQLite": (of_bag("sqlite"), BY_TOPIC),
+    "MCAP": (of_bag("mcap"), BY_TOPIC),
+    "journal": (of_journal, BY_TOPIC),
+    "one CSV": (of_one_csv, BY_COLUMN),
+    "a CSV a topic": (of_a_csv_a_topic, BY_COLUMN),
+    "Parquet": (of_parquet, BY_COLUMN),
+    "NumPy": (of_numpy, BY_COLUMN),
+    "MATLAB": (of_matlab, BY_COLUMN),
+}
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, MotionLog]:
+    found = {}
+    for name, (write, mapping) in CONTAINERS.items():
+        folder = tmp_path_factory.mktemp("container")
+        found[name] = import_recording(write(folder), mapping)
+    return found
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_every_container_gives_the_log_of_the_rule(logs: dict[str, MotionLog], container: str) -> None:
+    """The rule, worked out here: the straight line between the two samples around each stamp, no farther apart than 50 ms."""
+    log = logs[container]
+    assert log.time is not None
+    assert log.q_encoder is not None
+    stamp, seen = stamps(T), stamps(T_SEEN)
+    right = np.searchsorted(seen, stamp).clip(1, len(seen) - 1)
+    left = right - 1
+    near = (seen[right] - seen[left] <= 50_000_000) & (stamp <= seen[-1]) & (stamp >= seen[0])
+    share = (stamp - seen[left]) / (seen[right] - seen[left])
+    expected = SEEN[left] + share[:, None] * (SEEN[right] - SEEN[left])
+    expected[stamp == seen[right]] = SEEN[right][stamp == seen[right]]
+    trusted = near & np.isfinite(expected).all(axis=1)
+    assert_array_equal(log.time, (stamp - stamp[0]) / 1e9)
+    assert log.began == stamp[0] / 1e9
+    for got, known in ((log.q_nominal, Q), (log.qd, QD), (log.tau, TAU)):
+        assert_array_equal(got, known)
+    assert_array_equal(log.ok, trusted)
+    assert 700 < log.ok.sum() < len(log) - 50
+    np.testing.assert_allclose(log.q_encoder[trusted], expected[trusted], rtol=1e-15)
+    assert log.joint_names == JOINTS
+    assert log.joint_units == ("rad", "rad", "m")
+
+
+@pytest.mark.parametrize("container", [name for name in CONTAINERS if name != "ROS 1 bag"])
+def test_all_logs_and_verdicts_are_equal_to_the_last_bit(logs: dict[str, MotionLog], container: str) -> None:
+    first, other = logs["ROS 1 bag"], logs[container]
+    for key in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau"):
+        assert_array_equal(getattr(other, key), getattr(first, key), err_msg=key)
+    verdict = findings_of(first)
+    assert ("stuck", (JOINTS[1],)) in [(each.name, each.joints) for each in verdict]
+    assert findings_of(other) == verdict
