@@ -45,7 +45,6 @@ MODULES = {
     "beyond-paths": "papers.beyond.paths",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-day-after": "papers.beyond.day_after",
-    "beyond-watch": "papers.beyond.watch",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
     "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",

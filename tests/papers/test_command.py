@@ -42,9 +42,7 @@ def report(outcomes: Outcomes) -> Report:
     figure, (axes,) = panels(1, 2.0)
     axes.plot([result["square"] for result in outcomes.of(squared)])
     rows = [[str(told["number"]), str(result["square"])] for told, result in outcomes.items(squared)]
-    return Report(
-        [TitledTable("Squares", Table(["number", "square"], rows))], [TitledPicture("A curve", figure)]
-    )
+    return Report([TitledTable("Squares", Table(["number", "square"], rows))], [TitledPicture("A curve", figure)])
 
 
 SQUARES = Experiment(
@@ -56,16 +54,7 @@ SQUARES = Experiment(
     cases=cases,
     report=report,
     minutes=0.1,
-    claims=[
-        Claim(
-            "They grow",
-            "I",
-            "1 < 4",
-            "each larger",
-            lambda _: Judgement("reproduced", "0 < 1"),
-            fitted=True,
-        )
-    ],
+    claims=[Claim("They grow", "I", "1 < 4", "each larger", lambda _: Judgement("reproduced", "0 < 1"), fitted=True)],
     drawn=2,
 )
 
@@ -106,9 +95,7 @@ def test_the_date_and_the_minutes_are_those_of_the_cases_whenever_they_are_shown
     assert content["processor_minutes"] == 1.5
 
 
-def test_quick_results_hold_no_verdict_and_stand_apart(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_quick_results_hold_no_verdict_and_stand_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["calibration-table-1", "--quick", "--out", str(tmp_path)]) == 0
     assert "They grow" not in capsys.readouterr().out
     assert not (tmp_path / "beyond-squares.json").exists()
@@ -143,9 +130,7 @@ def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
         (["all", "--fast"], "--fast"),
     ],
 )
-def test_what_is_not_understood_is_refused(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_not_understood_is_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         command.main(words)
     assert end.value.code == 2

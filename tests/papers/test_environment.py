@@ -65,8 +65,7 @@ def test_the_page_states_the_tolerances_that_are_held() -> None:
 
 
 @pytest.mark.skipif(
-    "BLAS for any" in environment.processor() or platform.machine() != "x86_64",
-    reason="no BLAS of several processors",
+    "BLAS for any" in environment.processor() or platform.machine() != "x86_64", reason="no BLAS of several processors"
 )
 def test_another_processors_blas_changes_results_within_the_tolerance_that_is_stated() -> None:
     paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])

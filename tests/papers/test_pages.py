@@ -15,9 +15,7 @@ from papers.pages import ROOT, block, committed, publish, with_blocks
 
 QUOTING = sorted(page for page in pages.PAGES.glob("*.md") if "<!-- papers " in page.read_text())
 OF_PAPERS = [
-    page
-    for page in QUOTING
-    if page.stem.startswith("paper-") or page.stem in ("beyond", "papers", "tutorial-two-link")
+    page for page in QUOTING if page.stem.startswith("paper-") or page.stem in ("beyond", "papers", "tutorial-two-link")
 ]
 NUMBER = r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 UNIT = r"(?:deg|degrees|rad|mm|m|Nm|N|us|ms|s|min|minutes|hours|Hz|kg|g|times)\b|%"
@@ -97,9 +95,9 @@ def test_a_number_that_no_block_of_its_page_shows_is_found() -> None:
     whole = quoting.replace("table-1 1", "table-1")
     (claim,) = RESULTS["calibration-table-1"]["claims"]
     reasoned = [claim | {"why": "since 0.777 is so"}]
-    assert without_source(
-        whole, {"calibration-table-1": {**RESULTS["calibration-table-1"], "claims": reasoned}}
-    ) == ["0.777"]
+    assert without_source(whole, {"calibration-table-1": {**RESULTS["calibration-table-1"], "claims": reasoned}}) == [
+        "0.777"
+    ]
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in pages.COMMITTED.glob("*.json")))
@@ -110,9 +108,7 @@ def test_committed_claims_are_those_that_the_experiment_makes(name: str) -> None
     assert kept == made, f"a claim has changed since it was judged: run {name} again, then publish"
 
 
-def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(monkeypatch: pytest.MonkeyPatch) -> None:
     one = catalog.experiment("calibration-table-1")
     claims = [replace(claim, why=f"since {n}", fitted=n == 0) for n, claim in enumerate(one.claims)]
     monkeypatch.setattr(pages, "experiment", lambda _: replace(one, claims=claims))
@@ -157,12 +153,7 @@ def test_a_block_holds_picture_table_claims_and_what_they_were_made_with() -> No
 
 def test_a_claim_that_no_paper_makes_is_none_of_its_claims() -> None:
     (claim,) = RESULTS["calibration-table-1"]["claims"]
-    own = {
-        "calibration-table-1": {
-            **RESULTS["calibration-table-1"],
-            "claims": [claim | {"place": "beyond II-E"}],
-        }
-    }
+    own = {"calibration-table-1": {**RESULTS["calibration-table-1"], "claims": [claim | {"place": "beyond II-E"}]}}
     assert "1 > 2" not in block(["claims", "calibration"], own)
     assert "1 > 2" in block(["claims", "beyond"], own)
 
@@ -176,9 +167,7 @@ def test_writing_blocks_twice_changes_nothing_more() -> None:
     assert with_blocks(once, RESULTS) == once
 
 
-def test_results_with_missing_cases_are_not_published(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_with_missing_cases_are_not_published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("COMMITTED", "PICTURES", "PAGES"):
         monkeypatch.setattr(pages, name, tmp_path / name.lower())
     (tmp_path / "pages").mkdir()
@@ -190,9 +179,5 @@ def test_results_with_missing_cases_are_not_published(
     (tmp_path / "calibration-table-1.json").write_text(json.dumps(content))
     (tmp_path / "calibration-table-1-1.svg").write_text("<svg/>")
     written = publish(tmp_path, ["calibration-table-1"])
-    assert [path.name for path in written] == [
-        "calibration-table-1.json",
-        "calibration-table-1-1.svg",
-        "page.md",
-    ]
+    assert [path.name for path in written] == ["calibration-table-1.json", "calibration-table-1-1.svg", "page.md"]
     assert "0.1" in (tmp_path / "pages" / "page.md").read_text()

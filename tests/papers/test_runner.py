@@ -11,16 +11,7 @@ from typing import Any
 import pytest
 
 from catenary.errors import InputError
-from oracles.sweep_cases import (
-    become_another_processor,
-    become_older,
-    calls,
-    deadly,
-    failing,
-    not_plain,
-    quick,
-    summed,
-)
+from oracles.sweep_cases import become_another_processor, become_older, calls, deadly, failing, not_plain, quick, summed
 from papers import runner
 from papers.experiment import Case, Result
 from papers.runner import Failure, execute, fingerprint, run_cases
@@ -42,9 +33,7 @@ def cluster() -> Iterator[Any]:
     """Two workers of a Dask cluster that somebody else started."""
     from distributed import LocalCluster
 
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
-    ) as local:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0) as local:
         yield local
 
 
@@ -76,9 +65,7 @@ def test_a_case_that_raises_is_kept_as_a_failure_and_the_others_end(tmp_path: Pa
     assert "failing(folder" in kept[bad[0].key]
 
 
-def test_an_interrupted_sweep_goes_on_where_it_was_and_runs_nothing_twice(
-    tmp_path: Path, begun: Path
-) -> None:
+def test_an_interrupted_sweep_goes_on_where_it_was_and_runs_nothing_twice(tmp_path: Path, begun: Path) -> None:
     store, cases = Store(tmp_path / "out"), sums(begun, 5)
 
     def stop_at_the_third(case: Case, _: Finished | Failure) -> None:
@@ -94,9 +81,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was_and_runs_nothing_twice(
     assert [calls(begun, k) for k in range(5)] == [1] * 5
 
 
-def test_a_failed_case_runs_again_the_next_time_and_its_failure_is_forgotten(
-    tmp_path: Path, begun: Path
-) -> None:
+def test_a_failed_case_runs_again_the_next_time_and_its_failure_is_forgotten(tmp_path: Path, begun: Path) -> None:
     store, case = Store(tmp_path / "out"), quick.case(number=1, folder=str(begun))
     store.write_failure(case, "no disk")
     assert run_cases([case], store) == []
@@ -150,9 +135,7 @@ def test_a_cluster_by_address_gives_the_same_and_two_hundred_cases_tell_their_pr
 
     def count(case: Case, _: Finished | Failure) -> None:
         told.append(case)
-        partial.append(
-            len(list(there.folder.iterdir()))
-        )  # results are there as cases end, not after all of them
+        partial.append(len(list(there.folder.iterdir())))  # results are there as cases end, not after all of them
 
     assert run_cases(many, there, cluster=cluster.scheduler_address, told=count) == []
     assert set(told) == set(many)
@@ -164,9 +147,7 @@ def test_a_cluster_by_address_gives_the_same_and_two_hundred_cases_tell_their_pr
 def test_killed_workers_cost_no_case_but_those_that_kill_again(tmp_path: Path, begun: Path) -> None:
     once = deadly.case(number=100, folder=str(begun), deaths=1)
     always = [deadly.case(number=k, folder=str(begun), deaths=99) for k in (101, 102)]
-    others = [
-        summed.case(number=k, folder=str(begun), size=1000) for k in range(6)
-    ]  # long enough to be there
+    others = [summed.case(number=k, folder=str(begun), size=1000) for k in range(6)]  # long enough to be there
     store = Store(tmp_path / "out")
     failures = run_cases([always[0], *others[:3], always[1], once, *others[3:]], store, workers=2)
     assert {failure.case for failure in failures} == set(always)
@@ -206,16 +187,7 @@ def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
     store = Store(tmp_path / "out")
     with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as local, Client(local) as client:
         worker = subprocess.Popen(  # no nanny starts another in its place
-            [
-                sys.executable,
-                "-m",
-                "dask",
-                "worker",
-                local.scheduler_address,
-                "--no-nanny",
-                "--nthreads",
-                "1",
-            ],
+            [sys.executable, "-m", "dask", "worker", local.scheduler_address, "--no-nanny", "--nthreads", "1"],
             cwd=ROOT,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
             stderr=subprocess.DEVNULL,
@@ -239,9 +211,7 @@ def test_a_worker_on_another_processor_is_told_and_taken(
     from distributed import Client, LocalCluster
 
     with (
-        LocalCluster(
-            n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
-        ) as unlike,
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0) as unlike,
         Client(unlike) as client,
     ):
         client.run(become_another_processor)
@@ -256,9 +226,7 @@ def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: 
     from distributed import Client, LocalCluster
 
     with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
-        ) as mixed,
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0) as mixed,
         Client(mixed) as client,
     ):
         aged = next(iter(client.scheduler_info()["workers"]))
@@ -270,9 +238,7 @@ def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_cluster_without_workers_is_refused(
-    tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_without_workers_is_refused(tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from distributed import LocalCluster
 
     monkeypatch.setattr(runner, "PATIENCE", 0.5)

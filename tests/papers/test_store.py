@@ -95,9 +95,7 @@ def test_a_key_depends_on_the_data_of_simulated_robots_and_of_those_it_names(
     assert CASE.key == before
 
 
-def test_the_digest_of_the_source_changes_with_any_file(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_digest_of_the_source_changes_with_any_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "robots").mkdir()
     monkeypatch.setattr(store, "files", lambda _: tmp_path)
     digests = []
