@@ -54,6 +54,13 @@ RESULTS = {
 }
 
 
+def with_claim(**parts: str) -> dict[str, Any]:
+    """Return the results, parts of their claim being others."""
+    content = RESULTS["calibration-table-1"]
+    (claim,) = content["claims"]
+    return {"calibration-table-1": {**content, "claims": [claim | parts]}}
+
+
 @pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
 def test_blocks_of_a_document_are_what_the_committed_tables_say(page: Path) -> None:
     text = page.read_text()
@@ -93,11 +100,7 @@ def test_a_number_that_no_block_of_its_page_shows_is_found() -> None:
     typed = "It was 0.777 deg and 41 mm after 4321 turns"
     assert without_source(typed + quoting, RESULTS) == ["0.777", "41"]
     whole = quoting.replace("table-1 1", "table-1")
-    (claim,) = RESULTS["calibration-table-1"]["claims"]
-    reasoned = [claim | {"why": "since 0.777 is so"}]
-    assert without_source(whole, {"calibration-table-1": {**RESULTS["calibration-table-1"], "claims": reasoned}}) == [
-        "0.777"
-    ]
+    assert without_source(whole, with_claim(why="since 0.777 is so")) == ["0.777"]
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in pages.COMMITTED.glob("*.json")))
@@ -152,8 +155,7 @@ def test_a_block_holds_picture_table_claims_and_what_they_were_made_with() -> No
 
 
 def test_a_claim_that_no_paper_makes_is_none_of_its_claims() -> None:
-    (claim,) = RESULTS["calibration-table-1"]["claims"]
-    own = {"calibration-table-1": {**RESULTS["calibration-table-1"], "claims": [claim | {"place": "beyond II-E"}]}}
+    own = with_claim(place="beyond II-E")
     assert "1 > 2" not in block(["claims", "calibration"], own)
     assert "1 > 2" in block(["claims", "beyond"], own)
 

@@ -12,12 +12,11 @@ POSES = np.random.default_rng(1).uniform(-np.pi, np.pi, (10, 2))
 
 
 def at(expression: sp.Matrix, q: np.ndarray) -> np.ndarray:
-    values = {**symbols.NUMBERS, symbols.q0: q[0], symbols.q1: q[1]}
-    return np.array(expression.subs(values), dtype=float)
+    return np.array(expression.subs({symbols.q0: q[0], symbols.q1: q[1]}), dtype=float)
 
 
 def test_mass_matrix_and_gravity_torque_are_those_of_the_symbols() -> None:
-    M, g = symbols.mass_matrix(), symbols.gravity_torque()
+    M, g = (each.subs(symbols.NUMBERS) for each in (symbols.mass_matrix(), symbols.gravity_torque()))
     for q in POSES:
         assert_allclose(mass_matrix(ARM, q), at(M, q), atol=1e-12)
         assert_allclose(gravity_torque(ARM, q, LEVEL), at(g, q)[:, 0], atol=1e-12)
