@@ -79,10 +79,10 @@ bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
 
 bench-dds: $(VENV)/.development
-	$(BIN)/python -m tests.benchmarks.dds_serving --seconds 300 --json build/benchmarks/dds_serving.json
+	$(BIN)/python -m tests.benchmarks.serving --listener dds --seconds 300 --json build/benchmarks/dds_serving.json
 
 bench-serving: $(VENV)/.development
-	$(BIN)/python -m tests.benchmarks.serving --seconds 300 --json build/benchmarks/serving.json
+	$(BIN)/python -m tests.benchmarks.serving --listener sockets --listener rospy --seconds 300 --json build/benchmarks/serving.json
 	$(BIN)/python -m tests.benchmarks.deployed --seconds 60 --json build/benchmarks/deployed.json
 
 bench-bags: $(VENV)/.development

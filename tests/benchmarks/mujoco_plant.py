@@ -36,12 +36,7 @@ def tick_of(robot: str, base: str, drives: str) -> Call:
 
 def tables() -> Tables:
     """Return microseconds of CPU time for a tick of 1 ms, and ticks in a second."""
-    pairs = [
-        ("still base", "ideal"),
-        ("rocking base", "ideal"),
-        ("still base", "friction"),
-        ("still base", "elastic"),
-    ]
+    pairs = [("still base", "ideal"), ("rocking base", "ideal"), ("still base", "friction"), ("still base", "elastic")]
     cases = [(robot, *pair) for robot in ("two_link", "dual_arm_19") for pair in pairs]
     table = side_by_side({", ".join(case): tick_of(*case) for case in cases}, calls=1000)
     for row in table.values():

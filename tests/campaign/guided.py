@@ -28,9 +28,7 @@ def main() -> None:
     except ImportError as error:
         raise SystemExit(f"{error}: pip install atheris") from error
     os.environ["NUMBA_DISABLE_JIT"] = "1"  # code that counts its branches is not numba's
-    with atheris.instrument_imports(
-        include=["catenary.recording", "catenary.crtk", "catenary.calibration", "rosbags"]
-    ):
+    with atheris.instrument_imports(include=["catenary.recording", "catenary.crtk", "catenary.calibration", "rosbags"]):
         samples, read = READERS[options.reader]()
     out = options.out / options.reader
     corpus = out / "corpus"
@@ -45,15 +43,8 @@ def main() -> None:
         except CatenaryError:
             return
 
-    limits = [
-        f"-max_total_time={options.seconds}",
-        "-timeout=5",
-        f"-rss_limit_mb={MEMORY}",
-        "-max_len=100000",
-    ]
-    atheris.Setup(
-        [sys.argv[0], *limits, f"-artifact_prefix={out}/", "-print_final_stats=1", str(corpus)], one_input
-    )
+    limits = [f"-max_total_time={options.seconds}", "-timeout=5", f"-rss_limit_mb={MEMORY}", "-max_len=100000"]
+    atheris.Setup([sys.argv[0], *limits, f"-artifact_prefix={out}/", "-print_final_stats=1", str(corpus)], one_input)
     atheris.Fuzz()
 
 
@@ -74,9 +65,7 @@ def _journal() -> Reader:
     from catenary.recording.journal_reader import JournalReader
     from tests.campaign.parts import byte_files
 
-    return _of_files(
-        "0000.journal", [byte_files._journal()[0]], lambda path: list(JournalReader(path).messages())
-    )
+    return _of_files("0000.journal", [byte_files._journal()[0]], lambda path: list(JournalReader(path).messages()))
 
 
 def _bag() -> Reader:

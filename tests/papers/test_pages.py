@@ -105,9 +105,12 @@ def test_a_number_that_no_block_of_its_page_shows_is_found() -> None:
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in pages.COMMITTED.glob("*.json")))
 def test_committed_claims_are_those_that_the_experiment_makes(name: str) -> None:
-    judged = json.loads((pages.COMMITTED / f"{name}.json").read_text())["claims"]
+    content = json.loads((pages.COMMITTED / f"{name}.json").read_text())
+    judged = content["claims"]
     kept = [tuple(claim[part] for part in ("says", "place", "published", "criterion")) for claim in judged]
     made = [(one.says, one.place, one.published, one.criterion) for one in catalog.experiment(name).claims]
+    assert all(len(row) == len(table["header"]) for table in content["tables"] for row in table["rows"])
+    assert len(content["pictures"]) == len(list(pages.PICTURES.glob(f"{name}-[0-9].svg")))
     assert kept == made, f"a claim has changed since it was judged: run {name} again, then publish"
 
 

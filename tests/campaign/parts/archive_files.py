@@ -35,9 +35,7 @@ def _repacked(rng: random.Random, whole: bytes) -> bytes:
     return out.getvalue()
 
 
-def _archive_case(
-    name: str, whole: Callable[[], bytes], read: Callable[[Path], object]
-) -> Callable[[int, Path], None]:
+def _archive_case(name: str, whole: Callable[[], bytes], read: Callable[[Path], object]) -> Callable[[int, Path], None]:
     def case(seed: int, folder: Path) -> None:
         rng = random.Random(seed)
         content = whole()

@@ -101,8 +101,7 @@ def _bag(compression: str) -> Sample:
         writer.set_compression(getattr(Writer.CompressionFormat, compression))
     with writer as bag:
         connections = {
-            topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(1))
-            for topic, kind in source.topics
+            topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(1)) for topic, kind in source.topics
         }
         for topic, stamp, data in source.messages():
             bag.write(connections[topic], stamp, data)
@@ -162,8 +161,7 @@ def _ros2_bag(kind: str, packed: bool) -> Path:
         writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer as bag:
         connections = {
-            topic: bag.add_connection(topic, ros2_name(name), typestore=typestore(2))
-            for topic, name in source.topics
+            topic: bag.add_connection(topic, ros2_name(name), typestore=typestore(2)) for topic, name in source.topics
         }
         for topic, stamp, data in source.messages():
             bag.write(connections[topic], stamp, typestore(2).ros1_to_cdr(data, connections[topic].msgtype))
@@ -208,9 +206,7 @@ def ros2_bag_case(seed: int, folder: Path) -> None:
     for file in sample.iterdir():
         (bag / file.name).write_bytes(file.read_bytes())
     damaged = bag / ("metadata.yaml" if kind == "MCAP" or rng.random() < 0.2 else "a.db3")
-    damaged.write_bytes(
-        mutant(rng, damaged.read_bytes(), ((16, 2), (28, 4), (32, 4), (36, 4), (44, 4), (52, 4)))
-    )
+    damaged.write_bytes(mutant(rng, damaged.read_bytes(), ((16, 2), (28, 4), (32, 4), (36, 4), (44, 4), (52, 4))))
     _read_recording(rng, bag, folder, salvage=False)
 
 
@@ -294,20 +290,7 @@ def csv_case(seed: int, folder: Path) -> None:
         cells = content.split(b",")
         for _ in range(rng.choice((1, 1, 3))):
             cells[rng.randrange(len(cells))] = rng.choice(
-                (
-                    b"",
-                    b"nan",
-                    b"inf",
-                    b"-1e308",
-                    b"1e400",
-                    b"9" * 5000,
-                    b'"',
-                    b"\n",
-                    b"x",
-                    b"0x10",
-                    b"-0",
-                    b"1e-320",
-                )
+                (b"", b"nan", b"inf", b"-1e308", b"1e400", b"9" * 5000, b'"', b"\n", b"x", b"0x10", b"-0", b"1e-320")
             )
         content = b",".join(cells)
     else:

@@ -116,9 +116,7 @@ def beside(rng: random.Random, project: Path) -> None:
         there = _killed_recorder(rng, recording, [*command, "hand"])
         _wait_until_it_moves()  # nobody else is disturbed
         _extracted(project, "hand", there)
-        expected = (
-            2 if recording.is_dir() and any(recording.iterdir()) else 0
-        )  # a name that is taken is refused
+        expected = 2 if recording.is_dir() and any(recording.iterdir()) else 0  # a name that is taken is refused
         again = _catenary(*command, "hand")
         if again.returncode != expected or (expected and "give this one another --name" not in again.stderr):
             raise Fell(f"the same again: exit {again.returncode}: {again.stderr[-2000:]}")
@@ -236,17 +234,7 @@ def _wait_until_it_moves() -> None:
 
 PARTS = (
     *(
-        [
-            Part(
-                "kills.ros1",
-                8,
-                ros1,
-                warnings_fail=False,
-                processor_time=float("inf"),
-                patience=600.0,
-                memory=None,
-            )
-        ]
+        [Part("kills.ros1", 8, ros1, warnings_fail=False, processor_time=float("inf"), patience=600.0, memory=None)]
         if ros1_is_installed()
         else []
     ),

@@ -154,9 +154,7 @@ def served() -> Any:
     lengthen_limits()
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     master = stack.enter_context(running_master(folder))
-    os.environ |= {
-        name: master.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME")
-    }
+    os.environ |= {name: master.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME")}
     server = stack.enter_context(Program(master, PATIENT_COMMAND, "serve", "--rate", "200", "--homed"))
     server.line()  # it is up
     transport = stack.enter_context(Ros1Transport(NODE))

@@ -90,9 +90,7 @@ def _moving(ros: str, command: str, folder: Path) -> Any:
         until(lambda has_ended=has_ended, client=client: has_ended() or takes_signals(client.process.pid))
         begin = robot.setpoint_js().q
         until(
-            lambda has_ended=has_ended, begin=begin: (
-                has_ended() or np.abs(robot.setpoint_js().q - begin).max() > 5e-3
-            ),
+            lambda has_ended=has_ended, begin=begin: has_ended() or np.abs(robot.setpoint_js().q - begin).max() > 5e-3,
             every=0.02,
         )
         if not has_ended():

@@ -56,9 +56,7 @@ def _use(model: Any) -> None:
     robot_from_record(json.loads(json.dumps(robot_record(model))))
 
 
-def _table_case(
-    name: str, sound: Callable[[], Any], read: Callable[[Path], object]
-) -> Callable[[int, Path], None]:
+def _table_case(name: str, sound: Callable[[], Any], read: Callable[[Path], object]) -> Callable[[int, Path], None]:
     """Return a case: a sound table, spoilt, in a file of this name, read."""
 
     def case(seed: int, folder: Path) -> None:
@@ -310,6 +308,5 @@ CASES: dict[str, Callable[[int, Path], None]] = {
     "options": options_case,
 }
 PARTS = tuple(
-    Part(f"files.{name}", MUTANTS, case, may_refuse=True, processor_time=120.0)
-    for name, case in CASES.items()
+    Part(f"files.{name}", MUTANTS, case, may_refuse=True, processor_time=120.0) for name, case in CASES.items()
 )

@@ -16,7 +16,6 @@ from catenary.calibration.regression import fit_polynomial
 from catenary.dynamics.kinematics import jacobian
 from catenary.robots.catalog import load_robot
 from papers.calibration import ablation, dvrk, published
-from papers.calibration.ablation import ALL, BOTH, FEATURES, FURTHER
 from papers.calibration.all_inputs import principal, sizes
 from papers.calibration.homings import tool_shift
 from papers.calibration.inputs import SIXTEEN
@@ -125,15 +124,6 @@ def test_a_network_of_the_presets_settings_is_the_presets(rng: np.random.Generat
     assert parameters(predictor) == published.PARAMETERS["network of 16"]
 
 
-def test_groups_share_no_signal_and_leave_out_status_and_the_other_arm_only() -> None:
-    further = [set(FEATURES[f"+ {name}"]) - set(FEATURES[BOTH]) for name in FURTHER]
-    assert all(further)
-    assert sum(len(one) for one in further) == len(set.union(*further))
-    left = {name.partition(":")[0] for name in set(FEATURES[ALL]).difference(*further)} - {"q", "tau"}
-    status = {"runlevel", "sublevel", "last_seq", "type", "grasp_d", "dt"}
-    assert left == status | {"green_jpos", "green_tau"}
-
-
 def test_shuffling_hurts_by_what_a_model_makes_of_a_signal_and_no_other_joint() -> None:
     rng = np.random.default_rng(0)
     q, told = rng.uniform(-1.0, 1.0, (4000, 3)), rng.uniform(-1.0, 1.0, 4000)
@@ -148,13 +138,6 @@ def test_shuffling_hurts_by_what_a_model_makes_of_a_signal_and_no_other_joint() 
     shuffled = ablation.errors_left(model, log, shuffle="x")
     # two independent uniform variables: 1 mm times sqrt(2 / 3)
     assert_allclose(shuffled, [0.0, 0.0, np.sqrt(2.0 / 3.0)], atol=0.03)
-
-
-def test_limits_of_the_cameras_failures_are_in_the_logs_units() -> None:
-    limit = dvrk._limit("sampled_train")
-    assert limit is not None
-    np.testing.assert_allclose(limit[[0, 2]], [np.deg2rad(2.0), 5e-3])
-    assert dvrk._limit("random_train") is None
 
 
 @pytest.mark.parametrize("recording", dvrk.RECORDINGS)
