@@ -1,12 +1,11 @@
 """Recordings and logs whose bytes were damaged: read to their end, or refused by a CatenaryError."""
 
 import random
-import tempfile
 from functools import cache
 from pathlib import Path
 from zlib import crc32
 
-from tests.campaign.byte_part import files_part
+from tests.campaign.byte_part import files_part, sample
 from tests.campaign.mutants import Place, mutant, same_length
 
 Sample = tuple[bytes, tuple[Place, ...]]  # a whole file, and where lengths stand in it
@@ -19,7 +18,7 @@ def _journal_folder() -> Path:
     from oracles.raven_recording import record
 
     journal.HEADER_INTERVAL = 0.0
-    return record(Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "journal", 0.6)
+    return record(sample("journal"), 0.6)
 
 
 def _whole(source: object) -> None:
@@ -94,7 +93,7 @@ def _bag(compression: str) -> Sample:
     from catenary.recording.journal_reader import JournalReader
     from catenary.recording.messages import ros2_name, typestore
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "a.bag"
+    path = sample("a.bag")
     source = JournalReader(_journal_folder())
     writer = Writer(path)
     if compression:
@@ -153,7 +152,7 @@ def _ros2_bag(kind: str, packed: bool) -> Path:
     from catenary.recording.journal_reader import JournalReader
     from catenary.recording.messages import ros2_name, typestore
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "a"
+    path = sample("a")
     source = JournalReader(_journal_folder())
     writer = Writer(path, version=8, storage_plugin=StoragePlugin[kind])
     if packed:
@@ -217,7 +216,7 @@ def ros2_bag_case(seed: int, folder: Path) -> None:
 def _extraction() -> Path:
     from catenary.recording.extract import extract
 
-    folder = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "extracted"
+    folder = sample("extracted")
     extract([_journal_folder()], folder)
     return folder
 
@@ -230,7 +229,7 @@ def _parquet(checked: bool) -> bytes:
     from catenary.recording.logs import write_parquet
     from catenary.recording.raven_csv import read_raven_csv
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "log.parquet"
+    path = sample("log.parquet")
     write_parquet(read_raven_csv(_csv_file()).log, path)
     if not checked:
         pq.write_table(pq.read_table(path), path, compression="none", use_dictionary=False)
@@ -276,7 +275,7 @@ def topic_case(seed: int, folder: Path) -> None:
 def _csv_file() -> Path:
     from catenary.recording.raven_csv import write_raven_csv
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "raven.csv"
+    path = sample("raven.csv")
     write_raven_csv(_extraction(), path)
     return path
 
