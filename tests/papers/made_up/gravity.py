@@ -10,6 +10,7 @@ from papers.gravity.faults import break_sensor
 from papers.gravity.tracking import ROCKING, ROCKING_ASIDE, follow_sinusoids
 from tests.papers.made_up.row import Row
 
+EVERY_BASE = ("20", ROCKING, ROCKING_ASIDE)
 TWO = Scope(robots=(NOMINAL, 1))
 
 
@@ -101,9 +102,10 @@ def learnt(errors: Mapping[str, float], *bases: str) -> Outcomes:
 def learnt_by_two() -> Outcomes:
     """Return errors of two robots, and what other damping does."""
     results = {}
-    for seed, more in ((None, 0.0), (1, 0.1)):
-        case = follow_sinusoids.case(seed=seed, base="20", way="increments", controllers=adaptive.LEARNT)
-        results[case] = followed({name: error + more for name, error in BETTER.items()}, others=None)
+    for base in EVERY_BASE:
+        for seed, more in ((None, 0.0), (1, 0.1)):
+            case = follow_sinusoids.case(seed=seed, base=base, way="increments", controllers=adaptive.LEARNT)
+            results[case] = followed({name: error + more for name, error in BETTER.items()}, others=None)
     relative = follow_sinusoids.case(seed=None, base="20", way="joints", controllers=adaptive.RELATIVE)
     results[relative] = followed({"pd": 0.25, "adaptive-dg": 1.75}, others=None, damping="relative")
     return Outcomes(results)
@@ -202,7 +204,6 @@ def broken(*moved: float, said: bool = True) -> Outcomes:
     )
 
 
-EVERY_BASE = ("20", ROCKING, ROCKING_ASIDE)
 A, U, H, N = frequency.ACCELEROMETER, frequency.UNIT, frequency.HELD, frequency.NONE
 SEVENTH, EIGHTH, NINTH, TENTH = (f"gravity-figure-{number}" for number in (7, 8, 9, 10))
 ROWS = [
