@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tests.campaign.part import Fell, Part
+from tests.campaign.part import PROGRAMS, Fell, Part
 from tests.campaign.parts.kills import LONGEST, environment, killed, whole_run
 from tests.campaign.parts.signals import ros1_is_installed, served
 
@@ -232,10 +232,4 @@ def _wait_until_it_moves() -> None:
     until(lambda: np.abs(robot.setpoint_js().q - q).max() > 5e-3, every=0.02)
 
 
-PARTS = (
-    *(
-        [Part("kills.ros1", 8, ros1, warnings_fail=False, processor_time=float("inf"), patience=600.0, memory=None)]
-        if ros1_is_installed()
-        else []
-    ),
-)
+PARTS = (Part("kills.ros1", 8, ros1, **PROGRAMS),) if ros1_is_installed() else ()
