@@ -125,6 +125,7 @@ def test_processor_time_is_told_beside_that_of_the_clock(begun: Path) -> None:
     assert 0.0 < working.processor_seconds < working.seconds + 0.1  # one thread; 0.1 s for coarse clocks
 
 
+@pytest.mark.slow
 def test_two_workers_give_the_numbers_of_this_process_to_the_last_bit(tmp_path: Path, begun: Path) -> None:
     cases, bad = sums(begun, 4), failing.case(number=9, folder=str(begun))
     here, there = Store(tmp_path / "here"), Store(tmp_path / "there")
