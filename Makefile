@@ -67,10 +67,8 @@ campaign-short: $(VENV)/.development
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
-	$(BIN)/python -m tests.benchmarks.recording_tick --json build/benchmarks/recording_tick.json
-	$(BIN)/python -m tests.benchmarks.extraction --json build/benchmarks/extraction.json
-	$(BIN)/python -m tests.benchmarks.cable_plant --json build/benchmarks/cable_plant.json
-	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
+	$(BIN)/python -m tests.benchmarks.recording --json build/benchmarks/recording.json
+	$(BIN)/python -m tests.benchmarks.plants --json build/benchmarks/plants.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
 	$(BIN)/python -m tests.benchmarks.c_law --json build/benchmarks/c_law.json
 	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json
@@ -79,10 +77,10 @@ bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
 
 bench-dds: $(VENV)/.development
-	$(BIN)/python -m tests.benchmarks.dds_serving --seconds 300 --json build/benchmarks/dds_serving.json
+	$(BIN)/python -m tests.benchmarks.serving --listener dds --seconds 300 --json build/benchmarks/dds_serving.json
 
 bench-serving: $(VENV)/.development
-	$(BIN)/python -m tests.benchmarks.serving --seconds 300 --json build/benchmarks/serving.json
+	$(BIN)/python -m tests.benchmarks.serving --listener sockets --listener rospy --seconds 300 --json build/benchmarks/serving.json
 	$(BIN)/python -m tests.benchmarks.deployed --seconds 60 --json build/benchmarks/deployed.json
 
 bench-bags: $(VENV)/.development

@@ -7,6 +7,7 @@ from typing import Any
 
 from catenary.files import json_text, write_atomically
 from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
+from papers.claims import NOT_MEASURED
 from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, Scope
 from papers.store import Finished
 
@@ -15,8 +16,8 @@ VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
 
 
 def judged(experiment: Experiment, outcomes: Outcomes) -> list[tuple[Claim, Judgement]]:
-    """Return every claim with what was measured of it."""
-    return [(claim, claim.judge(outcomes)) for claim in experiment.claims]
+    """Return every claim with what was measured of it; judges are asked where every case has a result, or none."""
+    return [(claim, claim.judge(outcomes) if len(outcomes) else NOT_MEASURED) for claim in experiment.claims]
 
 
 def shown_verdict(verdict: str, *, fitted: bool) -> str:

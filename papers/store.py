@@ -57,8 +57,6 @@ class Store:
         """Return what a case left; None where it has not run, or its file is damaged: it runs again then."""
         try:
             content = json.loads((self.folder / f"{case.key}.json").read_text(encoding="utf-8"))
-            # older files hold the clock's seconds alone, and no environment
-            content = {"processor_seconds": content["seconds"], "environment": "", **content}
             kept = Finished(**{part: content[part] for part in Finished._fields})
         except (FileNotFoundError, ValueError, KeyError, TypeError):  # not JSON, not UTF-8, not of this form
             return None

@@ -277,8 +277,6 @@ def _picture(outcomes: Outcomes, recordings: Sequence[str]) -> "Figure":
 def _judged(model: str, stage: str, other: str) -> Claim:
     def judge(outcomes: Outcomes) -> Judgement:
         found = ratios(outcomes, model, stage, other)
-        if not found:
-            return Judgement("not measured", "-")
         over = np.concatenate(list(found.values()))
         met = int((over <= REACHED).sum())
         middle = float(np.exp(np.log(over).mean()))

@@ -44,7 +44,7 @@ from papers.calibration.recordings import (
     rows_of,
     unguarded,
 )
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -272,8 +272,6 @@ def _picture(outcomes: Outcomes, lengths: Sequence[Sequence[float]]) -> "Figure"
 
 
 def _reversals_explain(outcomes: Outcomes) -> Judgement:
-    if not _complete(outcomes):
-        return NOT_MEASURED
     from scipy.stats import spearmanr
 
     holds, told = [], []
@@ -291,8 +289,6 @@ def _reversals_explain(outcomes: Outcomes) -> Judgement:
 
 def _less(outcomes: Outcomes, name: str, others: Sequence[str]) -> Judgement:
     """Judge whether a path's network is better on every joint and for both lengths than with any of other paths."""
-    if not _complete(outcomes):
-        return NOT_MEASURED
     holds, told = [], []
     for length in LENGTHS:
         own = middle(outcomes, name, length, NETWORK)
@@ -312,8 +308,6 @@ def _random_better(outcomes: Outcomes) -> Judgement:
 
 
 def _short_enough(outcomes: Outcomes) -> Judgement:
-    if not _complete(outcomes):
-        return NOT_MEASURED
     short, long = middle(outcomes, DESIGNED, SHORT, NETWORK), middle(outcomes, ZIGZAG, LONG, NETWORK)
     told = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(short, long, strict=True))
     return by_count(short <= long, f"J1, J2, J3: {told}")

@@ -40,7 +40,7 @@ from papers.calibration.recordings import (
     unguarded,
 )
 from papers.calibration.six_hours import joint_rmse, left_by
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -234,13 +234,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
     return figure
 
 
-def _complete(outcomes: Outcomes) -> bool:
-    return len(_run(outcomes)) == len(FEATURES)
-
-
 def _both_needed(outcomes: Outcomes) -> Judgement:
-    if not _complete(outcomes):
-        return NOT_MEASURED
     both, positions, torques = (of(outcomes, name, NETWORK) for name in (BOTH, POSITIONS, TORQUES))
     told = f"both, positions, torques: {by_joint(both, positions, torques)}"
     halves = less(both, torques), less(both, positions)  # what positions add, and what torques
@@ -250,8 +244,6 @@ def _both_needed(outcomes: Outcomes) -> Judgement:
 
 
 def _torques_on_joint_3(outcomes: Outcomes) -> Judgement:
-    if not _complete(outcomes):
-        return NOT_MEASURED
     torques, positions = (of(outcomes, name, NETWORK) for name in (TORQUES, POSITIONS))
     ratio = by_joint(torques / positions, digits=2)
     told = f"error with torques alone over that with positions alone: {ratio}"
@@ -259,8 +251,6 @@ def _torques_on_joint_3(outcomes: Outcomes) -> Judgement:
 
 
 def _nothing_else(outcomes: Outcomes) -> Judgement:
-    if not _complete(outcomes):
-        return NOT_MEASURED
     both = of(outcomes, BOTH, NETWORK)
     ratios = {name: of(outcomes, f"+ {name}", NETWORK) / both for name in FURTHER}
     told = []

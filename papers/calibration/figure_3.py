@@ -30,7 +30,7 @@ from catenary.trajectories.zigzag import (
 )
 from papers.calibration.published import BOX_SHARES, DURATIONS
 from papers.calibration.recordings import JOINTS, SPARSITIES, UNITS
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import by_count
 from papers.experiment import (
     Case,
     Claim,
@@ -204,8 +204,6 @@ def _directions(outcomes: Outcomes) -> dict[str, Result]:
 
 def _centre(outcomes: Outcomes) -> Judgement:
     found = _directions(outcomes)
-    if not found:
-        return NOT_MEASURED
     away = {
         d: float(np.max(np.abs((np.array(one["low"]) + np.array(one["high"])) / 2.0 - 0.5)))
         for d, one in found.items()
@@ -216,8 +214,6 @@ def _centre(outcomes: Outcomes) -> Judgement:
 
 def _volume(outcomes: Outcomes) -> Judgement:
     found = _directions(outcomes)
-    if not found:
-        return NOT_MEASURED
     volumes = {direction: one["volume"] for direction, one in found.items()}
     middle = float(np.median(list(volumes.values())))
     told = ", ".join(f"{direction} {volume:.3f}" for direction, volume in volumes.items())
@@ -226,8 +222,6 @@ def _volume(outcomes: Outcomes) -> Judgement:
 
 def _ranges(outcomes: Outcomes) -> Judgement:
     found = _directions(outcomes)
-    if not found:
-        return NOT_MEASURED
     holds, told = [], []
     for direction, one in found.items():
         named = direction.split("-")
@@ -241,8 +235,6 @@ def _ranges(outcomes: Outcomes) -> Judgement:
 
 def _sparsity_across(outcomes: Outcomes) -> Judgement:
     found = _directions(outcomes)
-    if not found:
-        return NOT_MEASURED
     holds, told = [], []
     for joint in JOINTS:
         even = found[joint]["even"]
@@ -258,8 +250,6 @@ def _sparser(outcomes: Outcomes) -> Judgement:
         for n in DENOMINATORS
         for result in outcomes.of(path, direction=PAPERS_CHOICE, sparsities=[1 / n])
     ]
-    if len(found) < len(DENOMINATORS):
-        return NOT_MEASURED
     seconds, holes = ([one[name] for one in found] for name in ("seconds", "hole"))
     told = ", ".join(
         f"1/{n} {time:.0f} s, {hole:.2f}" for n, time, hole in zip(DENOMINATORS, seconds, holes, strict=True)
@@ -273,7 +263,7 @@ def _seconds(outcomes: Outcomes) -> Judgement:
         for result in outcomes.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities)):
             holds.append(abs(result["seconds"] / published - 1.0) <= SECONDS)
             told.append(f"{written(sparsities)} {result['seconds']:.0f} s")
-    return by_count(holds, ", ".join(told)) if len(holds) == len(DURATIONS) else NOT_MEASURED
+    return by_count(holds, ", ".join(told))
 
 
 def _calibration(outcomes: Outcomes) -> Judgement:
@@ -281,8 +271,6 @@ def _calibration(outcomes: Outcomes) -> Judgement:
         outcomes.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities))
         for sparsities in ((1 / 2,), SPARSITIES)
     ]
-    if not all(ends):
-        return NOT_MEASURED
     recording = [found[0]["seconds"] / 60.0 for found in ends]
     whole = [minutes + sum(BESIDE.values()) for minutes in recording]
     holds = [abs(ours / paper - 1.0) <= MINUTES for ours, paper in zip(whole, CALIBRATION, strict=True)]

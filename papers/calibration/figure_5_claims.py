@@ -1,7 +1,6 @@
 """What the calibration paper claims of recording time (II-F, figure 5), and how each claim is decided."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from papers.calibration.sparsities import (
     deviations,
     short_and_long,
 )
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import Claim, Judgement, Outcomes
 
 SHORTEST, LONGEST, ENOUGH_FOR_J3 = "1/2", "1/2+1/3+1/4", "1/2+1/3"
@@ -36,18 +35,6 @@ NO_BETTER = 0.9  # of the fixed offset's error: no significant improvement
 FLAT = 0.85  # of the error at 537 s: no considerable further improvement
 CONSTANT = 0.10  # of the offset's error at the shortest
 
-Judge = Callable[[Outcomes], Judgement]
-
-
-def _when_complete(judge: Judge) -> Judge:
-    """Return a judge that waits until every combination has run."""
-
-    @wraps(judge)
-    def waiting(outcomes: Outcomes) -> Judgement:
-        return judge(outcomes) if set(combinations(outcomes)) >= set(SETS) else NOT_MEASURED
-
-    return waiting
-
 
 def _of(outcomes: Outcomes, names: Sequence[str], methods: Sequence[str], joint: int) -> dict[str, Floats]:
     """Return the errors (robots,) of methods on a joint, mean over combinations."""
@@ -58,14 +45,12 @@ def _told(values: dict[str, Floats]) -> str:
     return ", ".join(f"{name} {mean_and_spread(value)}" for name, value in values.items())
 
 
-@_when_complete
 def _joint_1_shortest(outcomes: Outcomes) -> Judgement:
     reached = _of(outcomes, [SHORTEST], (*PAIR, OFFSET), 0)
     direction = [less(reached[NETWORK], reached["linear"]), less(reached["linear"], reached[OFFSET])]
     return near(reached, FIGURE_5_J1[SHORTEST], CLOSE, direction=direction)
 
 
-@_when_complete
 def _polynomial_shortest(outcomes: Outcomes) -> Judgement:
     reached = _of(outcomes, [SHORTEST], SHOWN, 0)
     worst = all(less(reached[m], reached["polynomial"]) for m in PAIR)
@@ -73,14 +58,12 @@ def _polynomial_shortest(outcomes: Outcomes) -> Judgement:
     return graded(no_better, worst, _told(reached))
 
 
-@_when_complete
 def _joint_1_longest(outcomes: Outcomes) -> Judgement:
     first, reached = (_of(outcomes, [name], MODELS, 0) for name in (SHORTEST, LONGEST))
     better = [less(reached[method], first[method]) for method in MODELS]
     return near(reached, FIGURE_5_J1[LONGEST], CLOSE, direction=better)
 
 
-@_when_complete
 def _more_sparsity(outcomes: Outcomes) -> Judgement:
     holds, told = [], []
     for method in MODELS:
@@ -90,7 +73,6 @@ def _more_sparsity(outcomes: Outcomes) -> Judgement:
     return by_count(holds, "from below 500 s to above 800 s: " + "; ".join(told))
 
 
-@_when_complete
 def _deviation_falls(outcomes: Outcomes) -> Judgement:
     holds, told = [], []
     for method in MODELS:
@@ -100,7 +82,6 @@ def _deviation_falls(outcomes: Outcomes) -> Judgement:
     return by_count(holds, "; ".join(told))
 
 
-@_when_complete
 def _offset_constant(outcomes: Outcomes) -> Judgement:
     first, last = (by_robot(outcomes, [name], OFFSET)[:, 0] for name in (SHORTEST, LONGEST))
     close = last.mean() >= (1.0 - CONSTANT) * first.mean()
@@ -108,7 +89,6 @@ def _offset_constant(outcomes: Outcomes) -> Judgement:
     return Judgement("reproduced" if close else "not reproduced", told)
 
 
-@_when_complete
 def _network_needs_least(outcomes: Outcomes) -> Judgement:
     short, _ = short_and_long(outcomes)
     reached = {method: by_robot(outcomes, short, method) for method in MODELS}
@@ -131,13 +111,11 @@ def _longer_gains(
     return near(reached, papers, CLOSE, direction=[less(longer[m], shorter[m]) for m in PAIR])
 
 
-@_when_complete
 def _joint_2(outcomes: Outcomes) -> Judgement:
     short, long = short_and_long(outcomes)
     return _longer_gains(outcomes, 1, {"short": short, "long": long}, FIGURE_5_J2)
 
 
-@_when_complete
 def _joint_2_polynomial(outcomes: Outcomes) -> Judgement:
     spread = {m: np.array([deviation(outcomes, name, m)[1] for name in SETS]) for m in MODELS}
     last = _of(outcomes, [LONGEST], MODELS, 1)
@@ -147,13 +125,11 @@ def _joint_2_polynomial(outcomes: Outcomes) -> Judgement:
     return by_count([largest > len(SETS) / 2, no_better], told)
 
 
-@_when_complete
 def _joint_3(outcomes: Outcomes) -> Judgement:
     short, _ = short_and_long(outcomes)
     return _longer_gains(outcomes, 2, {"short": short, ENOUGH_FOR_J3: [ENOUGH_FOR_J3]}, FIGURE_5_J3)
 
 
-@_when_complete
 def _joint_3_flat(outcomes: Outcomes) -> Judgement:
     seconds = combinations(outcomes)
     longer = [name for name, time in seconds.items() if time > seconds[ENOUGH_FOR_J3]]

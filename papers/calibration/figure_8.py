@@ -31,7 +31,7 @@ from papers.calibration.all_inputs import ALL, LARGER, all_inputs, by_set, sizes
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
 from papers.calibration.recordings import JOINTS, NETWORK, SETS, UNITS
 from papers.calibration.six_hours import LONGEST, OFFSET, SHORTEST, cases_of, six_hours
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -201,8 +201,6 @@ def _selected(outcomes: Outcomes) -> Judgement:
     parts, told = [], []
     for model, wanted in published.INPUTS_16.items():
         errors = errors_of(outcomes, model, "16", SETS)
-        if not len(errors):
-            return NOT_MEASURED
         parts += list(np.abs(errors.mean(axis=0) - wanted) <= CLOSE * np.array(wanted))
         told.append(f"{model} {by_joint(errors)}")
     return by_count(parts, "; ".join(told))
@@ -211,8 +209,6 @@ def _selected(outcomes: Outcomes) -> Judgement:
 def _network_worse(outcomes: Outcomes) -> Judgement:
     few = errors_of(outcomes, NETWORK, "16")
     many = {columns: errors_of(outcomes, NETWORK, columns) for columns in ALL}
-    if not all(len(each) for each in (few, *many.values())):
-        return NOT_MEASURED
     ratios = {columns: each / few for columns, each in many.items()}
     told = "; ".join(
         f"{COLUMNS_SHOWN[columns]} {by_joint(each, digits=2)}" for columns, each in ratios.items()
@@ -223,8 +219,6 @@ def _network_worse(outcomes: Outcomes) -> Judgement:
 def _larger_between(outcomes: Outcomes) -> Judgement:
     few = errors_of(outcomes, NETWORK, "16")
     small, larger = (errors_of(outcomes, model, "stamped") for model in (NETWORK, LARGER))
-    if not all(len(each) for each in (few, small, larger)):
-        return NOT_MEASURED
     told = f"small with 16, larger, small with 138: {by_joint(few, larger, small)}"
     return statement(less(larger, small), less(few, larger), told)
 
@@ -232,8 +226,6 @@ def _larger_between(outcomes: Outcomes) -> Judgement:
 def _linear_ruined(outcomes: Outcomes) -> Judgement:
     offset = errors_of(outcomes, OFFSET, "16")
     many = {columns: errors_of(outcomes, "linear", columns) for columns in ALL}
-    if not all(len(each) for each in (offset, *many.values())):
-        return NOT_MEASURED
     told = "; ".join(f"{COLUMNS_SHOWN[columns]} {by_joint(each)}" for columns, each in many.items())
     short = errors_of(outcomes, "linear", "stamped", SHORTEST)
     if len(short):
@@ -244,18 +236,14 @@ def _linear_ruined(outcomes: Outcomes) -> Judgement:
 
 def _polynomial_worse(outcomes: Outcomes) -> Judgement:
     linear, polynomial = (errors_of(outcomes, model, "stamped") for model in ("linear", "polynomial"))
-    if not len(linear) or not len(polynomial):
-        return NOT_MEASURED
     told = f"polynomial {by_joint(polynomial, digits=1)}; linear {by_joint(linear)}"
     return by_count(less(linear, polynomial), told)
 
 
 def _counted(outcomes: Outcomes) -> Judgement:
-    counted = outcomes.of(sizes)
-    if not counted:
-        return NOT_MEASURED
-    told = ", ".join(f"{name} {counted[0][name]:,}" for name in published.PARAMETERS)
-    return by_count([counted[0][name] == wanted for name, wanted in published.PARAMETERS.items()], told)
+    counted, *_ = outcomes.of(sizes)
+    told = ", ".join(f"{name} {counted[name]:,}" for name in published.PARAMETERS)
+    return by_count([counted[name] == wanted for name, wanted in published.PARAMETERS.items()], told)
 
 
 _CLEAN = (

@@ -34,7 +34,7 @@ from papers.calibration.homings import (
 )
 from papers.calibration.judging import CLEARLY, CONSIDERABLE, by_joint, less, statement
 from papers.calibration.recordings import JOINTS, TEST_SECONDS, UNITS
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -176,13 +176,7 @@ def _published(panel: Any, method: str, joint: int) -> None:
             panel.axhline(value, color="#1c2430", linestyle=":", linewidth=1)
 
 
-def _measured(outcomes: Outcomes) -> bool:
-    return all(len(errors(outcomes, chain, MODELS[0])) for chain in CHAINS)
-
-
 def _flat(outcomes: Outcomes, joint: int, *, outliers: int) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     holds, told = [], []
     for method in MODELS:
         for chain in (NONE, ONE):
@@ -203,8 +197,6 @@ def _joint_3(outcomes: Outcomes) -> Judgement:
 
 
 def _joint_2(outcomes: Outcomes) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     ends = {method: per_robot(outcomes, NONE, method)[:, [0, -1], 1].T for method in MODELS}
     told = "; ".join(
         f"{method} {mean_and_spread(first)} to {mean_and_spread(last)}"
@@ -222,8 +214,6 @@ def _greatest(outcomes: Outcomes, chain: str, method: str) -> Floats:
 
 
 def _one_seen(outcomes: Outcomes) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     greatest = {m: [_greatest(outcomes, chain, m) for chain in (NONE, ONE)] for m in MODELS}
     told = "; ".join(
         f"{method} {mean_and_spread(none)}, {mean_and_spread(one)}"
@@ -235,8 +225,6 @@ def _one_seen(outcomes: Outcomes) -> Judgement:
 
 
 def _one_seen_within(outcomes: Outcomes) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     greatest = {method: _greatest(outcomes, ONE, method) for method in MODELS}
     told = ", ".join(f"{method} {mean_and_spread(each)}" for method, each in greatest.items())
     holds = [each.mean() <= published.HOMINGS_J2_SEEN[method] for method, each in greatest.items()]
@@ -244,8 +232,6 @@ def _one_seen_within(outcomes: Outcomes) -> Judgement:
 
 
 def _joint_2_most(outcomes: Outcomes) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     hurt, spared, told = [], [], []
     for method in MODELS:
         homed, stayed = (per_robot(outcomes, chain, method)[:, 1:].mean(axis=1) for chain in (NONE, BASELINE))

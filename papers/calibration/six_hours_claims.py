@@ -14,7 +14,7 @@ from papers.calibration.judging import CLEARLY, by_joint, less, less_lost
 from papers.calibration.recordings import NETWORK
 from papers.calibration.sessions import CONDITIONS, Condition
 from papers.calibration.six_hours import LONGEST, OFFSET, measured
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import Claim, Judgement, Outcomes
 
 LEARNT = ("linear", NETWORK)  # which the paper compares on every joint
@@ -38,18 +38,11 @@ def losses(outcomes: Outcomes, condition: Condition, model: str) -> Floats:
     return errors[:, -1] - errors[:, 0]
 
 
-def complete(outcomes: Outcomes, conditions: Sequence[Condition] = CONDITIONS) -> bool:
-    """Say whether conditions have run with the three longest training sets."""
-    return all(measured(outcomes, each, NETWORK, LONGEST).size for each in conditions)
-
-
 def _told(outcomes: Outcomes, condition: Condition, models: Sequence[str] = COMPARED) -> str:
     return "; ".join(f"{model} {by_joint(losses(outcomes, condition, model))}" for model in models)
 
 
 def _unloaded_loses(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, ("unloaded",)):
-        return NOT_MEASURED
     parts = []
     for model in COMPARED:
         errors = hourly(outcomes, "unloaded", model)
@@ -58,8 +51,6 @@ def _unloaded_loses(outcomes: Outcomes) -> Judgement:
 
 
 def _joint_1_loses_most(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, MOVED):
-        return NOT_MEASURED
     parts, told = [], []
     for condition in MOVED:
         for model in LEARNT:
@@ -72,8 +63,6 @@ def _joint_1_loses_most(outcomes: Outcomes) -> Judgement:
 
 
 def _idle_keeps(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, ("idle",)):
-        return NOT_MEASURED
     parts = [
         abs(loss) < STEADY for model in COMPARED for loss in losses(outcomes, "idle", model).mean(axis=0)
     ]
@@ -81,8 +70,6 @@ def _idle_keeps(outcomes: Outcomes) -> Judgement:
 
 
 def _loaded_worse(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, MOVED):
-        return NOT_MEASURED
     parts = []
     for model in LEARNT:
         parts += list(less_lost(losses(outcomes, "unloaded", model), losses(outcomes, "loaded", model)))
@@ -92,8 +79,6 @@ def _loaded_worse(outcomes: Outcomes) -> Judgement:
 
 
 def _loaded_twice_on_joint_1(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, MOVED):
-        return NOT_MEASURED
     ratios, more = {}, []
     for model in LEARNT:
         loaded, unloaded = (losses(outcomes, condition, model)[:, 0] for condition in ("loaded", "unloaded"))
@@ -104,16 +89,12 @@ def _loaded_twice_on_joint_1(outcomes: Outcomes) -> Judgement:
 
 
 def _offset_loses_more_loaded(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, MOVED):
-        return NOT_MEASURED
     unloaded, loaded = (losses(outcomes, condition, OFFSET)[:, 0] for condition in MOVED)
     told = f"{mean_and_spread(unloaded)} unloaded, {mean_and_spread(loaded)} deg loaded"
     return graded(loaded.mean() >= TWICE * unloaded.mean(), less_lost(unloaded, loaded), told)
 
 
 def _offset_loses_on_joint_1(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, MOVED):
-        return NOT_MEASURED
     parts, told = [], []
     for condition in MOVED:
         errors = hourly(outcomes, condition, OFFSET)
@@ -125,8 +106,6 @@ def _offset_loses_on_joint_1(outcomes: Outcomes) -> Judgement:
 
 def _within_loaded(outcomes: Outcomes) -> Judgement:
     errors = hourly(outcomes, "loaded", NETWORK)
-    if not len(errors):
-        return NOT_MEASURED
     # to the digits that are published
     worst, limits = np.round(errors.mean(axis=0).max(axis=0), 3), published.SIX_HOURS["loaded"][NETWORK][1]
     return by_count(
@@ -136,8 +115,6 @@ def _within_loaded(outcomes: Outcomes) -> Judgement:
 
 
 def _numbers(outcomes: Outcomes, condition: Condition) -> Judgement:
-    if not complete(outcomes, (condition,)):
-        return NOT_MEASURED
     parts, told = [], []
     for model in LEARNT:
         ends = hourly(outcomes, condition, model)[:, [0, -1]]

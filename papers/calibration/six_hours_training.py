@@ -8,8 +8,8 @@ from papers.calibration.published import SIX_HOURS_POLYNOMIAL_J1
 from papers.calibration.recordings import NETWORK
 from papers.calibration.sessions import CONDITIONS, Condition
 from papers.calibration.six_hours import LONG, SHORT, measured
-from papers.calibration.six_hours_claims import CLOSE, LEARNT, MOVED, complete, hourly, losses
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.calibration.six_hours_claims import CLOSE, LEARNT, MOVED, hourly, losses
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import Claim, Judgement, Outcomes
 
 POLYNOMIAL = "polynomial"
@@ -34,16 +34,12 @@ def considerably_better(outcomes: Outcomes, condition: Condition, model: str) ->
 
 def _idle_polynomial(outcomes: Outcomes) -> Judgement:
     errors = hourly(outcomes, "idle", POLYNOMIAL)
-    if not len(errors):
-        return NOT_MEASURED
     first, last = errors[:, 0, 0], errors[:, -1, 0]
     told = f"{mean_and_spread(first)} to {mean_and_spread(last)} deg"
     return by_count([last.mean() > DECAYS * first.mean()], told)
 
 
 def _moved_polynomial(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, MOVED):
-        return NOT_MEASURED
     close, more, told = [], [], []
     for condition in MOVED:
         errors = hourly(outcomes, condition, POLYNOMIAL)[:, [0, -1], 0]
@@ -56,8 +52,6 @@ def _moved_polynomial(outcomes: Outcomes) -> Judgement:
 
 
 def _unstable_polynomial(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes):
-        return NOT_MEASURED
     worse, unstable, told = [], [], []
     for condition in CONDITIONS:
         by_set = {
@@ -76,8 +70,6 @@ def _unstable_polynomial(outcomes: Outcomes) -> Judgement:
 
 
 def _longer_is_better(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, MOVED):
-        return NOT_MEASURED
     parts, told = [], []
     for condition in MOVED:
         for model in LEARNT:
@@ -94,8 +86,6 @@ def _arrows(outcomes: Outcomes) -> Judgement:
         )
         for model in (*REGRESSIONS, NETWORK)
     }
-    if not all(each.size for each in marked.values()):
-        return NOT_MEASURED
     told = ", ".join(f"{model} {each.sum()} of {each.size}" for model, each in marked.items())
     regressions = float(np.mean([marked[model].mean() for model in REGRESSIONS]))
     more = all(marked[model].mean() > marked[NETWORK].mean() for model in REGRESSIONS)
@@ -103,8 +93,6 @@ def _arrows(outcomes: Outcomes) -> Judgement:
 
 
 def _linear_after_hour_3(outcomes: Outcomes) -> Judgement:
-    if not complete(outcomes, ("unloaded",)):
-        return NOT_MEASURED
     ends = {
         model: [hourly(outcomes, "unloaded", model, sets)[:, LATE, 0] for sets in (SHORT, LONG)]
         for model in LEARNT

@@ -39,7 +39,7 @@ from papers.calibration.recordings import (
     rows_of,
     unguarded,
 )
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -153,10 +153,6 @@ def _picture(outcomes: Outcomes, directions: Sequence[str]) -> "Figure":
     return figure
 
 
-def _measured(outcomes: Outcomes, direction: str = PAPERS_CHOICE) -> bool:
-    return len(errors(outcomes, direction, NETWORK)) > 0
-
-
 def removed(outcomes: Outcomes, method: str) -> Floats:
     """Return the share of the fixed offset's error that a model removes in direction J2-J3, (robots, 3)."""
     left, offset = (errors(outcomes, PAPERS_CHOICE, each) for each in (method, "fixed offset"))
@@ -165,8 +161,6 @@ def removed(outcomes: Outcomes, method: str) -> Floats:
 
 
 def _order(outcomes: Outcomes) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     offset, linear, network = (
         errors(outcomes, PAPERS_CHOICE, method) for method in ("fixed offset", "linear", NETWORK)
     )
@@ -175,8 +169,6 @@ def _order(outcomes: Outcomes) -> Judgement:
 
 
 def _best_direction(outcomes: Outcomes) -> Judgement:
-    if not all(_measured(outcomes, direction) for direction in DIRECTIONS):
-        return NOT_MEASURED
     ranks, told = [], []
     for method in MODELS:
         of_method = []
@@ -191,8 +183,6 @@ def _best_direction(outcomes: Outcomes) -> Judgement:
 
 
 def _share_removed(outcomes: Outcomes, methods: Sequence[str], share: float) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     shares = {method: removed(outcomes, method) for method in methods}
     told = "; ".join(
         f"{method} {by_joint(100.0 * each, digits=0, unit=' %')}" for method, each in shares.items()
@@ -204,8 +194,6 @@ def _share_removed(outcomes: Outcomes, methods: Sequence[str], share: float) -> 
 
 
 def _joint_3_least(outcomes: Outcomes) -> Judgement:
-    if not _measured(outcomes):
-        return NOT_MEASURED
     holds, told = [], []
     for method in (NETWORK, "linear"):
         shares = removed(outcomes, method)

@@ -24,7 +24,7 @@ from papers.calibration.networks import network_model
 from papers.calibration.recordings import JOINTS, NETWORK, SETS, UNITS
 from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
 from papers.calibration.six_hours import cases_of, measured, tested
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -143,8 +143,6 @@ def _no_difference(outcomes: Outcomes) -> Judgement:
     parts, told = [], []
     for model in REGRESSIONS:
         on_error, end_to_end = (errors(outcomes, model, target) for target in TARGETS)
-        if not len(on_error) or not len(end_to_end):
-            return NOT_MEASURED
         difference = np.abs(end_to_end.mean(axis=0) - on_error.mean(axis=0))
         parts += list(difference < ALIKE)
         told.append(f"{model}: largest difference {difference.max():.4f}")
@@ -153,8 +151,6 @@ def _no_difference(outcomes: Outcomes) -> Judgement:
 
 def _network_worse(outcomes: Outcomes) -> Judgement:
     on_error, end_to_end = (errors(outcomes, NETWORK, target) for target in TARGETS)
-    if not len(on_error) or not len(end_to_end):
-        return NOT_MEASURED
     ratios = end_to_end / on_error
     told = f"in times the error: {by_joint(ratios, digits=2)}"
     judged = by_count(ratios.mean(axis=0) >= WORSE, told)
@@ -165,8 +161,6 @@ def _network_worse(outcomes: Outcomes) -> Judgement:
 
 def _best_on_error(outcomes: Outcomes) -> Judgement:
     found = [errors(outcomes, model, "error") for model in SHOWN]
-    if not all(len(each) for each in found):
-        return NOT_MEASURED
     network, linear, polynomial = found
     holds = less(network, linear) & less(linear, polynomial)
     return by_count(holds, f"network, linear, polynomial: {by_joint(*found)}")
@@ -174,8 +168,6 @@ def _best_on_error(outcomes: Outcomes) -> Judgement:
 
 def _epochs_help(outcomes: Outcomes) -> Judgement:
     on_error, end_to_end, epochs = _epochs(outcomes)
-    if not len(on_error):
-        return NOT_MEASURED
     few, many = end_to_end[:, 0], end_to_end[:, -1]
     told = (
         f"end to end after {epochs[0]} and {epochs[-1]} epochs, on the error: {by_joint(few, many, on_error)}"
@@ -185,8 +177,6 @@ def _epochs_help(outcomes: Outcomes) -> Judgement:
 
 def _faster(outcomes: Outcomes) -> Judgement:
     on_error, end_to_end, epochs = _epochs(outcomes)
-    if not len(on_error):
-        return NOT_MEASURED
     holds = [less(on_error, after) for after in np.moveaxis(end_to_end, 1, 0)]
     least = np.min(end_to_end, axis=1)
     tried = ", ".join(str(count) for count in epochs)

@@ -25,7 +25,7 @@ from papers.calibration.peers.elastic_joints import SOFTEST, STIFFEST
 from papers.calibration.published import TABLE_3_OTHERS, TABLE_3_OURS
 from papers.calibration.recordings import BEST, JOINTS, NETWORK, SETS, UNITS
 from papers.calibration.six_hours import MODELS, OFFSET, RAW, cases_of, measured
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import by_count
 from papers.experiment import (
     Case,
     Claim,
@@ -177,16 +177,12 @@ def _picture(outcomes: Outcomes) -> "Figure":
 
 
 def _below_filter(outcomes: Outcomes, method: str) -> Judgement:
-    if not (hours(outcomes, method).size and hours(outcomes, UKF).size):
-        return NOT_MEASURED
     (_, worst), (best, _), (known, _) = (extremes(hours(outcomes, each)) for each in (method, UKF, UKF_TOLD))
     told = f"worst hour, filter's best, its best with the true stiffness: {by_joint(worst, best, known)}"
     return by_count(less(worst, best), told)
 
 
 def _range(outcomes: Outcomes, method: str) -> Judgement:
-    if not hours(outcomes, method).size:
-        return NOT_MEASURED
     low, high = extremes(hours(outcomes, method))
     offset, _ = extremes(hours(outcomes, OFFSET))
     reached, published = {}, {}

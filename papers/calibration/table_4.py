@@ -21,7 +21,7 @@ from papers.calibration.published import TABLE_4_OTHERS, TABLE_4_OURS, TIP_RAW
 from papers.calibration.recordings import BEST, NETWORK
 from papers.calibration.six_hours import OFFSET, RAW
 from papers.calibration.table_3 import COLORS, SHARE, cases, extremes, hours, rows_of_ours
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Claim,
     Experiment,
@@ -85,8 +85,6 @@ def _picture(outcomes: Outcomes) -> "Figure":
 
 
 def _range(outcomes: Outcomes, method: str) -> Judgement:
-    if not hours(outcomes, method, "tip").size:
-        return NOT_MEASURED
     low, high = (each[:, 3] for each in extremes(hours(outcomes, method, "tip")))
     offset = extremes(hours(outcomes, OFFSET, "tip"))[0][:, 3]
     reached = {"least": low, "greatest": high}
@@ -100,8 +98,6 @@ def _in_text(values: Floats) -> str:
 
 def _below_process(outcomes: Outcomes, methods: Sequence[str]) -> Judgement:
     process = hours(outcomes, PROCESS, "tip")
-    if not (process.size and all(hours(outcomes, method, "tip").size for method in methods)):
-        return NOT_MEASURED
     theirs = process[:, 0, :3]
     holds, told = [], []
     for method in methods:
@@ -112,8 +108,6 @@ def _below_process(outcomes: Outcomes, methods: Sequence[str]) -> Judgement:
 
 
 def _below_peng(outcomes: Outcomes, methods: Sequence[str]) -> Judgement:
-    if not all(hours(outcomes, method, "tip").size for method in methods):
-        return NOT_MEASURED
     theirs = np.array(TABLE_4_OTHERS[PENG][:3], dtype=float)
     holds, told = [], []
     for method in methods:
@@ -125,8 +119,6 @@ def _below_peng(outcomes: Outcomes, methods: Sequence[str]) -> Judgement:
 
 def _raw(outcomes: Outcomes) -> Judgement:
     found = hours(outcomes, RAW, "tip")
-    if not found.size:
-        return NOT_MEASURED
     first = found[:, 0, 3]
     offset = extremes(hours(outcomes, OFFSET, "tip"))[1][:, 3]
     more = bool(first.mean() > 2.0 * offset.mean())

@@ -33,7 +33,7 @@ from papers.calibration.six_hours import LONGEST, SHORTEST, cases_of, measured
 from papers.calibration.speed import KINDS, speed
 from papers.calibration.table_2 import SHOWN as TABLE_2_MODELS
 from papers.calibration.table_2 import errors as table_2_errors
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -169,8 +169,6 @@ def _spread(values: Floats, digits: int = 3) -> str:
 
 def _accuracy_unloaded(outcomes: Outcomes) -> Judgement:
     network, linear = (six_hours(outcomes, "unloaded", model, LONGEST) for model in KINDS)
-    if not len(network):
-        return NOT_MEASURED
     close = np.abs((linear - network).mean(axis=0)) <= CLOSE * linear.mean(axis=0)
     return by_count(close, f"from linear model to network: {changes(linear, network)}")
 
@@ -181,8 +179,6 @@ def _better(outcomes: Outcomes, sets: Sequence[str], conditions: Sequence[Condit
     parts, told = [], []
     for condition in conditions:
         network, linear = (six_hours(outcomes, condition, model, sets) for model in KINDS)
-        if not len(network):
-            return NOT_MEASURED
         better = less(network, linear)
         parts += [ours for ours, paper in zip(better, published[condition], strict=True) if paper > 0.0]
         told.append(f"{condition} {by_joint(linear - network)}")
@@ -191,8 +187,6 @@ def _better(outcomes: Outcomes, sets: Sequence[str], conditions: Sequence[Condit
 
 def _training(outcomes: Outcomes) -> Judgement:
     times = outcomes.of(speed)
-    if not times:
-        return NOT_MEASURED
     train = times[0]["train"]
     within = [train[kind] <= TABLE_5_TRAINING[kind] for kind in KINDS]
     told = f"{train[NETWORK]:.3g} s, linear {train['linear']:.3g} s on {times[0]['processor']}"
@@ -209,8 +203,6 @@ def _told_answers(one: Result) -> str:
 
 def _inference(outcomes: Outcomes) -> Judgement:
     times = outcomes.of(speed)
-    if not times:
-        return NOT_MEASURED
     framework = times[0]["framework"]
     fits = framework["linear"] <= SERVO < framework[NETWORK]
     return graded(fits, _faster(times[0], 1.0), _told_answers(times[0]))
@@ -223,8 +215,6 @@ def _faster(one: Result, times: float) -> bool:
 
 def _times_faster(outcomes: Outcomes) -> Judgement:
     found = outcomes.of(speed)
-    if not found:
-        return NOT_MEASURED
     ratios = [found[0][way][NETWORK] / found[0][way]["linear"] for way in ("framework", "deployed")]
     told = f"{ratios[0]:.1f} times by a framework's call, {ratios[1]:.1f} times as deployed"
     return graded(ratios[0] >= MUCH_FASTER, _faster(found[0], TWICE), told)
@@ -232,8 +222,6 @@ def _times_faster(outcomes: Outcomes) -> Judgement:
 
 def _irrelevant(outcomes: Outcomes) -> Judgement:
     found = {model: growth(outcomes, model) for model in (*KINDS, LARGER)}
-    if not all(len(each) for each in found.values()):
-        return NOT_MEASURED
     told = "; ".join(f"{model} {by_joint(each, digits=2)}" for model, each in found.items())
     linear, larger = found["linear"], found[LARGER]
     return statement(
@@ -243,8 +231,6 @@ def _irrelevant(outcomes: Outcomes) -> Judgement:
 
 def _train_on_error(outcomes: Outcomes) -> Judgement:
     network, linear = (end_to_end(outcomes, model) for model in KINDS)
-    if not len(network) or not len(linear):
-        return NOT_MEASURED
     told = f"in times the error: network {by_joint(network, digits=2)}; linear {by_joint(linear, digits=2)}"
     optional = np.abs(linear.mean(axis=0) - 1.0) <= OPTIONAL
     return statement(network.mean(axis=0) >= REQUIRED, optional, told)
@@ -252,8 +238,6 @@ def _train_on_error(outcomes: Outcomes) -> Judgement:
 
 def _recording(outcomes: Outcomes) -> Judgement:
     times = outcomes.of(speed)
-    if not times:
-        return NOT_MEASURED
     one = times[0]
     shares = [one["recorded"] / (one["recorded"] + one["train"][kind]) for kind in KINDS]
     told = ", ".join(f"{kind} {100.0 * share:.1f} %" for kind, share in zip(KINDS, shares, strict=True))

@@ -18,7 +18,7 @@ import itertools
 from collections.abc import Sequence
 
 from catenary.arrays import Floats
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -134,8 +134,6 @@ def _all(outcomes: Outcomes, base: str, names: Sequence[str]) -> dict[str, Float
 
 def _best(outcomes: Outcomes) -> Judgement:
     found = _all(outcomes, ROCKING, NAMES)
-    if not found:
-        return NOT_MEASURED
     best = [min(NAMES, key=lambda name: found[name][:, joint].mean()) for joint in range(3)]
     told = ", ".join(
         f"J{joint + 1} {CALLED[name]} {mean_and_spread(found[name][:, joint])} {UNITS[joint]}"
@@ -146,8 +144,6 @@ def _best(outcomes: Outcomes) -> Judgement:
 
 def _unmodelled(outcomes: Outcomes) -> Judgement:
     found = _all(outcomes, LAST, NAMES)
-    if not found:
-        return NOT_MEASURED
     law, known = found["adaptive-dg"], found["dg"]
     told = ", ".join(
         f"J{joint + 1} {mean_and_spread(law[:, joint])} against {mean_and_spread(known[:, joint])} {UNITS[joint]}"
@@ -158,8 +154,6 @@ def _unmodelled(outcomes: Outcomes) -> Judgement:
 
 def _sensor_helps(outcomes: Outcomes) -> Judgement:
     found = _all(outcomes, ROCKING_ASIDE, [name for ladder in LADDERS for name in ladder])
-    if not found:
-        return NOT_MEASURED
     told = "; ".join(
         f"{named} {', '.join(mean_and_spread(found[name][:, 0]) for name in ladder)}"
         for named, ladder in zip(("model", "adaptive", "least squares"), LADDERS, strict=True)
@@ -177,8 +171,6 @@ def _sensor_helps(outcomes: Outcomes) -> Judgement:
 def _magnitude(outcomes: Outcomes) -> Judgement:
     _, by_direction, by_both = LADDERS[0]
     found = _all(outcomes, ROCKING_ASIDE, (by_direction, by_both))
-    if not found:
-        return NOT_MEASURED
     direction, both = (found[name][:, 0] for name in (by_direction, by_both))
     gain = 100.0 * (1.0 - both / direction)
     told = (

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from catenary.arrays import Floats
-from papers.claims import NOT_MEASURED, graded, mean_and_spread
+from papers.claims import graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -68,8 +68,6 @@ def report(outcomes: Outcomes) -> Report:
 
 def _little_effect(outcomes: Outcomes) -> Judgement:
     found = outcomes.of(follow_sinusoids, base=ROCKING, way="increments")
-    if not found:
-        return NOT_MEASURED
     changes = {
         name: [
             100.0 * (one[f"{name} absolute"]["tip_mm"][3] / one["pd absolute"]["tip_mm"][3] - 1.0)
@@ -90,8 +88,6 @@ def _over_static(outcomes: Outcomes, base: str) -> Floats:
 
 def _same_over_static(outcomes: Outcomes) -> Judgement:
     rocked, still = _over_static(outcomes, ROCKING), {base: _over_static(outcomes, base) for base in PASSED}
-    if not len(rocked) or not all(len(each) for each in still.values()):
-        return NOT_MEASURED
     means = [float(each.mean()) for each in still.values()]
     told = ", ".join(f"{base} deg {mean_and_spread(each, 1)} %" for base, each in still.items())
     mean = float(rocked.mean())

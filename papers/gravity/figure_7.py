@@ -17,7 +17,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import (
     Claim,
     Experiment,
@@ -127,8 +127,6 @@ def _joint_1(rows: Sequence[Sequence[float]]) -> list[float]:
 
 def _match(outcomes: Outcomes) -> Judgement:
     means = [differences(outcomes, term, LEVEL_DEG)[:, 0] for term in TERMS]
-    if not len(means[0]):
-        return NOT_MEASURED
     told = ", ".join(
         f"{term.upper()} off by {mean_and_spread(mean, 1)} %" for term, mean in zip(TERMS, means, strict=True)
     )
@@ -139,8 +137,6 @@ def _match(outcomes: Outcomes) -> Judgement:
 def _diverge(outcomes: Outcomes) -> Judgement:
     level, tilted = (differences(outcomes, "sg", angle)[:, 0] for angle in FIGURE_7_DEG)
     dg = differences(outcomes, "dg", TILTED_DEG)[:, 0]
-    if not (len(level) and len(tilted)):
-        return NOT_MEASURED
     told = (
         f"SG off by {mean_and_spread(tilted, 1)} %, on a level base {mean_and_spread(level, 1)} %; "
         f"DG by {mean_and_spread(dg, 1)} %"

@@ -14,7 +14,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import (
     Claim,
     Experiment,
@@ -148,8 +148,6 @@ def _rises(outcomes: Outcomes) -> Judgement:
 
 def _contrast(outcomes: Outcomes) -> Judgement:
     sg, dg = (shares(outcomes, name, LARGEST_BASE_DEG)[:, 0] for name in COMPENSATED)
-    if not len(sg):
-        return NOT_MEASURED
     told = f"SG {mean_and_spread(sg, 1)} %, DG {mean_and_spread(dg, 1)} %"
     ratio = float(sg.mean() / dg.mean())
     return graded(ratio >= CONTRAST, ratio > 1.0, told)

@@ -18,7 +18,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.claims import by_count, graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -220,16 +220,12 @@ def _efforts_told(outcomes: Outcomes) -> list[str]:
 def gain_of_dg(outcomes: Outcomes, base: str) -> Judgement:
     """Judge by how much joint 1's error with DG lies below PD's on a base: the paper's 12 % on both."""
     gain = gains(outcomes, base, "dg", 0)
-    if not len(gain):
-        return NOT_MEASURED
     close = abs(gain.mean() - published.GAIN_PERCENT) <= CLOSE
     return graded(close, gain.mean() > 0.0, f"{mean_and_spread(gain, 1)} % below PD")
 
 
 def _no_gain_of_sg(outcomes: Outcomes) -> Judgement:
     gain, level = gains(outcomes, LAST, "sg", 0), gains(outcomes, "0", "sg", 0)
-    if not len(gain) or not len(level):
-        return NOT_MEASURED
     told = f"{mean_and_spread(gain, 1)} % below PD at {LAST} deg, {mean_and_spread(level, 1)} % at 0 deg"
     dynamic = gains(outcomes, LAST, "dg", 0)
     return graded(gain.mean() < NO_GAIN, gain.mean() < dynamic.mean(), told)
@@ -237,8 +233,6 @@ def _no_gain_of_sg(outcomes: Outcomes) -> Judgement:
 
 def _order(outcomes: Outcomes) -> Judgement:
     means = [errors(outcomes, LAST, "increments", name) for name in CONTROLLERS]
-    if not all(len(each) for each in means):
-        return NOT_MEASURED
     pd, sg, dg = (float(each[:, 0].mean()) for each in means)
     told = ", ".join(mean_and_spread(each[:, 0]) for each in means)
     return by_count([pd > sg, sg > dg], f"{told} deg")
@@ -246,8 +240,6 @@ def _order(outcomes: Outcomes) -> Judgement:
 
 def _static_increases(outcomes: Outcomes) -> Judgement:
     found = {str(angle): errors(outcomes, str(angle), "increments", "sg")[:, 0] for angle in ANGLES_DEG}
-    if not all(len(each) for each in found.values()):
-        return NOT_MEASURED
     told = ", ".join(f"{angle} deg {mean_and_spread(each)}" for angle, each in found.items())
     last = float(found[LAST].mean())
     rises = [last > float(each.mean()) for angle, each in found.items() if angle != LAST]
@@ -258,8 +250,6 @@ def _less_effort(outcomes: Outcomes) -> Judgement:
     pairs = {
         angle: [efforts(outcomes, str(angle), name, 0) for name in ("sg", "dg")] for angle in ANGLES_DEG[1:]
     }
-    if not all(len(each) for pair in pairs.values() for each in pair):
-        return NOT_MEASURED
     told = ", ".join(
         f"{angle} deg {mean_and_spread(sg, 2)} to {mean_and_spread(dg, 2)}"
         for angle, (sg, dg) in pairs.items()
@@ -269,16 +259,12 @@ def _less_effort(outcomes: Outcomes) -> Judgement:
 
 def _joint_3_worse(outcomes: Outcomes) -> Judgement:
     parts = {name: -gains(outcomes, LAST, name, 2) for name in ("sg", "dg")}
-    if not all(len(each) for each in parts.values()):
-        return NOT_MEASURED
     told = ", ".join(f"{CALLED[name]} {mean_and_spread(each, 2)} %" for name, each in parts.items())
     return by_count([each.mean() > 0.0 for each in parts.values()], f"against PD: {told}")
 
 
 def _joint_3_not_better(outcomes: Outcomes) -> Judgement:
     parts = {name: gains(outcomes, LAST, name, 2) for name in ("sg", "dg")}
-    if not all(len(each) for each in parts.values()):
-        return NOT_MEASURED
     told = ", ".join(f"{CALLED[name]} {mean_and_spread(each, 2)} %" for name, each in parts.items())
     return by_count([each.mean() < SIGNIFICANT for each in parts.values()], f"below PD: {told}")
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, graded
+from papers.claims import graded
 from papers.experiment import (
     Case,
     Claim,
@@ -202,21 +202,20 @@ def _picture(curves: Result) -> "Figure":
 
 
 def _instability(outcomes: Outcomes) -> Judgement:
-    for found in outcomes.of(responses):
-        cases = [
-            (name, motion, hz, size, size > ALONE * found["own"][motion])
-            for motion, by_way in found["unstable"].items()
-            for name in (HELD, ACCELEROMETER, UNIT)
-            for hz, size in zip(BASE_HZ, by_way[name], strict=True)
-            if size > 0.0
-        ]
-        told = "; ".join(
-            f"{name}: {motion}, {hz:g} Hz, up to {size:.2g} {MOTIONS[motion]}{'' if heavier else ', the arm alone'}"
-            for name, motion, hz, size, heavier in cases
-        )
-        heavy = any(heavier and name != UNIT for name, _, _, _, heavier in cases)
-        return graded(heavy, bool(cases), told or "no base swings up")
-    return NOT_MEASURED
+    found, *_ = outcomes.of(responses)
+    cases = [
+        (name, motion, hz, size, size > ALONE * found["own"][motion])
+        for motion, by_way in found["unstable"].items()
+        for name in (HELD, ACCELEROMETER, UNIT)
+        for hz, size in zip(BASE_HZ, by_way[name], strict=True)
+        if size > 0.0
+    ]
+    told = "; ".join(
+        f"{name}: {motion}, {hz:g} Hz, up to {size:.2g} {MOTIONS[motion]}{'' if heavier else ', the arm alone'}"
+        for name, motion, hz, size, heavier in cases
+    )
+    heavy = any(heavier and name != UNIT for name, _, _, _, heavier in cases)
+    return graded(heavy, bool(cases), told or "no base swings up")
 
 
 CLAIMS = (

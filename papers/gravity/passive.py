@@ -32,7 +32,7 @@ from catenary.workflows.gravity.controllers import make_hold
 from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
 from catenary.workflows.gravity.trials import hold
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -283,8 +283,6 @@ def _picture(outcomes: Outcomes) -> "Figure":
 
 def _sensed_holds(outcomes: Outcomes) -> Judgement:
     found = drifts(outcomes, on_cables, "dg")
-    if not found:
-        return NOT_MEASURED
     largest = np.max(list(found.values()), axis=0)  # of each robot's joints over all bases, (robots, 3)
     told = ", ".join(
         f"J{joint + 1} {mean_and_spread(largest[:, joint])} {unit}" for joint, unit in enumerate(UNITS)
@@ -298,8 +296,6 @@ def _nominal_falls(outcomes: Outcomes) -> Judgement:
     level = [drift.max() < HELD for angle, drift in found.items() if angle == 0]
     # each robot's largest drift of a joint [deg|mm]
     tilted = {angle: drift.max(axis=1) for angle, drift in found.items() if abs(angle) >= FEW_DEG}
-    if not tilted:
-        return NOT_MEASURED
     fell = {angle: drift > HELD for angle, drift in tilted.items()}
     told = [
         f"at {angle} deg {mean_and_spread(tilted[angle], 1)} (deg or mm), {int(which.sum())} of {len(which)} robots"

@@ -27,7 +27,7 @@ from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
 from catenary.spatial import LEVEL
 from papers.calibration.published import TABLE_1
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import by_count
 from papers.experiment import (
     Case,
     Claim,
@@ -212,13 +212,12 @@ def _magnitude(outcomes: Outcomes) -> Judgement:
 
 def _falls(outcomes: Outcomes, names: Sequence[str]) -> Judgement:
     """Judge whether every joint lacks less from one source to the next."""
-    for found in outcomes.of(lacking_torque):
-        told = "; ".join(
-            f"J{joint} {' > '.join(f'{found[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3)
-        )
-        steps = list(itertools.pairwise(names))
-        return by_count([found[a][joint] > found[b][joint] for joint in (1, 2, 3) for a, b in steps], told)
-    return NOT_MEASURED
+    found, *_ = outcomes.of(lacking_torque)
+    told = "; ".join(
+        f"J{joint} {' > '.join(f'{found[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3)
+    )
+    steps = list(itertools.pairwise(names))
+    return by_count([found[a][joint] > found[b][joint] for joint in (1, 2, 3) for a, b in steps], told)
 
 
 CLAIMS = (

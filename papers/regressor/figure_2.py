@@ -241,8 +241,6 @@ def _any_robot(outcomes: Outcomes) -> Judgement:
 def _faster(outcomes: Outcomes) -> Judgement:
     widths = [(result["shape"][1], len(result["parameters"])) for result in outcomes.of(decomposition)]
     ratios = {told["robot"]: result["ratio"] for told, result in outcomes.items(evaluation)}
-    if not widths or not ratios:
-        return NOT_MEASURED
     shares = [after / before for before, after in widths]
     told = (
         f"full over compact: {', '.join(f'{robot} {ratio:.1f}' for robot, ratio in ratios.items())}; of the columns "

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -63,8 +63,6 @@ def report(outcomes: Outcomes) -> Report:
 
 def _stays(outcomes: Outcomes) -> Judgement:
     begin, end = (rms(outcomes, PRINTED, window) for window in (BEFORE, LEARNT))
-    if not len(begin):
-        return NOT_MEASURED
     kept = end.mean(axis=0) / begin.mean(axis=0)
     told = ", ".join(
         f"{limb} {mean_and_spread(a, 2)} to {mean_and_spread(b, 2)} deg"
@@ -75,8 +73,6 @@ def _stays(outcomes: Outcomes) -> Judgement:
 
 def _small(outcomes: Outcomes) -> Judgement:
     held = rms(outcomes, PRINTED, LEARNT)
-    if not len(held):
-        return NOT_MEASURED
     worst = held.max(axis=1)  # limb of each robot
     told = f"worst limb at rest {mean_and_spread(worst, 2)} deg RMS, at most {np.max(worst):.2f} deg"
     return by_count([float(worst.max()) < 1.0], told)

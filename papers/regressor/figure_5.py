@@ -15,7 +15,7 @@ spread is over robots whose masses differ by up to 30 % and centres of mass by u
 
 from collections.abc import Sequence
 
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import by_count, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -126,7 +126,7 @@ def _shrinks(outcomes: Outcomes) -> Judgement:
             f"{condition.label}: {_limbs_mean(outcomes, condition, BEFORE)} to "
             f"{_limbs_mean(outcomes, condition, LEARNT)} deg"
         )
-    return by_count(holds, f"mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
+    return by_count(holds, f"mean of the limbs, {'; '.join(told)}")
 
 
 def _some_error(outcomes: Outcomes) -> Judgement:
@@ -136,7 +136,7 @@ def _some_error(outcomes: Outcomes) -> Judgement:
         there, learnt = (rms(outcomes, condition, name).mean(axis=0) for name in (window, LEARNT))
         holds += list(there > learnt)
         told.append(f"{condition.label}, {window}: {_limbs_mean(outcomes, condition, window)} deg")
-    return by_count(holds, f"mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
+    return by_count(holds, f"mean of the limbs, {'; '.join(told)}")
 
 
 def _beside_none(outcomes: Outcomes) -> Judgement:
@@ -149,7 +149,7 @@ def _beside_none(outcomes: Outcomes) -> Judgement:
         holds += list(own.mean(axis=0) < alone.mean(axis=0))
         left = (100.0 * own / alone).mean(axis=1)
         told.append(f"{condition.label}, {window}: {mean_and_spread(left, 0)} %")
-    return by_count(holds, f"of PD alone, mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
+    return by_count(holds, f"of PD alone, mean of the limbs, {'; '.join(told)}")
 
 
 def _longer_is_better(outcomes: Outcomes) -> Judgement:
@@ -163,7 +163,7 @@ def _longer_is_better(outcomes: Outcomes) -> Judgement:
                 f"{window}: {_limbs_mean(outcomes, COMPACT, window)} to "
                 f"{_limbs_mean(outcomes, condition, window)} deg"
             )
-    return by_count(holds, f"mean of the limbs, {'; '.join(told)}") if holds else NOT_MEASURED
+    return by_count(holds, f"mean of the limbs, {'; '.join(told)}")
 
 
 LIMB_WORDS = ", ".join(LIMBS)

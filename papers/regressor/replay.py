@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import by_count
 from papers.experiment import (
     Case,
     Claim,
@@ -124,16 +124,12 @@ def _left(
 
 def _at_rest(outcomes: Outcomes) -> Judgement:
     shares, told = _left(outcomes, STATIC, LOADED_AXES)
-    return (
-        by_count([share < HALF for share in shares], "left: " + ", ".join(told)) if shares else NOT_MEASURED
-    )
+    return by_count([share < HALF for share in shares], "left: " + ", ".join(told))
 
 
 def _moving(outcomes: Outcomes) -> Judgement:
     shares, told = _left(outcomes, MOVING, (0, 1, 2))
-    return (
-        by_count([share >= HALF for share in shares], "left: " + ", ".join(told)) if shares else NOT_MEASURED
-    )
+    return by_count([share >= HALF for share in shares], "left: " + ", ".join(told))
 
 
 CLAIMS = (

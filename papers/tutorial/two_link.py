@@ -28,7 +28,7 @@ from catenary.control.pd import Controller
 from catenary.reports.page import Table
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import by_count
 from papers.experiment import (
     Case,
     Claim,
@@ -179,8 +179,6 @@ def _reached(outcomes: Outcomes, controller: str, key: str) -> Floats:
 
 def _gravity(outcomes: Outcomes) -> Judgement:
     left = {name: _reached(outcomes, name, "at_rest_deg") for name in NAMES}
-    if not all(len(each) for each in left.values()):
-        return NOT_MEASURED
     told = ", ".join(f"{name} {values.max():.3f}" for name, values in left.items())
     holds = [
         float(values.max()) < 0.01 if "gravity" in name else float(values.max()) > 0.1
@@ -191,8 +189,6 @@ def _gravity(outcomes: Outcomes) -> Judgement:
 
 def _inertia(outcomes: Outcomes) -> Judgement:
     without, with_it = (_reached(outcomes, name, "largest_deg") for name in ("PD, gravity", FULL))
-    if len(without) != len(SPEEDS) or len(with_it) != len(SPEEDS):
-        return NOT_MEASURED
     told = "; ".join(
         f"{speed}: q{j} {without[k, j]:.2f} to {with_it[k, j]:.2f} deg"
         for k, speed in enumerate(SPEEDS)
@@ -203,8 +199,6 @@ def _inertia(outcomes: Outcomes) -> Judgement:
 
 def _coriolis(outcomes: Outcomes) -> Judgement:
     left = _reached(outcomes, FULL, "largest_deg")
-    if len(left) != len(SPEEDS):
-        return NOT_MEASURED
     told = "; ".join(f"{speed}: {left[k, 0]:.2f}, {left[k, 1]:.2f} deg" for k, speed in enumerate(SPEEDS))
     return by_count((left < 1.0).ravel(), told)
 

@@ -12,8 +12,8 @@ from catenary import RobotModel, inverse_dynamics
 from catenary.arrays import Floats
 from catenary.spatial import LEVEL
 from catenary.workflows.c_header import c_header
+from tests.benchmarks.compiled_peers import cpp_loop
 from tests.benchmarks.measure import Call, Table, Tables, report, side_by_side
-from tests.benchmarks.pinocchio_loop import cpp_loop
 from tests.benchmarks.robots import robots
 
 ROWS = 20_000

@@ -11,8 +11,8 @@ import numpy as np
 
 import catenary
 from ros import COMMAND, Program
-from tests.benchmarks.measure import Tables
-from tests.benchmarks.programs import cpu_seconds, master_and_folder, memory, report_of_programs
+from tests.benchmarks.measure import Tables, report
+from tests.benchmarks.programs import cpu_seconds, master_and_folder, memory, require_rospy
 
 LISTENER = """
 import sys, time
@@ -36,10 +36,7 @@ def measure(kind: str, seconds: float) -> dict[str, float]:
     true, time_s = q + 0.01 * np.sin(3.0 * q), np.arange(2000) / 30.0
     units = ("rad", "rad", "m")
     model = catenary.fit(q, true, units=units, joint_names=names, time=time_s, model=kind)
-    with (
-        master_and_folder() as (master, folder),
-        Program(master, COMMAND, "serve", "--homed", "--json") as server,
-    ):
+    with master_and_folder() as (master, folder), Program(master, COMMAND, "serve", "--homed", "--json") as server:
         model.save(folder / "arm.npz")
         server.line()
         deploy = ("deploy", str(folder / "arm.npz"), "--ros", "1", "--gravity-torque", "--json")
@@ -68,4 +65,5 @@ def tables(seconds: float, kind: tuple[str, ...]) -> Tables:
 
 
 if __name__ == "__main__":
-    report_of_programs(tables, __doc__, seconds=20.0, kind=("linear", "neural"))
+    require_rospy()
+    report(tables, __doc__, seconds=20.0, kind=("linear", "neural"))

@@ -14,15 +14,10 @@ import numpy as np
 import pinocchio
 
 from catenary import RobotModel, gravity_kernel, gravity_torque, inverse_dynamics, mass_matrix
-from catenary.dynamics.robot_kernels import (
-    forward_kinematics_kernel,
-    inverse_dynamics_kernel,
-    mass_matrix_kernel,
-)
+from catenary.dynamics.robot_kernels import forward_kinematics_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.kernels.kernel import Kernel
-from tests.benchmarks.casadi_gravity import casadi_gravity
+from tests.benchmarks.compiled_peers import casadi_gravity, cpp_loop
 from tests.benchmarks.measure import Call, Table, Tables, cpu_time, report, side_by_side
-from tests.benchmarks.pinocchio_loop import cpp_loop
 from tests.benchmarks.robots import pinocchio_robot, robots
 from tests.oracles.mujoco_trees import mujoco_model
 from tests.oracles.random_trees import RandomRobot
@@ -141,9 +136,7 @@ STARTS = {
         "import numpy as np, catenary; r = catenary.load_robot('raven2'); k = catenary.gravity_kernel(r); "
         "k(np.zeros(3), np.zeros(3)); from catenary.dynamics.robot_kernels import mass_matrix_kernel; mass_matrix_kernel(r)"
     ),
-    "a first torque": (
-        "import catenary; catenary.gravity_torque(catenary.load_robot('raven2'), [0.0] * 3, [0.0] * 3)"
-    ),
+    "a first torque": ("import catenary; catenary.gravity_torque(catenary.load_robot('raven2'), [0.0] * 3, [0.0] * 3)"),
 }
 
 

@@ -1,4 +1,4 @@
-"""A client that hears topics and moves the shoulder at 100 Hz, straight from its sockets or by rospy.
+"""A client that hears topics and moves the shoulder at 100 Hz: straight from ROS 1's sockets, by rospy, or over DDS.
 
 rospy reads every topic in a thread of its own, and all of them share Python's lock: a client that hears fifteen
 topics a thousand times a second is busy with itself, and on a machine of few cores with the server's core too. By
@@ -13,20 +13,25 @@ import struct
 import sys
 import time
 import xmlrpc.client
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from benchmarks.shoulder_commands import ShoulderCommands
-from catenary.crtk.ros1.transport import Ros1Transport
+from catenary.crtk.message import message_class, stamp_of
+from catenary.crtk.transport import Publisher, Transport
 from catenary.recording.messages import fields, md5_sum
 
 CALLER = "/socket_listener"
 HEAD = struct.Struct("<IIII")  # length, seq, stamp
 HEADER = "std_msgs/Header"
 TIMED = "/arm1/setpoint_js"
-SETTLE = 0.5  # [s] before counting
+SETTLE = 1.0  # [s] before counting
+OFTEN = 0.5  # of the server's ticks: of topics that come less often without a count, losses cannot be told
+RESUME, MOVE = 1.3, 1.5  # [s] from the beginning until the state command, and until commands
+COMMANDS = 100.0  # [Hz]
+STEP = 1e-5  # [rad] a command
+TURN = 1000  # commands, after which it goes the other way
 
 
 class Heard:
@@ -43,16 +48,19 @@ class Heard:
     def forget(self) -> None:
         """Count from nothing."""
         self.count = self.lost = 0
+        self.stamps: list[int] = []  # [ns], where messages have no counts
         self.latency: list[int] = []  # [ns], of the timed topic
 
-    def add(self, seq: int, stamp: int, arrived: int) -> None:
-        """Count a message, with its stamp and arrival [ns]."""
+    def add(self, seq: int | None, stamp: int, arrived: int) -> None:
+        """Count a message, with its stamp and arrival [ns]; DDS has no seq."""
         self.count += 1
         if not self.has_header:
             return
-        if self.seq is not None:
-            self.lost += seq - self.seq - 1
-        self.seq = seq
+        if seq is None:
+            self.stamps.append(stamp)
+        else:
+            self.lost += 0 if self.seq is None else seq - self.seq - 1
+            self.seq = seq
         if self.is_timed:
             self.latency.append(arrived - stamp)
 
@@ -98,24 +106,56 @@ class SocketTopic(Heard):
         return float(position)
 
 
-class RospyTopic(Heard):
+class ClientTopic(Heard):
     """A topic of one of catenary's own clients."""
 
-    def __init__(self, transport: Ros1Transport, topic: str, type_name: str) -> None:
+    def __init__(self, transport: Transport, topic: str, type_name: str, *, counts: bool) -> None:
         super().__init__(topic, type_name)
+        self.counts = counts and self.has_header
         self.subscription = transport.subscribe(topic, type_name, depth=100_000)
 
     def take(self) -> None:
         """Take what has come."""
-        for one in self.subscription.take():
-            header = one.message[0] if self.has_header else None
-            self.add(*((0, 0) if header is None else (header.seq, header.stamp)), one.time)
-            self.last = one.message
+        for message, arrived in self.subscription.take():
+            self.add(message[0].seq if self.counts else None, stamp_of(message) or 0, arrived)
+            self.last = message
         self.overflowed = self.subscription.overflowed
 
     def shoulder(self) -> float:
         """First position of the last message."""
         return float(self.last.position[0])
+
+
+class ShoulderCommands:
+    """Increments of the first joint, sent when they are due."""
+
+    def __init__(self, moving: Publisher, command: Publisher, resume: str) -> None:
+        """Begin now; `resume` is the state command that lets the robot move."""
+        self._moving, self._command, self._resume = moving, command, resume
+        self._step, self._is_told, self._first = np.zeros(7), False, np.nan
+        self.begin, self.sent = time.monotonic(), 0
+        self._due = self.begin + MOVE
+
+    def send(self, now: float, shoulder: float) -> None:
+        """Send what is due at a time [s]; the robot's setpoint of the shoulder [rad] was heard last."""
+        if not self._is_told and now >= self.begin + RESUME:
+            self._is_told = True
+            self._command.publish(message_class("crtk_msgs/StringStamped")(string=self._resume))
+        if now >= self._due:
+            self._first = shoulder if self.sent == 0 else self._first
+            self._due = max(self._due + 1.0 / COMMANDS, now - 0.1)
+            self._step[0] = STEP if self.sent // TURN % 2 == 0 else -STEP
+            self._moving.publish(message_class("sensor_msgs/JointState")(position=self._step.copy()))
+            self.sent += 1
+
+    def pause(self, now: float) -> float:
+        """Return how long [s] to wait for the next."""
+        return min(max(0.0, self._due - now), 1.0 / COMMANDS)
+
+    def error(self, shoulder: float) -> float:
+        """Return how far [rad] a setpoint is from where the commands lead."""
+        rest = self.sent % (2 * TURN)
+        return abs(shoulder - self._first - STEP * min(rest, 2 * TURN - rest))
 
 
 def by_sockets(wanted: list[tuple[str, str]]) -> tuple[list[SocketTopic], Callable[[float], None]]:
@@ -136,11 +176,11 @@ def by_sockets(wanted: list[tuple[str, str]]) -> tuple[list[SocketTopic], Callab
     return heard, wait
 
 
-def by_rospy(
-    transport: Ros1Transport, wanted: list[tuple[str, str]]
-) -> tuple[list[RospyTopic], Callable[[float], None]]:
+def by_client(
+    transport: Transport, wanted: list[tuple[str, str]], *, counts: bool
+) -> tuple[list[ClientTopic], Callable[[float], None]]:
     """Return the topics, and a function that waits some seconds and takes what has come."""
-    heard = [RospyTopic(transport, topic, kind) for topic, kind in wanted]
+    heard = [ClientTopic(transport, topic, kind, counts=counts) for topic, kind in wanted]
 
     def wait(seconds: float) -> None:
         time.sleep(seconds)
@@ -150,13 +190,26 @@ def by_rospy(
     return heard, wait
 
 
+def lost_by_stamps(heard: Sequence[Heard]) -> dict[str, int]:
+    """Return the ticks that any topic tells of, and how many messages of the others lack."""
+    often = [one.stamps for one in heard if len(one.stamps) > OFTEN * max(len(each.stamps) for each in heard)]
+    begin, end = max(one[0] for one in often), min(one[-1] for one in often)
+    within = [{stamp for stamp in one if begin <= stamp <= end} for one in often]
+    ticks = set().union(*within)
+    return {"topics": len(often), "ticks": len(ticks), "lost": sum(len(ticks) - len(one) for one in within)}
+
+
 def main() -> None:
     """Hear topics (JSON) for some seconds, command, and print what was heard."""
     kind, topics, seconds, resume = sys.argv[1], json.loads(sys.argv[2]), float(sys.argv[3]), sys.argv[4]
-    transport = Ros1Transport("listener")
+    if kind == "dds":
+        from catenary.crtk.dds.transport import DdsTransport as OwnTransport
+    else:
+        from catenary.crtk.ros1.transport import Ros1Transport as OwnTransport  # type: ignore[assignment]
+    transport = OwnTransport("listener")
     moving = transport.publisher("/arm1/servo_jr", "sensor_msgs/JointState")
-    command = transport.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
-    heard, wait = by_sockets(topics) if kind == "sockets" else by_rospy(transport, topics)
+    command = transport.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=kind != "dds")
+    heard, wait = by_sockets(topics) if kind == "sockets" else by_client(transport, topics, counts=kind == "rospy")
     timed = next(one for one in heard if one.is_timed)
     while not (timed.count and transport.connections("/arm1/servo_jr").subscribers):
         wait(0.01)
@@ -175,7 +228,7 @@ def main() -> None:
     found = {
         "hertz": timed.count / wall,
         "messages": sum(one.count for one in heard),
-        "lost": sum(one.lost for one in heard),
+        **(lost_by_stamps(heard) if kind == "dds" else {"lost": sum(one.lost for one in heard)}),
         "commands": commands.sent,
         "listener_cores": cpu / wall,
         "overflowed": sum(one.overflowed for one in heard),

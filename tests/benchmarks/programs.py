@@ -1,25 +1,22 @@
 """Programs over ROS 1, measured from outside: what they take."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from catenary.crtk.ros1.transport import make_rospy_importable
 from catenary.errors import MissingPackageError
 from ros import Master, running_master
-from tests.benchmarks.measure import report
 
 
-def report_of_programs(measured: Callable[..., Any], about: str | None, **usual: Any) -> None:
-    """Report as `report` does; end where there is no rospy."""
+def require_rospy() -> None:
+    """End where there is no rospy."""
     try:
         make_rospy_importable()
     except MissingPackageError as error:
         sys.exit(str(error))
-    report(measured, about, **usual)
 
 
 @contextmanager

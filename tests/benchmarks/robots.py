@@ -49,11 +49,7 @@ def pinocchio_robot(model: RobotModel) -> pinocchio.Model:
 
 
 def _chain(
-    name: str,
-    root: str,
-    rows: tuple[tuple[float, float, float], ...],
-    rng: np.random.Generator,
-    shift: float = 0.0,
+    name: str, root: str, rows: tuple[tuple[float, float, float], ...], rng: np.random.Generator, shift: float = 0.0
 ) -> list[Link]:
     links: list[Link] = []
     for k, (a, d, alpha_deg) in enumerate(rows):

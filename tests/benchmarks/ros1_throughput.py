@@ -8,8 +8,8 @@ import json
 
 from catenary.crtk.topic_names import RAVEN
 from ros import Program
-from tests.benchmarks.measure import Tables
-from tests.benchmarks.programs import master_and_folder, report_of_programs
+from tests.benchmarks.measure import Tables, report
+from tests.benchmarks.programs import master_and_folder, require_rospy
 
 SECONDS = 10.0
 JOINT_STATE = "sensor_msgs/JointState"
@@ -103,4 +103,5 @@ def tables() -> Tables:
 
 
 if __name__ == "__main__":
-    report_of_programs(tables, __doc__)
+    require_rospy()
+    report(tables, __doc__)

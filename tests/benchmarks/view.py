@@ -1,12 +1,10 @@
-"""What the view costs: processor time of its page, and ticks of a 1 kHz loop with and without it beside.
+"""What the view costs: processor time of its page, ticks of a 1 kHz loop with and without it beside, a first picture.
 
 The browsers here are connections that read what the page sends, and one that hardly reads; how fast a browser draws is
 its own affair. Each case runs as long, in turn, several times: other programs disturb all of them alike.
 """
 
-import argparse
 import multiprocessing
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -17,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from catenary.control.loop import Tick, run_loop
-from catenary.files import json_text
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
 from catenary.trajectories.sinusoids import random_sinusoids
@@ -28,12 +25,15 @@ from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
 from catenary.workflows.gravity.trials import with_approach
+from tests.benchmarks.measure import Tables, report
+from tests.benchmarks.programs import cpu_seconds
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from view.connected import CAMERA, connect
 
 CASES = {"no view": None, "no browser": 0, "one browser": 1, "ten browsers": 10, "one slow browser": -1}
+BLUE = 0.02  # share of the picture that the reported arm fills
 EVERY = 40  # ticks between two states
 
 
@@ -65,12 +65,6 @@ def state_of(tick: Tick, arm: SimulatedArm) -> ViewState:
     )  # fmt: skip
 
 
-def processor_time(pid: int) -> float:
-    """Processor time that a process has taken [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 @contextmanager
 def beside(browsers: int | None, received: Any) -> Iterator[PageProcess | None]:
     """A page with so many browsers; None for none at all, -1 for a slow one."""
@@ -82,9 +76,7 @@ def beside(browsers: int | None, received: Any) -> Iterator[PageProcess | None]:
     with PageProcess(port=18200) as page:
         url = page.open(Shown("benchmark", model, arm_shapes(model), legend=legend))
         context = multiprocessing.get_context("spawn")
-        reader = context.Process(
-            target=read_pages, args=(url, abs(browsers), browsers < 0, received), daemon=True
-        )
+        reader = context.Process(target=read_pages, args=(url, abs(browsers), browsers < 0, received), daemon=True)
         if browsers:
             reader.start()
             while not received.value and reader.is_alive():
@@ -98,7 +90,7 @@ def beside(browsers: int | None, received: Any) -> Iterator[PageProcess | None]:
                 reader.join()
 
 
-def measure(browsers: int | None, seconds: float) -> dict[str, Any]:
+def measure(browsers: int | None, seconds: float) -> dict[str, float]:
     """Run a 1 kHz loop in real time, with a page beside it or without."""
     arm = simulated_arm("raven2")
     controller = make_controller("dg", arm)
@@ -114,58 +106,60 @@ def measure(browsers: int | None, seconds: float) -> dict[str, Any]:
                 page.put(state)
                 puts.append(time.perf_counter() - begin)
 
-        before, received.value = 0.0 if page is None else processor_time(page.pid), 0
+        before, received.value = 0.0 if page is None else cpu_seconds(page.pid), 0
         begin = time.perf_counter()
-        report = run_loop(
-            arm.plant,
-            controller,
-            motion,
-            limits=arm.limits(),
-            observers=[observe],
-            duration=seconds,
-            real_time=True,
+        ran = run_loop(
+            arm.plant, controller, motion, limits=arm.limits(), observers=[observe], duration=seconds, real_time=True
         )
         took, read = time.perf_counter() - begin, received.value
-        share = None if page is None else (processor_time(page.pid) - before) / took
-    compute = report.compute
+        share = np.nan if page is None else (cpu_seconds(page.pid) - before) / took
     return {
-        "overruns": report.overruns,
-        "ticks": report.ticks,
-        "compute_us": None if compute is None else compute.in_us(),
-        "put_us": float(np.median(puts)) * 1e6 if puts else None,
-        "share_of_a_core": share,
-        "kilobytes_a_second": read / took / 1e3 / max(1, abs(browsers or 0)),
+        "overruns": ran.overruns,
+        "ticks": ran.ticks,
+        "compute_p999_us": np.nan if ran.compute is None else ran.compute.in_us()["p999"],
+        "put_us": float(np.median(puts)) * 1e6 if puts else np.nan,
+        "of_a_core": share,
+        "kB_a_second_each": read / took / 1e3 / max(1, abs(browsers or 0)),
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    found: dict[str, list[dict[str, Any]]] = {name: [] for name in CASES}
-    for _ in range(options.rounds):
-        for name, browsers in CASES.items():
-            found[name].append(measure(browsers, options.seconds))
-    print(
-        f"{'beside the loop':18} {'overruns of ticks':>24} {'compute p99.9 us':>18} {'put us':>8} {'of a core':>10} {'kB/s each':>10}"
-    )
-    for name, runs in found.items():
-        overruns, ticks = sum(run["overruns"] for run in runs), sum(run["ticks"] for run in runs)
-        slowest = np.median([run["compute_us"]["p999"] for run in runs])
-        put = np.median([run["put_us"] or np.nan for run in runs])
-        share = np.median(
-            [np.nan if run["share_of_a_core"] is None else run["share_of_a_core"] for run in runs]
-        )
-        read = np.median([run["kilobytes_a_second"] for run in runs])
-        print(
-            f"{name:18} {overruns:>12} of {ticks:>8} {slowest:>18.0f} {put:>8.0f} {share:>10.2f} {read:>10.0f}"
-        )
-    if options.json:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json_text(found))
+def first_picture(robot: str) -> dict[str, float]:
+    """Return seconds from `catenary view ROBOT` to its address, to the page's words and to the arm.
+
+    A browser is open already, as somebody's is, and goes to the address as soon as the command says it. Chromium draws by
+    software here, which takes seconds where a graphics card takes a part of one.
+    """
+    from view.browser import PATIENCE, looked_at_empty, share_of_pixels
+    from view.command import view
+
+    with looked_at_empty() as looked:
+        begin = time.monotonic()
+        with view(robot) as url:
+            seconds = {"address": time.monotonic() - begin}
+            looked.page.goto(url, wait_until="commit", timeout=PATIENCE)
+            looked.wait_for_words()
+            seconds["words"] = time.monotonic() - begin
+            while share_of_pixels(looked.picture(), more=2, than=(0, 1)) < BLUE:
+                pass
+            seconds["arm"] = time.monotonic() - begin
+    return seconds
+
+
+def tables(seconds: float, rounds: int, what: tuple[str, ...], robot: str) -> Tables:
+    """Measure a loop beside every number of browsers, and the time to a first picture."""
+    found: Tables = {}
+    if "loop" in what:
+        runs: dict[str, list[dict[str, float]]] = {name: [] for name in CASES}
+        for _ in range(rounds):
+            for name, browsers in CASES.items():
+                runs[name].append(measure(browsers, seconds))
+        found["beside the loop, medians"] = {
+            name: {key: float(np.median([run[key] for run in own])) for key in own[0]} for name, own in runs.items()
+        }
+    if "picture" in what:
+        found["a first picture, s"] = {f"round {number + 1}": first_picture(robot) for number in range(rounds)}
+    return found
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__, seconds=20.0, rounds=3, what=("loop", "picture"), robot="raven2")

@@ -34,9 +34,7 @@ def main() -> int:
     if "list" in options.parts:
         entries = results.read()["parts"]
         for name, (_, part) in parts.items():
-            print(
-                f"{name:24} {len(seeds_of(entries.get(name, {'seeds': []})['seeds'])):9,} of {part.target:9,}"
-            )
+            print(f"{name:24} {len(seeds_of(entries.get(name, {'seeds': []})['seeds'])):9,} of {part.target:9,}")
         return 0
     end = time.monotonic() + options.seconds
     failed = 0
@@ -100,12 +98,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="first seed; those that held before are left out")
     parser.add_argument("--out", type=Path, default=Path("build/campaign"), help="folder of the results")
     parser.add_argument("--workers", type=int, default=1, help="child processes at a time")
-    parser.add_argument(
-        "--replay", type=Path, metavar="FAILURE", help="a folder below failures/, tried again"
-    )
-    parser.add_argument(
-        "--add", type=Path, metavar="JSON", help="another campaign.json, added to these results"
-    )
+    parser.add_argument("--replay", type=Path, metavar="FAILURE", help="a folder below failures/, tried again")
+    parser.add_argument("--add", type=Path, metavar="JSON", help="another campaign.json, added to these results")
     parser.add_argument("--markdown", action="store_true", help="print the table of the results, try nothing")
     return parser.parse_args()
 

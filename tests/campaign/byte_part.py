@@ -1,9 +1,11 @@
-"""A part of the campaign that reads damaged files of one format, each within its processor time."""
+"""Parts of the campaign that read damaged files of one format, each within its processor time; and whole samples."""
 
 import contextlib
 import shutil
+import tempfile
 import time
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from tests.campaign.part import Fell, Part
@@ -12,9 +14,27 @@ MUTANTS = 1600  # of each format
 LONGEST = 5.0  # that reading a file may take [s] of processor time
 
 
-def files_part(name: str, case: Callable[[int, Path], None]) -> Part:
+def sample(name: str) -> Path:
+    """Return where a whole file is made, once in a child process, whose folder goes with it."""
+    return Path(tempfile.mkdtemp(prefix="campaign-sample-")) / name
+
+
+@cache
+def linear_model() -> bytes:
+    """A calibration model's file."""
+    import numpy as np
+
+    import catenary
+
+    q = np.cumsum(np.random.default_rng(1).normal(scale=0.01, size=(400, 3)), axis=0)
+    path = sample("model.npz")
+    catenary.fit(q, q + 0.01 * np.sin(q), units=("rad", "rad", "m"), model="linear").save(path)
+    return path.read_bytes()
+
+
+def files_part(name: str, case: Callable[[int, Path], None], *, mutants: int = MUTANTS) -> Part:
     """Return the part of a format; a case is refused by a CatenaryError, or read."""
-    return Part(f"files.{name}", MUTANTS, _timed(case), may_refuse=True, processor_time=120.0)
+    return Part(f"files.{name}", mutants, _timed(case), may_refuse=True, processor_time=120.0)
 
 
 def _timed(case: Callable[[int, Path], None]) -> Callable[[int, Path], None]:

@@ -1,13 +1,17 @@
 """A part of the campaign: a name, how many cases are asked for, and a case by its seed."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Any
 
 from catenary.errors import CatenaryError
 
+# limits of a case that waits for programs of its own
+PROGRAMS: dict[str, Any] = {"processor_time": math.inf, "patience": 600.0, "memory": None, "warnings_fail": False}
 # a case by its seed, in a folder of its own where it leaves its input
 Case = Callable[[int, Path], object]
 

@@ -45,9 +45,7 @@ class Results:
         with self._changing() as content:
             entry = content["parts"].setdefault(part.name, {"seeds": [], "failures": [], "seconds": 0.0})
             others = [failure for failure in entry["failures"] if failure["seed"] not in tried]
-            for mended in (
-                failure for failure in entry["failures"] if tried.get(failure["seed"], "no") is None
-            ):
+            for mended in (failure for failure in entry["failures"] if tried.get(failure["seed"], "no") is None):
                 shutil.rmtree(self.folder / mended["folder"], ignore_errors=True)
             entry["failures"] = sorted(
                 others + [_failure(part, seed, why) for seed, why in tried.items() if why is not None],
@@ -65,10 +63,7 @@ class Results:
                 mine = content["parts"].get(name, {"seeds": [], "failures": [], "seconds": 0.0})
                 done = seeds_of(mine["seeds"])
                 new = [failure for failure in theirs["failures"] if failure["seed"] not in done]
-                entry = {
-                    "seeds": ranges_of(done | seeds_of(theirs["seeds"])),
-                    "failures": mine["failures"] + new,
-                }
+                entry = {"seeds": ranges_of(done | seeds_of(theirs["seeds"])), "failures": mine["failures"] + new}
                 seconds = round(mine["seconds"] + theirs["seconds"], 1)
                 content["parts"][name] = _counted(entry, theirs["target"], seconds)
             content["parts"] = dict(sorted(content["parts"].items()))
@@ -126,10 +121,7 @@ def _failure(part: Part, seed: int, why: str) -> dict[str, Any]:
 
 def _about() -> dict[str, Any]:
     git = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"],
-        capture_output=True,
-        text=True,
-        check=False,
+        ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     )
     return {
         "version": __version__,

@@ -52,15 +52,7 @@ def _run_child(module: str, part: Part, seeds: range, tell: Tell, deadline: floa
     """Run a child process until it ends; return the seed that is next."""
     folder = Path(tempfile.mkdtemp(prefix="campaign-"))
     reading, writing = os.pipe()
-    command = [
-        sys.executable,
-        "-m",
-        "tests.campaign.child",
-        module,
-        part.name,
-        str(seeds.start),
-        str(seeds.stop),
-    ]
+    command = [sys.executable, "-m", "tests.campaign.child", module, part.name, str(seeds.start), str(seeds.stop)]
     try:
         with (folder / "output").open("wb") as output:
             process = subprocess.Popen(
@@ -116,9 +108,7 @@ def _end(process: "subprocess.Popen[bytes]", why: str | None) -> str | None:
     if process.returncode is None:
         if why is not None:
             process.kill()
-        os.waitid(
-            os.P_PID, process.pid, os.WEXITED | os.WNOWAIT
-        )  # its number stays its own until it is waited for
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # its number stays its own until it is waited for
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
     code = process.wait()
@@ -126,9 +116,7 @@ def _end(process: "subprocess.Popen[bytes]", why: str | None) -> str | None:
         return why
     if code == -signal.SIGXCPU:
         return "took too much processor time"
-    return (
-        f"the process ended by {signal.Signals(-code).name}" if code < 0 else f"the process ended with {code}"
-    )
+    return f"the process ended by {signal.Signals(-code).name}" if code < 0 else f"the process ended with {code}"
 
 
 def _environment(folder: Path) -> dict[str, str]:

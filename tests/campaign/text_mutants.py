@@ -50,9 +50,7 @@ def spoilt_bytes(rng: random.Random, data: bytes) -> bytes:
     if kind == 3:
         return rng.choice((b"\xef\xbb\xbf", b"\xff\xfe", b"\0", b"#", b"[" * 3000)) + data
     if kind == 4:
-        return data.decode("utf-8", "replace").encode(
-            rng.choice(("utf-16", "utf-32", "latin-1", "cp037")), "replace"
-        )
+        return data.decode("utf-8", "replace").encode(rng.choice(("utf-16", "utf-32", "latin-1", "cp037")), "replace")
     if kind == 5:
         piece = data[at : at + rng.randrange(1, 200)]
         return data[:at] + piece * rng.randrange(2, 50) + data[at:]
@@ -73,9 +71,7 @@ def _places(tree: Any) -> list[tuple[list[Any], int]]:
     found, waiting = [], [tree]
     while waiting:
         here = waiting.pop()
-        inner = (
-            [(pair, 1) for pair in here] if isinstance(here, Pairs) else [(here, i) for i in range(len(here))]
-        )
+        inner = [(pair, 1) for pair in here] if isinstance(here, Pairs) else [(here, i) for i in range(len(here))]
         found += inner
         waiting += [holder[i] for holder, i in inner if isinstance(holder[i], list)]
     return found
@@ -197,9 +193,7 @@ def spoilt_xml(rng: random.Random, text: str) -> bytes:
     if rng.random() < 0.4:
         places = [i for i, letter in enumerate(written) if letter == ">"]
         at = rng.choice(places) + 1
-        piece = rng.choice(PIECES).replace(
-            "{n}", escape(rng.choice(("0", "-1", "3", "30000", "1e9", "999999999999")))
-        )
+        piece = rng.choice(PIECES).replace("{n}", escape(rng.choice(("0", "-1", "3", "30000", "1e9", "999999999999"))))
         written = written[:at] + piece + written[at:]
     if rng.random() < 0.05:
         many = " ".join(f'a{i}="1"' for i in range(200_000))

@@ -39,10 +39,10 @@ def mass_matrix() -> sp.Matrix:
     for J, a, m, L in zip(JACOBIANS, ANGLES, (m0, m1), (L0, L1), strict=True):
         inertia = turned(a) * sp.diag(0, m * L**2 / 12, m * L**2 / 12) * turned(a).T
         total += J.T * sp.diag(m * sp.eye(3), inertia) * J
-    return sp.simplify(total)
+    return total
 
 
 def gravity_torque() -> sp.Matrix:
     """g(q) = -sum J^T F of the links' weights."""
     weight = [sp.Matrix([0, 0, -gravity * m, 0, 0, 0]) for m in (m0, m1)]
-    return sp.simplify(-(JACOBIANS[0].T * weight[0] + JACOBIANS[1].T * weight[1]))
+    return -(JACOBIANS[0].T * weight[0] + JACOBIANS[1].T * weight[1])

@@ -3,6 +3,7 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -42,9 +43,7 @@ def report(outcomes: Outcomes) -> Report:
     figure, (axes,) = panels(1, 2.0)
     axes.plot([result["square"] for result in outcomes.of(squared)])
     rows = [[str(told["number"]), str(result["square"])] for told, result in outcomes.items(squared)]
-    return Report(
-        [TitledTable("Squares", Table(["number", "square"], rows))], [TitledPicture("A curve", figure)]
-    )
+    return Report([TitledTable("Squares", Table(["number", "square"], rows))], [TitledPicture("A curve", figure)])
 
 
 SQUARES = Experiment(
@@ -56,18 +55,17 @@ SQUARES = Experiment(
     cases=cases,
     report=report,
     minutes=0.1,
-    claims=[
-        Claim(
-            "They grow",
-            "I",
-            "1 < 4",
-            "each larger",
-            lambda _: Judgement("reproduced", "0 < 1"),
-            fitted=True,
-        )
-    ],
+    claims=[Claim("They grow", "I", "1 < 4", "each larger", lambda _: Judgement("reproduced", "0 < 1"), fitted=True)],
     drawn=2,
 )
+
+
+def ran(out: Path, *words: str, code: int = 0) -> dict[str, Any]:
+    """Run the experiment; return what it leaves."""
+    assert command.main(["calibration-table-1", *words, "--out", str(out)]) == code
+    folder = out / "quick" if "--quick" in words else out
+    found: dict[str, Any] = json.loads((folder / "beyond-squares.json").read_text())
+    return found
 
 
 @pytest.fixture(autouse=True)
@@ -75,24 +73,24 @@ def only_squares(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "experiment", lambda name: SQUARES)
 
 
-def test_an_experiment_writes_table_page_picture_and_verdicts(
+def test_an_experiment_writes_table_page_verdicts_and_the_same_picture_each_time(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert command.main(["calibration-table-1", "--out", str(tmp_path)]) == 0
+    content = ran(tmp_path)
     printed = capsys.readouterr().out
     assert "| 2 | 4 |" in printed
     assert "reproduced: They grow" in printed
-    content = json.loads((tmp_path / "beyond-squares.json").read_text())
-    assert content["robots"] == ["nominal", 1, 2]
-    assert content["cases"] == 3
-    assert (content["missing"], content["tables"][0]["rows"]) == (0, [["0", "0"], ["1", "1"], ["2", "4"]])
+    assert (content["robots"], content["cases"], content["missing"]) == (["nominal", 1, 2], 3, 0)
+    assert content["tables"][0]["rows"] == [["0", "0"], ["1", "1"], ["2", "4"]]
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", content["date"])
     assert content["version"] == __version__
     page = (tmp_path / "beyond-squares.html").read_text()
-    assert "They grow" in page
-    assert "reproduced (fitted)" in page
-    assert "the simulated robot was fitted to this number" in page
-    assert (tmp_path / "beyond-squares-1.svg").read_text().startswith("<?xml")
+    for words in ("They grow", "reproduced (fitted)", "the simulated robot was fitted to this number"):
+        assert words in page
+    drawn = (tmp_path / "beyond-squares-1.svg").read_bytes()
+    assert drawn.startswith(b"<?xml")
+    assert ran(tmp_path) == content
+    assert (tmp_path / "beyond-squares-1.svg").read_bytes() == drawn
 
 
 def test_the_date_and_the_minutes_are_those_of_the_cases_whenever_they_are_shown(tmp_path: Path) -> None:
@@ -100,19 +98,15 @@ def test_the_date_and_the_minutes_are_those_of_the_cases_whenever_they_are_shown
     store = Store(tmp_path)
     for case, date in zip(cases(Scope((None, 1, 2))), ended, strict=True):
         store.write(case, Finished({"square": 1}, 60.0, 30.0, "0.0.9", "abc", date))
-    command.main(["calibration-table-1", "--out", str(tmp_path)])
-    content = json.loads((tmp_path / "beyond-squares.json").read_text())
+    content = ran(tmp_path)
     assert (content["version"], content["date"]) == ("0.0.9", "2026-11-20 to 2026-11-22")
     assert content["processor_minutes"] == 1.5
 
 
-def test_quick_results_hold_no_verdict_and_stand_apart(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command.main(["calibration-table-1", "--quick", "--out", str(tmp_path)]) == 0
+def test_quick_results_hold_no_verdict_and_stand_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(tmp_path, "--quick")["claims"] == []
     assert "They grow" not in capsys.readouterr().out
     assert not (tmp_path / "beyond-squares.json").exists()
-    assert json.loads((tmp_path / "quick" / "beyond-squares.json").read_text())["claims"] == []
 
 
 def test_a_failed_case_is_told_and_leaves_the_others_and_no_verdict(
@@ -120,7 +114,7 @@ def test_a_failed_case_is_told_and_leaves_the_others_and_no_verdict(
 ) -> None:
     broken = replace(SQUARES, cases=lambda scope: [squared.case(number=-1), squared.case(number=3)])
     monkeypatch.setattr(command, "experiment", lambda name: broken)
-    assert command.main(["calibration-table-1", "--out", str(tmp_path)]) == 1
+    assert (ran(tmp_path, code=1)["missing"]) == 1
     ended = capsys.readouterr()
     assert "| 3 | 9 |" in ended.out
     assert "They grow" not in ended.out
@@ -130,8 +124,7 @@ def test_a_failed_case_is_told_and_leaves_the_others_and_no_verdict(
 
 
 def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
-    command.main(["calibration-table-1", "--seeds", "1", "--out", str(tmp_path)])
-    assert json.loads((tmp_path / "beyond-squares.json").read_text())["robots"] == ["nominal", 1]
+    assert ran(tmp_path, "--seeds", "1")["robots"] == ["nominal", 1]
 
 
 @pytest.mark.parametrize(
@@ -141,42 +134,23 @@ def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
         (["all", "--seeds", "0"], "one or more"),
         ([], "NAME"),
         (["all", "--fast"], "--fast"),
+        (["calibration-table-1", "--out", "a_file"], "name another folder by --out"),
+        (["calibration-table-1", "--out", "a_file/below"], "name another folder by --out"),
+        (["publish", "calibration-table-1", "--out", "nothing"], "run them first"),
+        (["calibration-table-1", "--workers", "2"], "pip install"),  # Dask
     ],
 )
-def test_what_is_not_understood_is_refused(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+def test_what_cannot_be_done_is_refused(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    (tmp_path / "a_file").write_text("mine")
     with pytest.raises(SystemExit) as end:
         command.main(words)
     assert end.value.code == 2
-    assert told in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("out", ["a_file", "a_file/below"])
-def test_results_that_can_be_kept_nowhere_are_refused(
-    out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "a_file").write_text("mine")
-    with pytest.raises(SystemExit) as end:
-        command.main(["calibration-table-1", "--out", str(tmp_path / out)])
-    assert end.value.code == 2
-    assert "name another folder by --out" in capsys.readouterr().err
+    assert told in " ".join(capsys.readouterr().err.split())
     assert (tmp_path / "a_file").read_text() == "mine"
-
-
-def test_nothing_to_publish_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        command.main(["publish", "calibration-table-1", "--out", str(tmp_path)])
-    assert "run them first" in " ".join(capsys.readouterr().err.split())
-
-
-def test_workers_without_dask_say_what_to_install(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(SystemExit):
-        command.main(["calibration-table-1", "--workers", "2", "--out", str(tmp_path)])
-    assert "pip install" in capsys.readouterr().err
 
 
 def test_list_names_every_experiment_and_the_hours_of_all(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +12,7 @@ from typing import Any
 import pytest
 
 from catenary.errors import InputError
-from oracles.sweep_cases import (
-    become_another_processor,
-    become_older,
-    calls,
-    deadly,
-    failing,
-    not_plain,
-    quick,
-    summed,
-)
+from oracles.sweep_cases import become_another_processor, become_older, calls, deadly, failing, not_plain, quick, summed
 from papers import runner
 from papers.experiment import Case, Result
 from papers.runner import Failure, execute, fingerprint, run_cases
@@ -37,14 +29,25 @@ def begun(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
-    """Two workers of a Dask cluster that somebody else started."""
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "out")
+
+
+@contextmanager
+def started(workers: int) -> Iterator[Any]:
+    """Yield a Dask cluster that somebody else started."""
     from distributed import LocalCluster
 
     with LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
+        n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
     ) as local:
+        yield local
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with started(2) as local:
         yield local
 
 
@@ -60,10 +63,9 @@ def as_bits(found: list[Result]) -> str:
     return json.dumps(found)  # shortest decimals that give the same double
 
 
-def test_a_case_that_raises_is_kept_as_a_failure_and_the_others_end(tmp_path: Path, begun: Path) -> None:
+def test_a_case_that_raises_is_kept_as_a_failure_and_the_others_end(store: Store, begun: Path) -> None:
     bad = [failing.case(number=7, folder=str(begun)), not_plain.case(number=8, folder=str(begun))]
     good = sums(begun, 2)
-    store = Store(tmp_path / "out")
     told: list[tuple[Case, Finished | Failure]] = []
     failures = run_cases([bad[0], good[0], bad[1], good[1]], store, told=lambda *ended: told.append(ended))
     assert [failure.case for failure in failures] == bad
@@ -77,9 +79,9 @@ def test_a_case_that_raises_is_kept_as_a_failure_and_the_others_end(tmp_path: Pa
 
 
 def test_an_interrupted_sweep_goes_on_where_it_was_and_runs_nothing_twice(
-    tmp_path: Path, begun: Path
+    store: Store, tmp_path: Path, begun: Path
 ) -> None:
-    store, cases = Store(tmp_path / "out"), sums(begun, 5)
+    cases = sums(begun, 5)
 
     def stop_at_the_third(case: Case, _: Finished | Failure) -> None:
         if case == cases[2]:
@@ -94,10 +96,8 @@ def test_an_interrupted_sweep_goes_on_where_it_was_and_runs_nothing_twice(
     assert [calls(begun, k) for k in range(5)] == [1] * 5
 
 
-def test_a_failed_case_runs_again_the_next_time_and_its_failure_is_forgotten(
-    tmp_path: Path, begun: Path
-) -> None:
-    store, case = Store(tmp_path / "out"), quick.case(number=1, folder=str(begun))
+def test_a_failed_case_runs_again_the_next_time_and_its_failure_is_forgotten(store: Store, begun: Path) -> None:
+    case = quick.case(number=1, folder=str(begun))
     store.write_failure(case, "no disk")
     assert run_cases([case], store) == []
     assert list(store.failures.iterdir()) == []
@@ -125,6 +125,7 @@ def test_processor_time_is_told_beside_that_of_the_clock(begun: Path) -> None:
     assert 0.0 < working.processor_seconds < working.seconds + 0.1  # one thread; 0.1 s for coarse clocks
 
 
+@pytest.mark.slow
 def test_two_workers_give_the_numbers_of_this_process_to_the_last_bit(tmp_path: Path, begun: Path) -> None:
     cases, bad = sums(begun, 4), failing.case(number=9, folder=str(begun))
     here, there = Store(tmp_path / "here"), Store(tmp_path / "there")
@@ -150,9 +151,7 @@ def test_a_cluster_by_address_gives_the_same_and_two_hundred_cases_tell_their_pr
 
     def count(case: Case, _: Finished | Failure) -> None:
         told.append(case)
-        partial.append(
-            len(list(there.folder.iterdir()))
-        )  # results are there as cases end, not after all of them
+        partial.append(len(list(there.folder.iterdir())))  # results are there as cases end, not after all of them
 
     assert run_cases(many, there, cluster=cluster.scheduler_address, told=count) == []
     assert set(told) == set(many)
@@ -161,13 +160,10 @@ def test_a_cluster_by_address_gives_the_same_and_two_hundred_cases_tell_their_pr
 
 
 @pytest.mark.slow
-def test_killed_workers_cost_no_case_but_those_that_kill_again(tmp_path: Path, begun: Path) -> None:
+def test_killed_workers_cost_no_case_but_those_that_kill_again(store: Store, begun: Path) -> None:
     once = deadly.case(number=100, folder=str(begun), deaths=1)
     always = [deadly.case(number=k, folder=str(begun), deaths=99) for k in (101, 102)]
-    others = [
-        summed.case(number=k, folder=str(begun), size=1000) for k in range(6)
-    ]  # long enough to be there
-    store = Store(tmp_path / "out")
+    others = [summed.case(number=k, folder=str(begun), size=1000) for k in range(6)]  # long enough to be there
     failures = run_cases([always[0], *others[:3], always[1], once, *others[3:]], store, workers=2)
     assert {failure.case for failure in failures} == set(always)
     assert all("KilledWorker" in failure.told for failure in failures)
@@ -178,15 +174,15 @@ def test_killed_workers_cost_no_case_but_those_that_kill_again(tmp_path: Path, b
     assert kept.result["calls"] == 2
 
 
+@pytest.mark.slow
 def test_killed_workers_of_a_cluster_by_address_cost_no_more_and_its_scheduler_is_left_as_it_was(
-    cluster: Any, tmp_path: Path, begun: Path
+    cluster: Any, store: Store, begun: Path
 ) -> None:
     scheduler = cluster.scheduler
     before = (scheduler.allowed_failures, scheduler.worker_ttl)
     assert before[0] > 0
     always = deadly.case(number=103, folder=str(begun), deaths=99)
     others = [summed.case(number=k, folder=str(begun)) for k in range(4)]
-    store = Store(tmp_path / "out")
     failures = run_cases([always, *others], store, cluster=cluster.scheduler_address)
     assert [failure.case for failure in failures] == [always]
     assert "KilledWorker" in failures[0].told
@@ -197,29 +193,17 @@ def test_killed_workers_of_a_cluster_by_address_cost_no_more_and_its_scheduler_i
 
 @pytest.mark.slow
 def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
-    tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch
+    store: Store, begun: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     last = deadly.case(number=104, folder=str(begun), deaths=99)
     waiting = [quick.case(number=k, folder=str(begun)) for k in range(2)]
-    store = Store(tmp_path / "out")
-    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as local, Client(local) as client:
-        worker = subprocess.Popen(  # no nanny starts another in its place
-            [
-                sys.executable,
-                "-m",
-                "dask",
-                "worker",
-                local.scheduler_address,
-                "--no-nanny",
-                "--nthreads",
-                "1",
-            ],
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-            stderr=subprocess.DEVNULL,
-        )
+    with started(0) as local, Client(local) as client:
+        command = [sys.executable, "-m", "dask", "worker", local.scheduler_address, "--no-nanny", "--nthreads", "1"]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        # no nanny starts another in its place
+        worker = subprocess.Popen(command, cwd=ROOT, env=environment, stderr=subprocess.DEVNULL)
         try:
             client.wait_for_workers(1, timeout=60)
             monkeypatch.setattr(runner, "PATIENCE", 5.0)
@@ -234,50 +218,33 @@ def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
 
 @pytest.mark.slow
 def test_a_worker_on_another_processor_is_told_and_taken(
-    tmp_path: Path, begun: Path, caplog: pytest.LogCaptureFixture
+    store: Store, begun: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
-    with (
-        LocalCluster(
-            n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
-        ) as unlike,
-        Client(unlike) as client,
-    ):
+    with started(1) as unlike, Client(unlike) as client:
         client.run(become_another_processor)
-        assert run_cases(sums(begun, 1), Store(tmp_path / "out"), cluster=unlike.scheduler_address) == []
+        assert run_cases(sums(begun, 1), store, cluster=unlike.scheduler_address) == []
     (told,) = [record.getMessage() for record in caplog.records if record.name == "papers.runner"]
     assert "last digits" in told
     assert told.endswith(": another processor")
 
 
 @pytest.mark.slow
-def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: Path, begun: Path) -> None:
-    from distributed import Client, LocalCluster
+def test_a_worker_with_another_source_is_refused_before_anything_runs(store: Store, begun: Path) -> None:
+    from distributed import Client
 
-    with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
-        ) as mixed,
-        Client(mixed) as client,
-    ):
+    with started(2) as mixed, Client(mixed) as client:
         aged = next(iter(client.scheduler_info()["workers"]))
         client.run(become_older, workers=[aged])
         refused = f"workers with another catenary or library than here .*{re.escape(fingerprint())}.*: {aged} .older"
         with pytest.raises(InputError, match=refused):
-            run_cases(sums(begun, 2), Store(tmp_path / "out"), cluster=mixed.scheduler_address)
+            run_cases(sums(begun, 2), store, cluster=mixed.scheduler_address)
     assert list(begun.iterdir()) == []
 
 
 @pytest.mark.slow
-def test_a_cluster_without_workers_is_refused(
-    tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from distributed import LocalCluster
-
+def test_a_cluster_without_workers_is_refused(store: Store, begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "PATIENCE", 0.5)
-    with (
-        LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as empty,
-        pytest.raises(InputError, match="no worker within"),
-    ):
-        run_cases(sums(begun, 2), Store(tmp_path / "out"), cluster=empty.scheduler_address)
+    with started(0) as empty, pytest.raises(InputError, match="no worker within"):
+        run_cases(sums(begun, 2), store, cluster=empty.scheduler_address)

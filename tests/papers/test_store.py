@@ -1,3 +1,5 @@
+"""Cases, what they leave, and experiments: keys by content, a store of files, the catalogue."""
+
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -5,8 +7,12 @@ from pathlib import Path
 import pytest
 
 from oracles.sweep_cases import quick, summed
-from papers import experiment, store
-from papers.experiment import Case
+from papers import catalog, experiment, store
+from papers.calibration.table_1 import direction_errors
+from papers.calibration.table_2 import more_epochs
+from papers.catalog import MODULES, named
+from papers.claims import by_count, mean_and_spread
+from papers.experiment import Case, Outcomes, Scope
 from papers.store import Finished, Store, source_digest
 
 CASE = quick.case(number=3, folder="here")
@@ -28,16 +34,6 @@ def test_what_is_kept_comes_back_whole(tmp_path: Path) -> None:
     assert Store(tmp_path).read(CASE) == DONE
     content = json.loads((tmp_path / "cases" / f"{CASE.key}.json").read_text())
     assert (content["function"], content["arguments"]) == (CASE.function, {"folder": "here", "number": 3})
-
-
-def test_a_file_of_before_processor_time_and_environment_were_told_is_read(tmp_path: Path) -> None:
-    kept = Store(tmp_path)
-    kept.write(CASE, DONE)
-    path = tmp_path / "cases" / f"{CASE.key}.json"
-    older = json.loads(path.read_text())
-    del older["processor_seconds"], older["environment"]
-    path.write_text(json.dumps(older))
-    assert kept.read(CASE) == DONE._replace(processor_seconds=DONE.seconds, environment="")
 
 
 @pytest.mark.parametrize(
@@ -95,9 +91,7 @@ def test_a_key_depends_on_the_data_of_simulated_robots_and_of_those_it_names(
     assert CASE.key == before
 
 
-def test_the_digest_of_the_source_changes_with_any_file(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_digest_of_the_source_changes_with_any_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "robots").mkdir()
     monkeypatch.setattr(store, "files", lambda _: tmp_path)
     digests = []
@@ -115,3 +109,63 @@ def test_a_case_is_plain_data_and_its_function_a_marked_one() -> None:
         quick.case(number=float("nan"), folder="here")
     with pytest.raises(TypeError, match="expected a function marked with @run"):
         Case("oracles.sweep_cases.calls", 1, "{}").load()
+
+
+def test_outcomes_are_found_by_function_and_arguments() -> None:
+    cases = [quick.case(number=number, folder="here") for number in (1, 2)]
+    outcomes = Outcomes({case: {"raw": number} for number, case in enumerate(cases)})
+    assert outcomes.of(quick) == [{"raw": 0}, {"raw": 1}]
+    assert outcomes.of(quick, number=2) == [{"raw": 1}]
+    assert outcomes.of(quick, number=3) == outcomes.of(summed) == []
+
+
+def test_how_often_networks_are_trained_is_what_cases_are_called_with() -> None:
+    told = {"seed": None, "direction": "J1", "sparsities": [0.5], "test_seconds": 60.0}
+    five, none = (direction_errors.case(**told, networks=seeds) for seeds in ([0, 1, 2, 3, 4], []))
+    one = more_epochs.case(seed=1, training_set="1/2", epochs=[2], network=0)
+    assert Outcomes({CASE: {}}).trainings == []
+    assert Outcomes({five: {}, none: {}}).trainings == [5]
+    assert Outcomes({one: {}, five: {}}).trainings == [1, 5]
+
+
+@pytest.mark.parametrize(
+    ("holds", "verdict"),
+    [
+        ([True, True], "reproduced"),
+        ([True, True, False], "same direction"),
+        ([True, False], "not reproduced"),
+        ([], "not measured"),
+    ],
+)
+def test_a_claim_of_several_parts_holds_as_far_as_these_do(holds: list[bool], verdict: str) -> None:
+    assert by_count(holds, "told").verdict == verdict
+
+
+def test_spread_is_that_of_a_sample() -> None:
+    assert mean_and_spread([1.0, 3.0], 1) == "2.0 ± 1.4"
+    assert mean_and_spread([1.0]) == "1.000"
+    assert mean_and_spread([]) == "-"
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_experiment_says_what_it_is_and_what_it_would_run(name: str) -> None:
+    one = catalog.experiment(name)
+    assert one.name == name
+    # regressor-payload stands on the regressor's page and claims nothing of the paper's
+    assert name.startswith(f"{one.paper}-") or one.paper == "beyond"
+    assert one.about
+    assert one.minutes > 0.0
+    for claim in one.claims:
+        assert all((claim.says, claim.place, claim.published, claim.criterion))
+    if not one.needs_data:
+        whole = one.cases(Scope())
+        assert one.cases(Scope(robots=(None,), networks=1, quick=True))
+        assert len({case.key for case in whole}) == len(set(whole))
+
+
+def test_names_and_their_beginnings_choose_experiments() -> None:
+    assert named(["all"]) == list(MODULES)
+    assert named(["calibration-table-1", "calibration-table-1"]) == ["calibration-table-1"]
+    assert "calibration-table-1" in named(["calibration"])
+    with pytest.raises(catalog.InputError, match="calibration-table-1"):
+        named(["table-1"])

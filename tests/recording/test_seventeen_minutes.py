@@ -1,4 +1,4 @@
-"""A calibration recording of usual length; how long it takes, tests.benchmarks.extraction shows."""
+"""A calibration recording of usual length; how long it takes, tests.benchmarks.recording shows."""
 
 from pathlib import Path
 

@@ -2,13 +2,12 @@
 
 import io
 import random
-import tempfile
 import zipfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from tests.campaign.byte_part import files_part
+from tests.campaign.byte_part import files_part, linear_model, sample
 from tests.campaign.mutants import mutant, same_length
 
 
@@ -35,9 +34,7 @@ def _repacked(rng: random.Random, whole: bytes) -> bytes:
     return out.getvalue()
 
 
-def _archive_case(
-    name: str, whole: Callable[[], bytes], read: Callable[[Path], object]
-) -> Callable[[int, Path], None]:
+def _archive_case(name: str, whole: Callable[[], bytes], read: Callable[[Path], object]) -> Callable[[int, Path], None]:
     def case(seed: int, folder: Path) -> None:
         rng = random.Random(seed)
         content = whole()
@@ -52,20 +49,6 @@ def _archive_case(
         read(path)
 
     return case
-
-
-@cache
-def _model() -> bytes:
-    import numpy as np
-
-    import catenary
-
-    rng = np.random.default_rng(1)
-    q = np.cumsum(rng.normal(scale=0.01, size=(400, 3)), axis=0)
-    fitted = catenary.fit(q, q + 0.01 * np.sin(q), units=("rad", "rad", "m"), model="linear")
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "model.npz"
-    fitted.save(path)
-    return path.read_bytes()
 
 
 def _load_model(path: Path) -> None:
@@ -97,7 +80,7 @@ def _read_command_log(path: Path) -> None:
 def _plant_state() -> bytes:
     from catenary.simulation.plant_state import save_plant
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "state.npz"
+    path = sample("state.npz")
     save_plant(_plant(), path)
     return path.read_bytes()
 
@@ -116,7 +99,7 @@ def _restore_plant(path: Path) -> None:
 
 
 PARTS = (
-    files_part("model_npz", _archive_case("model.npz", _model, _load_model)),
+    files_part("model_npz", _archive_case("model.npz", linear_model, _load_model)),
     files_part("log_npz", _archive_case("log.npz", _command_log, _read_command_log)),
     files_part("robot_state_npz", _archive_case("state.npz", _plant_state, _restore_plant)),
 )

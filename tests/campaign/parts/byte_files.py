@@ -1,12 +1,11 @@
 """Recordings and logs whose bytes were damaged: read to their end, or refused by a CatenaryError."""
 
 import random
-import tempfile
 from functools import cache
 from pathlib import Path
 from zlib import crc32
 
-from tests.campaign.byte_part import files_part
+from tests.campaign.byte_part import files_part, sample
 from tests.campaign.mutants import Place, mutant, same_length
 
 Sample = tuple[bytes, tuple[Place, ...]]  # a whole file, and where lengths stand in it
@@ -19,7 +18,7 @@ def _journal_folder() -> Path:
     from oracles.raven_recording import record
 
     journal.HEADER_INTERVAL = 0.0
-    return record(Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "journal", 0.6)
+    return record(sample("journal"), 0.6)
 
 
 def _whole(source: object) -> None:
@@ -94,15 +93,14 @@ def _bag(compression: str) -> Sample:
     from catenary.recording.journal_reader import JournalReader
     from catenary.recording.messages import ros2_name, typestore
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "a.bag"
+    path = sample("a.bag")
     source = JournalReader(_journal_folder())
     writer = Writer(path)
     if compression:
         writer.set_compression(getattr(Writer.CompressionFormat, compression))
     with writer as bag:
         connections = {
-            topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(1))
-            for topic, kind in source.topics
+            topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(1)) for topic, kind in source.topics
         }
         for topic, stamp, data in source.messages():
             bag.write(connections[topic], stamp, data)
@@ -154,7 +152,7 @@ def _ros2_bag(kind: str, packed: bool) -> Path:
     from catenary.recording.journal_reader import JournalReader
     from catenary.recording.messages import ros2_name, typestore
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "a"
+    path = sample("a")
     source = JournalReader(_journal_folder())
     writer = Writer(path, version=8, storage_plugin=StoragePlugin[kind])
     if packed:
@@ -162,8 +160,7 @@ def _ros2_bag(kind: str, packed: bool) -> Path:
         writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer as bag:
         connections = {
-            topic: bag.add_connection(topic, ros2_name(name), typestore=typestore(2))
-            for topic, name in source.topics
+            topic: bag.add_connection(topic, ros2_name(name), typestore=typestore(2)) for topic, name in source.topics
         }
         for topic, stamp, data in source.messages():
             bag.write(connections[topic], stamp, typestore(2).ros1_to_cdr(data, connections[topic].msgtype))
@@ -208,9 +205,7 @@ def ros2_bag_case(seed: int, folder: Path) -> None:
     for file in sample.iterdir():
         (bag / file.name).write_bytes(file.read_bytes())
     damaged = bag / ("metadata.yaml" if kind == "MCAP" or rng.random() < 0.2 else "a.db3")
-    damaged.write_bytes(
-        mutant(rng, damaged.read_bytes(), ((16, 2), (28, 4), (32, 4), (36, 4), (44, 4), (52, 4)))
-    )
+    damaged.write_bytes(mutant(rng, damaged.read_bytes(), ((16, 2), (28, 4), (32, 4), (36, 4), (44, 4), (52, 4))))
     _read_recording(rng, bag, folder, salvage=False)
 
 
@@ -221,7 +216,7 @@ def ros2_bag_case(seed: int, folder: Path) -> None:
 def _extraction() -> Path:
     from catenary.recording.extract import extract
 
-    folder = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "extracted"
+    folder = sample("extracted")
     extract([_journal_folder()], folder)
     return folder
 
@@ -234,7 +229,7 @@ def _parquet(checked: bool) -> bytes:
     from catenary.recording.import_formats.known_layouts import read_raven
     from catenary.recording.motion_log_file import write_parquet
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "log.parquet"
+    path = sample("log.parquet")
     write_parquet(read_raven([_csv_file()]).log, path)
     if not checked:
         pq.write_table(pq.read_table(path), path, compression="none", use_dictionary=False)
@@ -280,7 +275,7 @@ def topic_case(seed: int, folder: Path) -> None:
 def _csv_file() -> Path:
     from catenary.recording.import_formats.raven_columns import write_raven_csv
 
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "raven.csv"
+    path = sample("raven.csv")
     write_raven_csv(_extraction(), path)
     return path
 
@@ -294,20 +289,7 @@ def csv_case(seed: int, folder: Path) -> None:
         cells = content.split(b",")
         for _ in range(rng.choice((1, 1, 3))):
             cells[rng.randrange(len(cells))] = rng.choice(
-                (
-                    b"",
-                    b"nan",
-                    b"inf",
-                    b"-1e308",
-                    b"1e400",
-                    b"9" * 5000,
-                    b'"',
-                    b"\n",
-                    b"x",
-                    b"0x10",
-                    b"-0",
-                    b"1e-320",
-                )
+                (b"", b"nan", b"inf", b"-1e308", b"1e400", b"9" * 5000, b'"', b"\n", b"x", b"0x10", b"-0", b"1e-320")
             )
         content = b",".join(cells)
     else:

@@ -17,9 +17,9 @@ def stamps(seed: int, folder: Path) -> None:
 
     rng = np.random.default_rng(seed)
     rate, seconds = float(rng.choice([30.0, 100.0])), float(rng.uniform(5.0, 60.0))
-    true = EPOCH + np.rint(
-        SECOND * np.cumsum(rng.normal(1.0, 0.05, int(rate * seconds)).clip(0.25) / rate)
-    ).astype(np.int64)
+    true = EPOCH + np.rint(SECOND * np.cumsum(rng.normal(1.0, 0.05, int(rate * seconds)).clip(0.25) / rate)).astype(
+        np.int64
+    )
     delay = rng.exponential(5e5, len(true)).astype(np.int64) + 200_000
     arrival = np.maximum.accumulate(true + delay)
     steps = sorted((float(rng.uniform(0.5, seconds - 0.5)), _step(rng)) for _ in range(rng.integers(1, 4)))
@@ -32,9 +32,7 @@ def stamps(seed: int, folder: Path) -> None:
     kind = seed % 3
     if kind == 0:  # the robot's
         stamp, found = without_steps(true + set_clock, arrival)
-        if len(found) != len(steps) or any(
-            abs(one.by - by) > 5e6 for one, (_, by) in zip(found, steps, strict=True)
-        ):
+        if len(found) != len(steps) or any(abs(one.by - by) > 5e6 for one, (_, by) in zip(found, steps, strict=True)):
             raise Fell(f"steps {steps}, found {found}")
     elif kind == 1:  # the recorder's, which told arrivals by it
         stamp, found = without_steps(true, arrival + set_clock)

@@ -105,10 +105,7 @@ def _session(leader: int) -> list[int]:
     found = []
     for entry in Path("/proc").iterdir():
         try:
-            if (
-                entry.name.isdigit()
-                and int((entry / "stat").read_text().rpartition(")")[2].split()[3]) == leader
-            ):
+            if entry.name.isdigit() and int((entry / "stat").read_text().rpartition(")")[2].split()[3]) == leader:
                 found.append(int(entry.name))
         except OSError:  # it has ended
             continue
@@ -116,9 +113,7 @@ def _session(leader: int) -> list[int]:
 
 
 def whole_run(arguments: Sequence[str]) -> str:
-    done = subprocess.run(
-        [sys.executable, *arguments], capture_output=True, text=True, env=environment(), check=False
-    )
+    done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=environment(), check=False)
     if done.returncode:
         raise Fell(f"{' '.join(arguments[-4:])}: exit {done.returncode}: {done.stderr[-2000:]}")
     return done.stdout
@@ -190,9 +185,7 @@ def calibrate(seed: int, folder: Path) -> None:
     whole_run(["-c", CALIBRATION, str(folder / "p")])
     found = results(folder / "p")
     if found != expected:
-        differ = sorted(
-            name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name)
-        )
+        differ = sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
         raise Fell(f"{', '.join(differ)} differ")
     if left := list((folder / "p").rglob("*.partial")):
         raise Fell(f"{left[0].name} is left")
@@ -268,23 +261,7 @@ def demo(seed: int, folder: Path) -> None:
 
 PARTS = (
     Part("kills.recorder", 40, recorder, warnings_fail=False, processor_time=30.0, memory=2 * 10**9),
-    Part(
-        "kills.calibrate",
-        20,
-        calibrate,
-        warnings_fail=False,
-        processor_time=600.0,
-        patience=1200.0,
-        memory=None,
-    ),
-    Part(
-        "kills.commands",
-        20,
-        commands,
-        warnings_fail=False,
-        processor_time=600.0,
-        patience=1200.0,
-        memory=None,
-    ),
+    Part("kills.calibrate", 20, calibrate, warnings_fail=False, processor_time=600.0, patience=1200.0, memory=None),
+    Part("kills.commands", 20, commands, warnings_fail=False, processor_time=600.0, patience=1200.0, memory=None),
     Part("kills.demo", 6, demo, warnings_fail=False, processor_time=600.0, patience=1200.0, memory=None),
 )

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tests.campaign.part import Fell, Part
+from tests.campaign.part import PROGRAMS, Fell, Part
 from tests.campaign.parts.kills import LONGEST, environment, killed, whole_run
 from tests.campaign.parts.signals import ros1_is_installed, served
 
@@ -116,9 +116,7 @@ def beside(rng: random.Random, project: Path) -> None:
         there = _killed_recorder(rng, recording, [*command, "hand"])
         _wait_until_it_moves()  # nobody else is disturbed
         _extracted(project, "hand", there)
-        expected = (
-            2 if recording.is_dir() and any(recording.iterdir()) else 0
-        )  # a name that is taken is refused
+        expected = 2 if recording.is_dir() and any(recording.iterdir()) else 0  # a name that is taken is refused
         again = _catenary(*command, "hand")
         if again.returncode != expected or (expected and "give this one another --name" not in again.stderr):
             raise Fell(f"the same again: exit {again.returncode}: {again.stderr[-2000:]}")
@@ -234,20 +232,4 @@ def _wait_until_it_moves() -> None:
     until(lambda: np.abs(robot.setpoint_js().q - q).max() > 5e-3, every=0.02)
 
 
-PARTS = (
-    *(
-        [
-            Part(
-                "kills.ros1",
-                8,
-                ros1,
-                warnings_fail=False,
-                processor_time=float("inf"),
-                patience=600.0,
-                memory=None,
-            )
-        ]
-        if ros1_is_installed()
-        else []
-    ),
-)
+PARTS = (Part("kills.ros1", 8, ros1, **PROGRAMS),) if ros1_is_installed() else ()

@@ -38,16 +38,12 @@ class CommandedRobot:
             setattr(self.plant, verb, partial(self._watched, verb, getattr(self.plant, verb)))
         self.command_message = command_message
         self.arm.tool.prepare()
-        here = pose_message(
-            self.arm.tool.pose(robot.setpoint), 0, "", child=None if dialect == "crtk" else "tool"
-        )
+        here = pose_message(self.arm.tool.pose(robot.setpoint), 0, "", child=None if dialect == "crtk" else "tool")
         for topic in self.topics:  # what is compiled is compiled now
             if topic.arm == "gold" and topic.type == type(here).__name__:
                 robot.say(topic.verb, here)
             elif topic.arm == "gold" and "servo_j" in topic.verb:
-                robot.say(
-                    topic.verb, JointState(position=robot.setpoint, effort=np.zeros(7), velocity=np.zeros(7))
-                )
+                robot.say(topic.verb, JointState(position=robot.setpoint, effort=np.zeros(7), velocity=np.zeros(7)))
             self.ticks(20)
 
     def _watched(self, verb: str, call: Any, values: Any) -> None:

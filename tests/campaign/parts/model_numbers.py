@@ -41,15 +41,13 @@ def _fitted(number: int) -> "tuple[Path, Calibration]":
     from dataclasses import replace
 
     import catenary
-    from catenary.calibration import fit
+    from catenary.calibration import fit_rows
     from catenary.calibration.neural import PAPER
 
-    fit.PAPER = replace(PAPER, hidden=(8, 8), epochs=40)  # how well it learns is not asked
+    fit_rows.PAPER = replace(PAPER, hidden=(8, 8), epochs=40)  # how well it learns is not asked
     t, q, truth = _motion()
     folds = 2 if number % 2 else 0  # with intervals, and without
-    model = catenary.fit(
-        q, truth, units=("rad", "rad"), joint_names=("j0", "j1"), time=t, folds=folds, **KINDS[number]
-    )
+    model = catenary.fit(q, truth, units=("rad", "rad"), joint_names=("j0", "j1"), time=t, folds=folds, **KINDS[number])
     path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "model.npz"
     model.save(path)
     return path, catenary.load_model(path)
@@ -75,17 +73,13 @@ def numbers(seed: int, folder: Path) -> None:
     rng = np.random.default_rng(seed)
     whole, before = _fitted(seed % len(KINDS))
     arrays = dict(np.load(whole))
-    name = str(
-        rng.choice([key for key in sorted(arrays) if arrays[key].dtype.kind == "f" and arrays[key].size])
-    )
+    name = str(rng.choice([key for key in sorted(arrays) if arrays[key].dtype.kind == "f" and arrays[key].size]))
     place = int(rng.integers(arrays[name].size))
     old = float(arrays[name].flat[place])
     arrays[name].flat[place] = new = _other(rng, old)
     sealed = bool(rng.integers(2))
     if sealed:
-        arrays["card"] = np.array(
-            json.dumps(json.loads(str(arrays["card"])) | {SEAL: sha256_of_arrays(arrays)})
-        )
+        arrays["card"] = np.array(json.dumps(json.loads(str(arrays["card"])) | {SEAL: sha256_of_arrays(arrays)}))
     path = folder / "model.npz"
     np.savez(path, **arrays)
     (folder / "change.txt").write_text(f"{name}[{place}]: {old} -> {new}, sealed {sealed}\n")
@@ -125,9 +119,7 @@ def _check(model: Any, largest: np.ndarray) -> None:
         np.maximum(moved, np.abs(tick.q_nominal - here), out=moved)
 
     loop = Corrector(model, decimation=20)
-    run_loop(
-        plant, JointPD([400.0] * 2, [40.0] * 2), Rest(here, SECONDS), corrector=loop, observers=[observe]
-    )
+    run_loop(plant, JointPD([400.0] * 2, [40.0] * 2), Rest(here, SECONDS), corrector=loop, observers=[observe])
     # the arm goes to where the controller takes it to be, and a critically damped one no farther
     if not (moved <= REACH * largest * 1.01 + 1e-6).all():
         raise Fell(f"an arm at rest moved by {moved}, expected at most {REACH * largest}")

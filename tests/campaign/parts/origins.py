@@ -71,9 +71,7 @@ def _request(rng: np.random.Generator, token: str, port: int) -> tuple[bytes, bo
     headers = [f"{_cased(rng, 'Host')}: {host}" for host in hosts]
     headers += [f"{_cased(rng, 'Origin')}: {origin}" for origin in origins]
     for _ in range(int(rng.integers(3))):
-        name = str(
-            rng.choice(["Referer", "Cookie", "X-Forwarded-Host", "X-Forwarded-For", "Forwarded", "Accept"])
-        )
+        name = str(rng.choice(["Referer", "Cookie", "X-Forwarded-Host", "X-Forwarded-For", "Forwarded", "Accept"]))
         headers.append(f"{name}: {rng.choice(['127.0.0.1', 'http://127.0.0.1', 'host=localhost', '*/*'])}")
     lines = [headers[k] for k in rng.permutation(len(headers))]
     text = f"{method} {path} {version}\r\n" + "".join(f"{line}\r\n" for line in lines)
@@ -201,9 +199,7 @@ def _value(rng: np.random.Generator, options: list[str]) -> object:
     number = float(rng.normal() * 10.0 ** rng.integers(-3, 300))
     odd = (math.nan, math.inf, -math.inf, 1e308, -0.0, 2**63 - 1, -(2**63), True, False, None, "", "nan", "-inf", "1e9", [], {},
            [1.0], {"value": 1.0}, b"\xff", "a" * 10_000, "\u0663", "None")  # fmt: skip
-    return (number, str(number), str(rng.choice(options)), odd[int(rng.integers(len(odd)))])[
-        int(rng.integers(4))
-    ]
+    return (number, str(number), str(rng.choice(options)), odd[int(rng.integers(len(odd)))])[int(rng.integers(4))]
 
 
 def _is_possible(control: Any, value: object) -> bool:

@@ -85,9 +85,7 @@ def unit(seed: int, folder: Path) -> None:
     named = [t for t, n in zip(times, names, strict=True) if t >= BEGIN and n & expected]
     if not named or named[0] > BEGIN + latest:
         said = sorted(set().union(*names))
-        raise Fell(
-            f"{kind}: expected {sorted(expected)} within {latest} s, got {named[:1]}, and in all {said}"
-        )
+        raise Fell(f"{kind}: expected {sorted(expected)} within {latest} s, got {named[:1]}, and in all {said}")
     _check_return(times, readings, true, BEGIN + lasts)
 
 
@@ -121,9 +119,7 @@ def tips(seed: int, folder: Path) -> None:
     _check_always(readings)
     found = [t for t, r in zip(times, readings, strict=True) if t > BEGIN and Fault.DISAGREEMENT in r.faults]
     if not found or found[0] > BEGIN + 0.5:
-        raise Fell(
-            f"disagreement after {found[0] - BEGIN if found else math.inf:.3f} s, expected within 0.5 s"
-        )
+        raise Fell(f"disagreement after {found[0] - BEGIN if found else math.inf:.3f} s, expected within 0.5 s")
     fallen = ReadingStatus.STOP if fallback == "stop" else ReadingStatus.FALLBACK
     if not any(r.status is fallen for r in readings):
         raise Fell("the fallback never acted")
@@ -181,9 +177,7 @@ def loop(seed: int, folder: Path) -> None:
     start, healthy = _arm((20.0, 10.0, -15.0)[seed // (len(KINDS) * len(FALLBACKS)) % 3])
     found = outcome(start, kind, fallback, healthy)
     if not max(found.moved[:2]) <= LIMIT_DEG:
-        raise Fell(
-            f"{kind}, {fallback}: joints moved by {found.moved} [deg, deg, mm], expected {LIMIT_DEG} deg"
-        )
+        raise Fell(f"{kind}, {fallback}: joints moved by {found.moved} [deg, deg, mm], expected {LIMIT_DEG} deg")
     if fallback == "stop" and kind == "drop_out" and not found.stopped:
         raise Fell("the robot was not stopped")
 

@@ -18,7 +18,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from tests.campaign.part import Fell, Part
+from tests.campaign.part import PROGRAMS, Fell, Part
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 SIMULATED = ("goto", "random", "follow", "excite", "calibrate", "track", "hold", "teleop")
@@ -154,9 +154,7 @@ def served() -> Any:
     lengthen_limits()
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     master = stack.enter_context(running_master(folder))
-    os.environ |= {
-        name: master.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME")
-    }
+    os.environ |= {name: master.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME")}
     server = stack.enter_context(Program(master, PATIENT_COMMAND, "serve", "--rate", "200", "--homed"))
     server.line()  # it is up
     transport = stack.enter_context(Ros1Transport(NODE))
@@ -178,10 +176,7 @@ def ros1_is_installed() -> bool:
     return any((Path(place) / "rosmaster").is_dir() and (Path(place) / "rospy").is_dir() for place in places)
 
 
-_LIMITS: dict[str, Any] = {
-    "processor_time": float("inf"), "patience": 600.0, "memory": None, "warnings_fail": False
-}  # fmt: skip
 PARTS = (
-    Part("signals.simulated", 32, simulated, **_LIMITS),
-    *([Part("signals.ros1", 24, ros1, **_LIMITS)] if ros1_is_installed() else []),
+    Part("signals.simulated", 32, simulated, **PROGRAMS),
+    *([Part("signals.ros1", 24, ros1, **PROGRAMS)] if ros1_is_installed() else []),
 )

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.campaign.part import Fell, Part
+from tests.campaign.part import PROGRAMS, Fell, Part
 from tests.campaign.parts.signals import ros1_is_installed
 
 COMMANDS = ("random", "goto", "calibrate")
@@ -90,9 +90,7 @@ def _moving(ros: str, command: str, folder: Path) -> Any:
         until(lambda has_ended=has_ended, client=client: has_ended() or takes_signals(client.process.pid))
         begin = robot.setpoint_js().q
         until(
-            lambda has_ended=has_ended, begin=begin: (
-                has_ended() or np.abs(robot.setpoint_js().q - begin).max() > 5e-3
-            ),
+            lambda has_ended=has_ended, begin=begin: has_ended() or np.abs(robot.setpoint_js().q - begin).max() > 5e-3,
             every=0.02,
         )
         if not has_ended():
@@ -176,10 +174,7 @@ def _check_paused(where: str, robot: Any, until: float) -> None:
         raise Fell(f"{where}a paused arm moves")
 
 
-_LIMITS: dict[str, Any] = {
-    "processor_time": float("inf"), "patience": 600.0, "memory": None, "warnings_fail": False
-}  # fmt: skip
 PARTS = (
-    *([Part("stalls.ros1", 36, functools.partial(stall, "1"), **_LIMITS)] if ros1_is_installed() else []),
-    *([Part("stalls.ros2", 36, functools.partial(stall, "2"), **_LIMITS)] if find_spec("cyclonedds") else []),
+    *([Part("stalls.ros1", 36, functools.partial(stall, "1"), **PROGRAMS)] if ros1_is_installed() else []),
+    *([Part("stalls.ros2", 36, functools.partial(stall, "2"), **PROGRAMS)] if find_spec("cyclonedds") else []),
 )

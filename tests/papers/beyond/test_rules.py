@@ -53,20 +53,14 @@ def test_regions_part_positions_that_lie_apart() -> None:
 
 
 def test_tables_count_what_is_within_the_bound_and_what_one_kind_could_reach() -> None:
-    rmse = [
-        {"offset": [2.0], "linear": [1.0]},
-        {"offset": [1.0], "linear": [1.2]},
-        {"offset": [3.0], "linear": [1.0]},
-    ]
+    rmse = [{"offset": [2.0], "linear": [1.0]}, {"offset": [1.0], "linear": [1.2]}, {"offset": [3.0], "linear": [1.0]}]
     held = {"linear, play": {OURS: [0.9]}, "neural": {OURS: [0.97]}}
     tests = [{"rmse": each, "chosen": {AUTO: ["linear"], LEAST: ["offset"]}, "held": held} for each in rmse]
     rows = {row[0]: row[1:] for row in choice_table([("random_train", tests)]).rows}
     assert rows[AUTO][:2] == ["2 of 3", "2 of 3"]
     assert rows[LEAST][0] == "1 of 3"
     assert rows[AFTERWARDS][0] == "2 of 3"
-    assert interval_table([("error_exp1", tests)]).rows == [
-        [OURS, "3, 3, 0 of 6", "-", "1, 1, 0 of 2", "93.5 %"]
-    ]
+    assert interval_table([("error_exp1", tests)]).rows == [[OURS, "3, 3, 0 of 6", "-", "1, 1, 0 of 2", "93.5 %"]]
     result = {
         "tests": dict(zip("abc", rmse, strict=True)),
         "chosen": {rule: ["linear"] for rule in (AUTO, LEAST, REGIONS, EITHER)},

@@ -38,9 +38,7 @@ def test_losses_may_be_negative_and_are_held_against_the_spread_of_their_differe
         ([True, True, False], [False, False, False], "not reproduced"),
     ],
 )
-def test_what_stands_beside_a_statement_does_not_carry_it(
-    core: list[bool], beside: list[bool], verdict: str
-) -> None:
+def test_what_stands_beside_a_statement_does_not_carry_it(core: list[bool], beside: list[bool], verdict: str) -> None:
     assert statement(core, beside, "told").verdict == verdict
 
 

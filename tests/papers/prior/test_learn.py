@@ -20,12 +20,12 @@ def test_arms_are_drawn_by_their_seed_and_differ() -> None:
 
 
 def test_what_is_learnt_does_better_on_arms_that_it_has_not_seen() -> None:
-    unseen = [arm(SEED + 5000 + k) for k in range(12)]
+    unseen = [arm(SEED + 5000 + k) for k in range(4)]
     assert np.exp(np.log(over_ridge(unseen, load_prior("simulated"))).mean()) < 0.98
 
 
 def test_a_round_learns_that_own_features_weigh_more() -> None:
-    prior = learn([arm(SEED + k) for k in range(8)], first_prior(8))
+    prior = learn([arm(SEED + k) for k in range(4)], first_prior(4))
     assert prior.own["q"] > prior.other["q"]
 
 

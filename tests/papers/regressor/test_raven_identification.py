@@ -5,8 +5,7 @@ from numpy.testing import assert_allclose
 from catenary import FixedBase, MotionLog, compact_regressor, gravity_torque, load_robot
 from catenary.arrays import Floats
 from catenary.identification.base_parameters import gravity_base_parameters
-from papers.experiment import Outcomes, Scope
-from papers.regressor import identification, raven_identification
+from papers.regressor import raven_identification
 
 ARM = load_robot("raven2")
 REGRESSOR = compact_regressor(ARM)
@@ -15,9 +14,7 @@ BELIEF = REGRESSOR.parameters(raven_identification.believed(ARM))
 
 def ideal(base: FixedBase, seed: int) -> raven_identification.Poses:
     """Poses whose torques are gravity's alone."""
-    q: Floats = np.random.default_rng(seed).uniform(
-        raven_identification.LOWER, raven_identification.UPPER, (20, 3)
-    )
+    q: Floats = np.random.default_rng(seed).uniform(raven_identification.LOWER, raven_identification.UPPER, (20, 3))
     gravity = base.sample(np.zeros(1)).gravity[0]
     tau = gravity_torque(ARM, q, gravity)
     log = MotionLog("ideal", ARM.joint_names, ARM.joint_units, q, np.ones(20, bool), tau=tau)
@@ -42,10 +39,7 @@ def test_poses_show_all_that_torques_can_tell_unless_joint_1_stands_upright() ->
         ).rank
         == every
     )
-    assert (
-        raven_identification.fit_compact(REGRESSOR, BELIEF, [ideal(upright, 0)], "true", "upright").rank
-        == every - 2
-    )
+    assert raven_identification.fit_compact(REGRESSOR, BELIEF, [ideal(upright, 0)], "true", "upright").rank == every - 2
 
 
 def test_what_was_identified_on_a_level_base_holds_on_another() -> None:
@@ -53,9 +47,7 @@ def test_what_was_identified_on_a_level_base_holds_on_another() -> None:
     level = raven_identification.fit_compact(
         REGRESSOR, BELIEF, [ideal(raven_identification.BASES["level"], 0)], "true", "level"
     )
-    wrong, right = (
-        raven_identification.torque_error(REGRESSOR, s, test, ARM, "true") for s in (BELIEF, level.s)
-    )
+    wrong, right = (raven_identification.torque_error(REGRESSOR, s, test, ARM, "true") for s in (BELIEF, level.s))
     assert (right < 0.2 * wrong).all()  # the belief still pulls, friction's noise being assumed
 
 
@@ -67,19 +59,3 @@ def test_the_simulated_robot_holds_its_poses_with_gravity_and_friction() -> None
     assert_allclose(poses.q["true"], poses.q["reported"], atol=0.1)
     assert (np.abs(poses.tau[:, :2] - truth[:, :2]) < 0.5).all()  # Nm; as much as joint friction leaves
     assert "calibrated" not in poses.q
-
-
-def test_report_has_every_source_and_what_identify_says() -> None:
-    labels = [f"{source}, {at}" for source in identification.SOURCES for at in raven_identification.POSITIONS]
-    result = {
-        "base_parameters": {"level base": 5, "three bases": 5},
-        "ranks": {label: 5 for label in labels if label.startswith("identified")},
-        "error_Nm_Nm_N": {key: [0.1, 0.2, 0.3] for key in labels},
-        "pd_share_percent": {key: [10.0, 20.0, 30.0] for key in identification.SOURCES},
-        "held_error_deg_deg_mm": {key: [0.1, 0.2, 0.3] for key in identification.SOURCES},
-        "identify_Nm_Nm_N": [0.1, 0.2, 0.3],
-    }
-    cases = identification.cases(Scope(robots=(None, 1)))
-    report = identification.report(Outcomes(dict.fromkeys(cases, result)))
-    assert [len(one.table.rows) for one in report.tables] == [12, 6, 4]
-    assert "J3 [N] 0.300 ± 0.000" in report.remarks[0]

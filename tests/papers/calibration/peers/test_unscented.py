@@ -55,9 +55,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_friction_it_is_a_linear_kalman_filter() -> None:
     told, numbers = drive(np.random.default_rng(0), 40), joints()
-    first = np.concatenate(
-        (told.position[0], told.position[0] - told.bias[0] / numbers.stiffness, np.zeros(6))
-    )
+    first = np.concatenate((told.position[0], told.position[0] - told.bias[0] / numbers.stiffness, np.zeros(6)))
     x, P = first, np.diag(np.full(12, FIRST_SPREAD**2))
     H, R = np.eye(3, 12), np.diag(numbers.encoder_noise**2)
     light = np.concatenate((1.0 / numbers.motor_inertia, np.diag(EYE)))
@@ -108,20 +106,9 @@ def test_compiled_it_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_stiffness_and_offset_are_found_where_nothing_else_is_wrong() -> None:
     t = np.arange(0.0, 40.0, 1 / 30)
-    q = np.array([0.7, 1.4, 0.38]) + np.column_stack((np.sin(t), np.cos(0.7 * t), np.sin(1.3 * t))) * [
-        0.2,
-        0.2,
-        0.04,
-    ]
+    q = np.array([0.7, 1.4, 0.38]) + np.column_stack((np.sin(t), np.cos(0.7 * t), np.sin(1.3 * t))) * [0.2, 0.2, 0.04]
     log = MotionLog(
-        "motion",
-        ("a", "b", "c"),
-        ("rad", "rad", "m"),
-        q,
-        np.ones(len(t), dtype=bool),
-        q,
-        time=t,
-        tau=np.zeros_like(q),
+        "motion", ("a", "b", "c"), ("rad", "rad", "m"), q, np.ones(len(t), dtype=bool), q, time=t, tau=np.zeros_like(q)
     )
     _, qd, qdd = derivatives(log)
     load = inverse_dynamics(load_robot(ROBOT), q, qd, qdd, GRAVITY)

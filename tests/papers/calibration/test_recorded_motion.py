@@ -1,0 +1,159 @@
+"""Paths, recordings and inputs of the calibration paper's experiments."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.predictors import Linear, Network
+from papers.calibration import figure_3, sessions
+from papers.calibration.homings import home_here, random_tests, stay
+from papers.calibration.inputs import ALL_138, SIXTEEN
+from papers.calibration.peer_hours import at_rows
+from papers.calibration.recordings import SETS, homed
+from papers.calibration.sparsities import LONG, RECORDINGS, deviation, parts, recorded, sparsity_errors
+from papers.experiment import Outcomes, Result
+
+
+def test_a_single_directions_volume_is_the_cubes_and_its_hole_half_the_diagonal_between_sweeps() -> None:
+    found = figure_3.path("J1", (1 / 2,))
+    side = 3.0**-0.5
+    assert_allclose(found["volume"], side**3, rtol=0.06)  # the path goes 5 % beyond the cube
+    # four sweeps of a square of side / 2 leave its middle half a diagonal away; the grid misses it by up to 1/40
+    assert_allclose(found["hole"], side * np.sqrt(0.5), atol=0.1)
+    assert found["reversals"] == [8, 2, 0]
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_even_share_of_a_joint_that_dwells_on_a_part_of_its_range(share: float) -> None:
+    rng = np.random.default_rng(0)
+    positions = np.append(rng.uniform(0.0, share, 100_000), 1.0)
+    assert_allclose(figure_3.even_share(positions), share, atol=0.02)  # one bin
+
+
+def test_corners_are_where_a_broken_line_turns() -> None:
+    line = np.concatenate([np.linspace(0.0, 1.0, 11), np.linspace(0.9, 0.0, 10)])
+    rows = np.column_stack([line, line, 0.0 * line])
+    assert figure_3.corners(rows).tolist() == [0, 10, 20]
+    assert figure_3.reversals(line) == 1
+
+
+SECONDS = {"1/2": 204.0, "1/3": 328.0, "1/4": 483.0, "1/5": 670.0, "1/6": 888.0}
+
+
+def test_sets_are_all_combinations_no_longer_than_the_longest() -> None:
+    names = list(SECONDS)
+    several = ["+".join(name for k, name in enumerate(names) if mask >> k & 1) for mask in range(1, 2 ** len(names))]
+    longest = sum(SECONDS[part] for part in parts("1/2+1/3+1/4"))
+    assert {n for n in several if sum(SECONDS[part] for part in parts(n)) <= longest} == set(SETS)
+    assert longest > LONG
+
+
+def test_deviation_is_that_of_recordings_and_not_of_robots() -> None:
+    def result(level: float) -> Result:
+        return {"linear": [[level + k] * 3 for k in (-1.0, 0.0, 1.0)]}
+
+    outcomes = Outcomes(
+        {
+            sparsity_errors.case(seed=seed, name="1/2", recordings=RECORDINGS, networks=[0], test_seconds=1.0): result(
+                level
+            )
+            for seed, level in ((None, 0.0), (1, 100.0))
+        }
+    )
+    assert_allclose(deviation(outcomes, "1/2", "linear"), 1.0)
+
+
+def test_recordings_of_a_session_differ_and_end_with_the_finest_asked_for() -> None:
+    session = recorded(None, {"1/1": 2, "1/2": 5}, "1/1", test_seconds=5.0)
+    first, second = session.train["1/1"]
+    assert len(first) == len(second)  # the same motion
+    assert not np.array_equal(first.q_nominal, second.q_nominal)
+    assert list(session.test) == ["1/1"]
+
+
+def test_a_test_motion_is_the_same_with_and_without_homing() -> None:
+    told, plant = [], homed(None)
+    for between in (stay, home_here):
+        logs = random_tests(deepcopy(plant), None, range(2), 5.0, between)
+        told.append([log.q_nominal for log in logs])
+    assert_allclose(told[0][0], told[1][0])
+    difference = np.abs(told[0][1] - told[1][1])
+    assert difference.max() < np.deg2rad(3.0)  # cable stretch and registration
+    assert difference.max() > 1e-6
+
+
+def test_some_rows_of_a_recording_keep_every_column() -> None:
+    q = np.arange(12.0).reshape(4, 3)
+    log = MotionLog(
+        "log",
+        ("a", "b", "c"),
+        ("rad", "rad", "m"),
+        q,
+        np.array([True, False, True, True]),
+        q_encoder=q + 1.0,
+        time=np.arange(4.0),
+        tau=2.0 * q,
+        signals={"more": np.arange(4.0)},
+    )
+    few = at_rows(log, np.array([1, 3]))
+    np.testing.assert_array_equal(few.q_nominal, q[[1, 3]])
+    np.testing.assert_array_equal(few.tau, 2.0 * q[[1, 3]])
+    np.testing.assert_array_equal(few.signals["more"], [1.0, 3.0])
+    assert few.ok.tolist() == [False, True]
+
+
+@pytest.mark.slow
+def test_the_motion_does_not_depend_on_how_often_it_is_sampled() -> None:
+    often, seldom = (
+        sessions.recorded(None, "unloaded", zigzags=[2], hour_seconds=20.0, test_rate=rate).test[5]
+        for rate in (1000.0, 2.0)
+    )
+    for j in range(3):
+        told = np.interp(seldom.time, often.time, often.q_nominal[:, j])
+        # linear between samples of 1 ms
+        np.testing.assert_allclose(told, seldom.q_nominal[:, j], atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def log() -> MotionLog:
+    plant = CablePlant(substeps=1)
+    plant.home()
+    rng = np.random.default_rng(0)
+    return record_simulated(plant, random_sinusoids(rng, 10.0), "all of it", rng, columns=("all",))
+
+
+def fitted(log: MotionLog, inputs: tuple[str, ...], kind: str) -> CalibrationModel:
+    options = FitOptions(kind=kind, preset="paper" if kind == "neural" else None, inputs=inputs)
+    chosen = choose_inputs([log], options)
+    return fit(calibration_data([log], chosen.features), chosen, options)
+
+
+@pytest.mark.parametrize(("inputs", "count"), [(SIXTEEN, 16), (ALL_138, 138)])
+def test_a_linear_model_has_one_parameter_per_input_and_one_more(log, inputs, count) -> None:
+    model = fitted(log, inputs, "linear")
+    (group,) = model.groups
+    assert isinstance(group.predictor, Linear)
+    assert group.predictor.weights.shape == (count, 3)  # and a bias: 17 and 139 for each joint
+
+
+@pytest.mark.parametrize(("inputs", "parameters"), [(SIXTEEN, 12_103), (ALL_138, 24_303)])
+def test_the_network_has_the_papers_number_of_parameters(log, inputs, parameters) -> None:
+    (group,) = fitted(log, inputs, "neural").groups
+    network = group.predictor
+    assert isinstance(network, Network)
+    assert sum(array.size for array in (*network.weights, *network.biases)) == parameters
+
+
+def test_every_number_of_the_arms_state_is_carried_once(log: MotionLog) -> None:
+    assert len(set(ALL_138)) == 138
+    assert {"mpos:shoulder", "pos:x", "ori:33", "green_jpos:jaw2", "dt"} <= set(log.signals)
+    moved = [name for name in ALL_138 if name in log.signals and np.ptp(log.signals[name]) > 0.0]
+    assert {"encVals:elbow", "mvel:insertion", "mpos_d:roll", "pos:z"} <= set(moved)
+    assert not {"q:unused", "tau:unused", "green_jpos:elbow"} & set(moved)

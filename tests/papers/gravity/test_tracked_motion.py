@@ -1,0 +1,77 @@
+"""Motions that are followed in the gravity paper's experiments, and what its controllers leave of them."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary import load_robot
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.simulation.cable_parameters import load_cable_arm
+from catenary.trajectories.cartesian import CartesianSinusoids
+from catenary.workflows.gravity.motions import RAVEN_START
+from papers.experiment import Case, Scope
+from papers.gravity import figure_9, frequency
+from papers.gravity.frequency import ACCELEROMETER, FREQUENCIES, NONE, UNIT, responses
+from papers.gravity.joint_3 import Variation, errors, varied_joint_3
+from papers.gravity.tracking import INCREMENT, WorkspaceIncrements, follow_sinusoids
+
+AXES = ["x"]
+
+
+def test_increments_add_up_to_the_motion_within_their_resolution() -> None:
+    model = load_robot("raven2")
+    motion = CartesianSinusoids(model, RAVEN_START, amplitude=0.005, period=0.4, cycles=1, axes=AXES)
+    increments = WorkspaceIncrements(model, motion)
+    times = np.arange(0.0, motion.duration, 0.001)
+    q, qd, _ = increments.sample(times)
+    tips = forward_kinematics(model, q)[1]
+    # each increment is off by half a micrometre at most, mostly less, to either side
+    assert_allclose(tips, motion.tip_positions(times), atol=40.0 * INCREMENT)
+    assert not qd.any()
+    assert_allclose(increments(motion.duration + 1.0).q, q[-1], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_sensed_gravity_takes_joint_one_nearer_to_its_reference_on_both_bases() -> None:
+    for base in ("20", "rocking"):
+        found = follow_sinusoids(None, base, "joints", figure_9.USUAL, cycles=1, axes=["y"])
+        errors = [found[f"{name} absolute"]["rms_error"][0] for name in ("pd", "dg")]
+        assert errors[1] < errors[0]
+
+
+@pytest.mark.slow
+def test_masses_that_are_learnt_take_the_load_off_the_pd_term() -> None:
+    wanted = (("pd", "absolute"), ("adaptive-dg", "absolute"))
+    found = follow_sinusoids(None, "20", "increments", wanted, cycles=1, axes=["y"])
+    plain, learnt = (found[f"{name} absolute"]["rms_error"][0] for name in ("pd", "adaptive-dg"))
+    assert learnt < plain
+
+
+def test_only_joint_3_is_varied() -> None:
+    nominal = load_cable_arm().cable
+    rough = varied_joint_3(Variation("", friction=4.0)).cable
+    assert_allclose(rough.link_friction / nominal.link_friction, [1.0, 1.0, 4.0])
+    assert_allclose(rough.coupling, nominal.coupling)
+    wound = varied_joint_3(Variation("", coupling=0.7)).cable
+    # c01 is joint 2's
+    assert_allclose(wound.coupling / nominal.coupling, [1.0, 0.7, 0.7])
+    assert_allclose(wound.rotor_friction, nominal.rotor_friction)
+
+
+@pytest.mark.slow
+def test_compensation_does_not_make_joint_3_worse_under_more_friction() -> None:
+    found = errors(
+        seed=None, friction=4.0, coupling=1.0, damping="relative", controllers=["pd", "sg", "dg"], axes=["z"]
+    )
+    assert max(found["sg"], found["dg"]) < 1.001 * found["pd"]
+    assert np.isfinite(list(found.values())).all()
+
+
+@pytest.mark.slow
+def test_a_gyroscope_takes_most_of_a_slowly_rocking_base_off_joint_one() -> None:
+    case: Case = frequency.cases(Scope(quick=True))[0]
+    found = responses(**case.arguments)
+    at = FREQUENCIES.index(1.0)
+    still, accelerometer, unit = (found["response"][name][at] for name in (NONE, ACCELEROMETER, UNIT))
+    assert unit < accelerometer < still
+    assert all(size == 0.0 for by in found["unstable"].values() for size in by[NONE])
