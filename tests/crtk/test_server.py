@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from catenary.crtk.message import header
+from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import command_message
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import (
@@ -378,34 +378,78 @@ def test_the_present_convention_knows_no_such_topics():
     assert EXT_JPOS.name not in robot.client.topics()
 
 
-NONSENSE = {
-    "NaN": np.full(7, np.nan),
-    "infinite": np.full(7, np.inf),
-    "six": np.full(6, 1e-3),
-    "eight": np.full(8, 1e-3),
-    "none": np.zeros(0),
-}
+NAN, INF, START = np.nan, np.inf, [0.5, 1.2, 0.4, 0.0, 0.1, 0.2, -0.2]
+PoseStamped, Pose, Point, Quaternion = (
+    message_class(f"geometry_msgs/{name}") for name in ("PoseStamped", "Pose", "Point", "Quaternion")
+)
+
+
+def spoilt(value: float) -> list[float]:
+    return [*START[:2], value, *START[3:]]
+
+
 OF_CRTK = [
-    ("crtk", verb, {field: values})
-    for verb, field in (("servo_jp", "position"), ("servo_jv", "velocity"), ("servo_jf", "effort"))
-    for values in NONSENSE.values()
+    *(
+        ("crtk", verb, JointState(**{field: values}), reason)
+        for verb, field in (
+            ("servo_jp", "position"),
+            ("move_jp", "position"),
+            ("servo_jv", "velocity"),
+            ("servo_jf", "effort"),
+        )
+        for values, reason in (
+            (spoilt(NAN), "nan"),
+            (spoilt(INF), "inf"),
+            ([], f"0 numbers in `{field}`"),
+            (START[:3], f"3 numbers in `{field}`, expected 7"),
+            ([*START, 0.0], f"8 numbers in `{field}`, expected 7"),
+        )
+    ),
+    *(
+        ("crtk", verb, JointState(name=names, position=START), reason)
+        for verb in ("servo_jp", "move_jp")
+        for names, reason in ((("shoulder",), "7 numbers for 1 names"), (tuple("abcdefg"), "unknown: a"))
+    ),
+    *(
+        ("crtk", verb, PoseStamped(pose=pose), reason)
+        for verb in ("servo_cp", "move_cp")
+        for pose, reason in (
+            (Pose(Point(NAN, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "nan"),
+            (Pose(orientation=Quaternion(0.0, 0.0, 0.0, 0.0)), "expected length 1"),
+            (Pose(orientation=Quaternion(NAN, 0.0, 0.0, 1.0)), "nan"),
+            (
+                Pose(Point(5.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)),
+                "from the",
+            ),  # the base, or the setpoint
+        )
+    ),
 ]
 # of an increment with more than seven numbers the first seven count, and a single one is the grasp's
 OF_RAVEN = [
-    *(("raven", "servo_jr", {"position": NONSENSE[what]}) for what in ("NaN", "infinite", "six", "none")),
-    *(("raven", "servo_jp", {"position": np.full(length, 0.5)}) for length in (2, 6, 8, 15)),
-    ("raven", "servo_jr", {"name": tuple("abcdefg"), "position": np.full(7, 1e-3)}),
+    *(
+        ("raven", "servo_jr", JointState(position=values), "")
+        for values in (spoilt(NAN), spoilt(INF), START[:6], [])
+    ),
+    *(("raven", "servo_jp", JointState(position=np.full(length, 0.5)), "") for length in (2, 6, 8, 15)),
+    ("raven", "servo_jr", JointState(name=tuple("abcdefg"), position=START), "unknown: a"),
 ]
 
 
-@pytest.mark.parametrize(("dialect", "verb", "fields"), OF_CRTK + OF_RAVEN)
-def test_numbers_that_make_no_sense_move_nothing_and_are_reported(dialect, verb, fields) -> None:
-    robot = ServedRobot(dialect)
-    before = robot.setpoint
-    robot.say(verb, JointState(**fields))
-    robot.tick(5)
-    assert_array_equal(robot.setpoint, before)
-    assert robot.server.reports.count(f"/arm1/{verb}: refused") == 1
+@pytest.mark.parametrize("dialect", ["crtk", "raven"])
+def test_commands_that_make_no_sense_move_nothing_and_the_arm_says_why(dialect) -> None:
+    for spoken, verb, message, reason in OF_CRTK + OF_RAVEN:
+        if spoken != dialect:
+            continue
+        robot = ServedRobot(dialect)
+        before, told = robot.setpoint, robot.hear("warning")
+        robot.say(verb, message)
+        robot.tick(5)
+        assert_array_equal(robot.setpoint, before)
+        assert robot.server.reports.count(f"/arm1/{verb}: refused") == 1
+        (said,) = (one.message.data for one in told.take())
+        assert said.startswith(f"/arm1/{verb}: refused: ")
+        assert reason in said
+        assert robot.state() == "ENABLED"
 
 
 ARM = ParkedArm(("a", "b"), ("rad", "m"), [0.5, 0.1])
