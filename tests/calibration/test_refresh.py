@@ -89,9 +89,9 @@ def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
     refreshed = refresh_model(old, rows_of(old, new_day))
     first, second = refreshed.changes
     # a network's own small errors may pay to be mended too
-    assert second.how == ZERO or (kind == "network" and second.how == LAYER)
-    assert abs(first.moved) < 2.0 * NOISE
-    assert_allclose(second.moved, 0.02, atol=1e-3)  # the models' own errors, means of 1800 rows of noise
+    assert second.change == ZERO or (kind == "network" and second.change == LAYER)
+    assert abs(first.moved) < 2.0 * np.rad2deg(NOISE)
+    assert_allclose(second.moved, 20.0, atol=1.0)  # the models' own errors, means of 1800 rows of noise
     rest = a_day(2, 9000, zero=0.02)
     assert rmse(refreshed.model, rest)[1] < 0.15 * rmse(old, rest)[1]
 
@@ -100,7 +100,7 @@ def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
 def test_a_slope_is_found(models: dict[str, CalibrationModel], kind: str) -> None:
     old = models[kind]
     refreshed = refresh_model(old, rows_of(old, a_day(3, 1800, slope=0.1)))
-    assert refreshed.changes[1].how in (SCALE, LAYER)
+    assert refreshed.changes[1].change in (SCALE, LAYER)
     rest = a_day(4, 9000, slope=0.1)
     assert rmse(refreshed.model, rest)[1] < 0.3 * rmse(old, rest)[1]
 
@@ -118,7 +118,7 @@ def test_what_is_left_is_the_same_to_the_bit(models: dict[str, CalibrationModel]
     data = rows_of(old, a_day(0, 3000))
     exact = replace(data, error=old.correction(data.X, data.q_nominal))
     refreshed = refresh_model(old, exact)
-    assert [change.how for change in refreshed.changes] == [NOTHING, NOTHING]
+    assert [change.change for change in refreshed.changes] == [NOTHING, NOTHING]
     assert (refreshed.model.correction(data.X, data.q_nominal) == exact.error).all()
 
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -31,6 +31,9 @@ from catenary.calibration.valid_range import standardisation
 from catenary.config import Settings, load_json
 from catenary.errors import InputError
 
+PRIORS = ("simulated",)
+QUANTITIES = ("q", "tau")
+Finite = Annotated[float, Field(ge=-50.0, le=50.0)]
 FIRST_RIDGE = 10.0  # of the regression whose errors tell how many rows are independent
 UNCORRELATED = 0.05  # autocorrelation below which the sum ends
 LARGEST_SHARE = 0.1  # of the rows that may count as one
@@ -53,20 +56,29 @@ def rows_per_independent(errors: Floats) -> float:
     return float(np.clip(1.0 + 2.0 * correlation[1:end].sum(), 1.0, max(1.0, LARGEST_SHARE * rows)))
 
 
-class Classes(Protocol):
-    """What is known of the weights beforehand."""
+class Prior(Settings):
+    """Logarithms of the variances of weights, of the joint's own features and of other joints'."""
+
+    name: str
+    robots: int  # simulated, that it was learnt on
+    seed: int  # of the first of them
+    play_shares: Annotated[tuple[Annotated[float, Field(gt=0.0, lt=1.0)], ...], Field(max_length=100)]
+    spread: Annotated[float, Field(gt=0.0, le=10.0)]  # standard deviation of a robot's logarithms about these
+    tempering: Annotated[
+        float, Field(ge=0.0, le=1.0)
+    ]  # of rows per independent one; 0 takes all as independent
+    own: dict[str, Finite]  # q, tau, play 0.01 ...: natural logarithm
+    other: dict[str, Finite]
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of what features tell."""
+        return ("q", "tau", *(f"play {share:g}" for share in self.play_shares))
 
     @property
     def log_variances(self) -> Floats:
-        """(C,) natural logarithms of the classes' variances."""
-
-    @property
-    def spread(self) -> float:
-        """Standard deviation of these logarithms."""
-
-    @property
-    def tempering(self) -> float:
-        """Power of the rows per independent one that rows are divided by; 0 takes all as independent."""
+        """Of own features by class, then of other joints', (C,)."""
+        return np.array([table[name] for table in (self.own, self.other) for name in self.classes])
 
 
 class Posterior(NamedTuple):
@@ -76,7 +88,7 @@ class Posterior(NamedTuple):
     variance: Floats  # (F,)
 
 
-def posterior(Z: Floats, y: Floats, classes: Integers, prior: Classes) -> Posterior:
+def posterior(Z: Floats, y: Floats, classes: Integers, prior: Prior) -> Posterior:
     """Return weights of standardised features Z (N, F), of a class each, for a standardised output y (N,)."""
     gram, moment = Z.T @ Z, Z.T @ y
     first = np.linalg.solve(gram + FIRST_RIDGE * np.eye(len(gram)), moment)
@@ -103,34 +115,6 @@ def posterior(Z: Floats, y: Floats, classes: Integers, prior: Classes) -> Poster
     penalties = np.exp(found[-1] - found[:-1])[own]
     inverse = np.linalg.inv(gram + np.diag(penalties))
     return Posterior(inverse @ moment, np.exp(found[-1]) * np.diag(inverse))
-
-
-PRIORS = ("simulated",)
-QUANTITIES = ("q", "tau")
-Finite = Annotated[float, Field(ge=-50.0, le=50.0)]
-
-
-class Prior(Settings):
-    """Logarithms of the variances of weights, of the joint's own features and of other joints'."""
-
-    name: str
-    robots: int  # simulated, that it was learnt on
-    seed: int  # of the first of them
-    play_shares: Annotated[tuple[Annotated[float, Field(gt=0.0, lt=1.0)], ...], Field(max_length=100)]
-    spread: Annotated[float, Field(gt=0.0, le=10.0)]  # standard deviation of a robot's logarithms about these
-    tempering: Annotated[float, Field(ge=0.0, le=1.0)]  # see Classes
-    own: dict[str, Finite]  # q, tau, play 0.01 ...: natural logarithm
-    other: dict[str, Finite]
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """Names of what features tell."""
-        return ("q", "tau", *(f"play {share:g}" for share in self.play_shares))
-
-    @property
-    def log_variances(self) -> Floats:
-        """Of own features by class, then of other joints', (C,)."""
-        return np.array([table[name] for table in (self.own, self.other) for name in self.classes])
 
 
 @cache

@@ -20,7 +20,6 @@ from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import AS_TRAINED, Mend
 from catenary.recording.mend import NOTHING as NO_MEND
-from catenary.units import DISPLAY
 from catenary.verdict.check import robot_of, verdict
 from catenary.verdict.trained import trained_findings
 
@@ -120,7 +119,7 @@ class NewDay:
         return {
             "moved": self.moved,
             "rows": len(self.data),
-            "joints": changes_shown(self.refreshed.changes),
+            "joints": [asdict(change) for change in self.refreshed.changes],
             "notes": list(self.notes),
         }
 
@@ -162,14 +161,7 @@ def refresh_with(
 
 
 def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, sha256: str | None) -> Card:
-    """Return the card of a refreshed model: the old one's, its history one entry longer.
-
-    Args:
-        card: Of the old model.
-        refreshed: What became of it.
-        data: The rows of the new day.
-        sha256: Of the old model's file; None for one in memory.
-    """
+    """Return the card of a refreshed model: the old one's, its history one entry longer."""
     new = deepcopy(card)
     model = refreshed.model
     widths = model.intervals
@@ -195,34 +187,19 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
             "recorded": data.dates[1],
             "since": since,
             "moved": moved_in_words(refreshed.changes, since),
-            "joints": changes_shown(refreshed.changes),
+            "joints": [asdict(change) for change in refreshed.changes],
             "notes": list(refreshed.notes),
         },
     ]
     return new
 
 
-def changes_shown(changes: tuple[JointChange, ...]) -> list[dict[str, Any]]:
-    """Return what became of each joint as plain data, in deg and mm."""
-    return [
-        {
-            "name": change.joint,
-            "unit": DISPLAY[change.unit][0],
-            "change": change.how,
-            "moved": DISPLAY[change.unit][1] * change.moved,
-            "rmse_before": DISPLAY[change.unit][1] * change.before,
-            "rmse_after": DISPLAY[change.unit][1] * change.after,
-        }
-        for change in changes
-    ]
-
-
 def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
     """Return what moved, by most of its remaining error first: "J5 +2.9 deg, J3 +0.98 mm since 14 May 2026"."""
     told = [
-        f"{change.joint} {DISPLAY[change.unit][1] * change.moved:+.2g} {DISPLAY[change.unit][0]}"
-        for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.after, 1e-12))
-        if change.how != NOTHING
+        f"{change.name} {change.moved:+.2g} {change.unit}"
+        for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.rmse_after, 1e-9))
+        if change.change != NOTHING
     ]
     when = "since the model was fitted" if since is None else f"since {_in_words(since)}"
     return f"{', '.join(told)} {when}" if told else f"nothing moved {when}"

@@ -27,6 +27,7 @@ from catenary.calibration.model import ANY, CalibrationModel, JointGroup
 from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Network, Quadratic
 from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
+from catenary.units import DISPLAY
 
 NOTHING, ZERO, SCALE, LAYER = "nothing", "zero", "zero and scale", "last layer"
 BLOCKS = 8  # of time, on which candidates are judged
@@ -42,14 +43,14 @@ HOW = (NOTHING, ZERO, SCALE, *(LAYER,) * len(LAYER_RIDGES))
 
 @dataclass(frozen=True)
 class JointChange:
-    """What a refresh did to one joint; SI."""
+    """What a refresh did to one joint, as the card tells it, in deg or mm."""
 
-    joint: str
-    unit: str  # "rad" or "m"
-    how: str  # NOTHING, ZERO, SCALE or LAYER
-    moved: float  # mean change of the correction over the new rows [rad|m]
-    before: float  # RMSE of the old model on the new rows [rad|m]
-    after: float  # RMSE on blocks that the refreshed model's candidate was not fitted to [rad|m]
+    name: str
+    unit: str  # "deg" or "mm"
+    change: str  # NOTHING, ZERO, SCALE or LAYER
+    moved: float  # mean change of the correction over the new rows
+    rmse_before: float  # of the old model on the new rows
+    rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
 
 
 @dataclass(frozen=True)
@@ -104,10 +105,11 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
         if intervals is None:
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
         refreshed = replace(refreshed, intervals=intervals)
-    moved = change.mean(axis=0)
+    scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
+    numbers = (scale * np.array([change.mean(axis=0), before, after])).T.tolist()
     changes = tuple(
-        JointChange(name, unit, found[j], float(moved[j]), float(before[j]), float(after[j]))
+        JointChange(name, DISPLAY[unit][0], found[j], *numbers[j])
         for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
     )
     return Refreshed(refreshed, changes, tuple(notes))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +23,6 @@ from catenary.identification.consistency import (
 from catenary.identification.friction_choice import FrictionPart, choose_friction
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
 from catenary.identification.least_squares import (
-    Triangles,
     covariance,
     excitation,
     solve,
@@ -153,7 +153,10 @@ class Identification:
 
         Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
         """
-        parameters, consistent = self.base.parameters, self._consistent()
+        parameters, consistent = self.base.parameters, self.phi
+        if consistent is None:
+            links = [self.model.link_names[i] for i in parameters.links]
+            raise MissingInertiaError(self.model.name, links)
         static = self.options.terms == "static"
         phi = np.zeros((len(self.model.link_names), PER_LINK))
         for place, link in enumerate(parameters.links):
@@ -165,18 +168,9 @@ class Identification:
         values = consistent[len(parameters.links) * parameters.per_link :]
         actuation = actuation_of(self.model)
         if static:
+            none: dict[str, Any] = {"coulomb": False, "viscous": False, "asymmetric": False, "load": False}
             still = [
-                replace(
-                    f,
-                    coulomb=False,
-                    viscous=False,
-                    asymmetric=False,
-                    stribeck=None,
-                    load=False,
-                    presliding=None,
-                )
-                for f in actuation.friction
-                if f.offset
+                replace(f, stribeck=None, presliding=None, **none) for f in actuation.friction if f.offset
             ]
             actuation = replace(actuation, friction=tuple(still), motor_inertia=())
         what = "mass and its centre" if static else "inertia, friction, rotors and springs"
@@ -189,12 +183,6 @@ class Identification:
             missing_tensor=tuple(self.model.link_names[i] for i in parameters.links) if static else (),
             notes=(*self.model.notes, f"{what} identified from recordings"),
         )
-
-    def _consistent(self) -> Floats:
-        if self.phi is None:
-            links = [self.model.link_names[i] for i in self.base.parameters.links]
-            raise MissingInertiaError(self.model.name, links)
-        return self.phi
 
 
 def identify(
@@ -223,13 +211,19 @@ def identify(
     options = IdentifyOptions() if options is None else options
     if not logs:
         raise InputError("identify: expected at least one recording")
-    samples = [prepare(log, model, options) for log in logs]
-    held_out = [prepare(log, model, options) for log in tests]
-    if options.blocks is not None:
-        parted = [alternate_blocks(part, options.blocks) for part in samples]
-        samples = [part[0] for part in parted]
-        held_out = [*(part[1] for part in parted), *held_out]
+    samples, held_out = prepared(logs, tests, model, options)
     return identify_samples(samples, model, options).test(held_out)
+
+
+def prepared(
+    logs: Sequence[MotionLog], tests: Sequence[MotionLog], model: RobotModel, options: IdentifyOptions
+) -> tuple[list[Samples], list[Samples]]:
+    """Return what is fitted and what is tested of recordings, their held-out blocks among the latter."""
+    fitted, tested = ([prepare(log, model, options) for log in each] for each in (logs, tests))
+    if options.blocks is None:
+        return fitted, tested
+    parted = [alternate_blocks(part, options.blocks) for part in fitted]
+    return [part[0] for part in parted], [*(part[1] for part in parted), *tested]
 
 
 def identify_samples(
@@ -272,7 +266,9 @@ def _fit(
     for _ in range(ROUNDS if loaded else 1):
         if loaded and beta is not None:
             samples = carrying(base, beta, samples, gravity)
-        reduced, weights = _reduced(base, samples, model, options, gravity, weights)
+        reduced = triangles(base, gravity, samples)
+        if weights is None:
+            weights = weigh(options.weighting or actuation_of(model).weighting, samples, reduced)
         R = reduced.stacked(weights)
         rank, condition, weakest = excitation(R)
         if rank < base.count:
@@ -302,20 +298,6 @@ def _fit(
         prior_weight=prior_weight,
     )
     return replace(result, training=tuple(result.compare(part) for part in samples))
-
-
-def _reduced(
-    base: BaseParameters,
-    samples: Sequence[Samples],
-    model: RobotModel,
-    options: IdentifyOptions,
-    gravity: Floats,
-    weights: Floats | None,
-) -> tuple[Triangles, Floats]:
-    reduced = triangles(base, gravity, samples)
-    if weights is None:
-        weights = weigh(options.weighting or actuation_of(model).weighting, samples, reduced)
-    return reduced, weights
 
 
 def carrying(

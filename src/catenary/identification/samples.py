@@ -142,6 +142,7 @@ def _vector(log: MotionLog, name: str) -> Floats | None:
 
 
 EVERY = slice(None)
+HELD_OUT = " (held-out blocks)"  # behind the name of a recording, of which these rows are
 IRREGULAR = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
 BRIDGED = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
 MADE, MOST_MADE = 1.1, 100  # even rows for each one recorded: from which on that is told, and refused
@@ -348,7 +349,7 @@ def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]
             f'recording "{samples.name}": spans {samples.time[-1] - samples.time[0]:.4g}, less than two blocks '
             f"of {length:g}"
         )
-    return samples.rows(~held_out, samples.name), samples.rows(held_out, f"{samples.name} (held-out blocks)")
+    return samples.rows(~held_out, samples.name), samples.rows(held_out, f"{samples.name}{HELD_OUT}")
 
 
 FOLDS = 5

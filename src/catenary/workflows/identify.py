@@ -9,7 +9,7 @@ import numpy as np
 
 from catenary.config import plain_data
 from catenary.errors import InputError
-from catenary.identification.identification import Identification, identify_samples
+from catenary.identification.identification import Identification, identify_samples, prepared
 from catenary.identification.identification_file import (
     Card,
     identification_card,
@@ -17,7 +17,7 @@ from catenary.identification.identification_file import (
 )
 from catenary.identification.identify_options import IdentifyOptions, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
-from catenary.identification.samples import Samples, alternate_blocks, prepare
+from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog
 from catenary.recording.logs import Reading, read_torque_recording
@@ -93,13 +93,9 @@ def identify_files(
     require_names(accept)
     read_tests = [read_torque_recording(path, model, reading) for path in tests]
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
-    training = [prepare(log, model, options) for log in read]
-    held_out = [prepare(log, model, options) for log in read_tests]
-    gaps = [f"{part.name}: {note}" for part in (*training, *held_out) for note in part.notes]
-    if options.blocks is not None:
-        parted = [alternate_blocks(part, options.blocks) for part in training]
-        training = [part[0] for part in parted]
-        held_out = [*(part[1] for part in parted), *held_out]
+    training, held_out = prepared(read, read_tests, model, options)
+    whole = [part for part in (*training, *held_out) if not part.name.endswith(HELD_OUT)]
+    gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
     # an axis of the wrong sign has friction below zero, and is told by it: doubts are about a fit that lets it
     free = identify_samples(training, model, replace(options, consistent=False, friction=())).test(held_out)
     doubts = judge(_findings(free, training, held_out), accept)
