@@ -25,7 +25,7 @@ from catenary.recording.foreign.read import Reading
 from catenary.recording.logs import read_log, write_parquet
 from catenary.recording.mend import Mend
 from catenary.robots.catalog import load_robot
-from catenary.view.recorded import recorded_arm
+from catenary.view.replay import recorded_arm
 from catenary.workflows.drift import drift_of_model
 from catenary.workflows.fit import evaluate_calibration, fit_calibration
 from catenary.workflows.identify import identify_files

@@ -16,7 +16,7 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
 from catenary.recording.foreign.read import Reading, read_logs
-from catenary.reports.error_tables import percent
+from catenary.reports.joint_errors import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import robot_of, verdict
