@@ -1,15 +1,21 @@
 """What tests of several commands share: a recording, and a model fitted to it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import simulated_arm
+from catenary.crtk import network
 from catenary.robots.catalog import load_robot
 from catenary.workflows.project.folder import Project, ProjectSettings
 from command_line import catenary
 from moving_arm import recorded as recorded_arm
 from moving_arm import write_npz
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.encoded_plant import EncodedPlant
 
 
 @pytest.fixture(scope="session")
@@ -38,3 +44,16 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("motion") / "motion.npz"
     write_npz(recorded_arm(load_robot("raven2"), 0, seconds=4.0), path)
     return path
+
+
+@pytest.fixture
+def on_ros(monkeypatch: pytest.MonkeyPatch) -> RobotOnLoopback:
+    """A robot, not homed, where commands look for one on ROS."""
+    robot = RobotOnLoopback(EncodedPlant(ready=False), every=5)
+
+    @contextmanager
+    def transport(*_: object) -> Iterator[Any]:
+        yield robot.transport
+
+    monkeypatch.setattr(network, "make_transport", transport)
+    return robot

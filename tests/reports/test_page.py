@@ -5,6 +5,7 @@ from datetime import date
 from pathlib import Path
 
 import matplotlib.image
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -91,3 +92,35 @@ def test_a_picture_has_words_for_who_does_not_see_it(tmp_path: Path) -> None:
     text = written(tmp_path / "p.html", blocks)
     assert 'alt="what is drawn"' in text
     assert 'alt="only a caption"' in text
+
+
+def test_columns_of_a_table_line_up() -> None:
+    assert page.Table(["name", "J1 [deg]"], [["a", "1.0"], ["longer", "12.345"]], "Title").text() == (
+        "Title\n\n"
+        "  name        J1\n"
+        "           [deg]\n"
+        "  ------  ------\n"
+        "  a          1.0\n"
+        "  longer  12.345\n"
+    )  # fmt: skip
+
+
+def test_a_wide_table_is_not_cut_and_a_cell_stays_on_its_line() -> None:
+    assert "29.123" in page.Table([f"c{i}" for i in range(30)], [[f"{i}.123" for i in range(30)]]).text()
+    assert (
+        page.Table(["name"], [["[red]a[/red] [rad]"], ["b\nc"]])
+        .text()
+        .endswith("  [red]a[/red] [rad]\n  b c\n")
+    )
+
+
+def test_a_column_says_what_of_a_record_stands_in_it_and_how() -> None:
+    columns = [
+        page.Column("joint", "name"),
+        page.Column("error [deg]", "error", ".2f"),
+        page.Column("share", lambda joint: 100.0 * joint["share"], ".0f", " %"),
+    ]
+    records = [{"name": "J1", "error": 1.234, "share": 0.5}, {"name": "J2", "error": None, "share": np.nan}]
+    table = page.Table(columns, records)
+    assert table.header == ["joint", "error [deg]", "share"]
+    assert table.rows == [["J1", "1.23", "50 %"], ["J2", "-", "-"]]

@@ -7,8 +7,16 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 import catenary
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.reports.robot_plot import PARTS, middle_pose
+from catenary.reports.robot_plot import (
+    PARTS,
+    draw_torque_bars,
+    end_frames,
+    joints_by_unit,
+    link_segments,
+    middle_pose,
+)
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -115,3 +123,53 @@ def test_without_joints_it_stands_in_the_middle_of_their_ranges() -> None:
     raven = load_robot("raven2")
     assert_allclose(middle_pose(raven), (raven.lower + raven.upper) / 2.0)
     assert_allclose(middle_pose(load_robot("two_link")), 0.0)
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_line_begins_at_the_base_or_where_another_ends_and_one_leads_to_the_tip(name: str) -> None:
+    robot = load_robot(name)
+    q = np.linspace(-0.4, 0.7, robot.n)
+    lines = link_segments(robot, q)
+    ends = np.vstack([np.zeros((1, 3)), lines[:, 1]])
+    for start in lines[:, 0]:
+        assert np.linalg.norm(ends - start, axis=1).min() < 1e-12
+    assert_allclose(lines[len(robot.link_names), 1], forward_kinematics(robot, q).position, atol=1e-12)
+
+
+def test_both_hands_of_two_arms_are_ends() -> None:
+    assert end_frames(load_robot("dual_arm_19")) == ["left_hand", "right_hand"]
+    assert end_frames(load_robot("panda")) == ["flange"]
+
+
+def test_joints_that_turn_and_that_slide_have_axes_of_their_own() -> None:
+    assert joints_by_unit(load_robot("raven2")) == {"Nm": [0, 1], "N": [2]}
+    assert joints_by_unit(load_robot("panda")) == {"Nm": list(range(7))}
+
+
+def test_bars_are_as_long_as_the_torques_and_limits_stand_where_they_are() -> None:
+    panda = load_robot("panda")
+    tau = np.array([[0.0, -30.0, 1.0, 20.0, 0.5, -2.0, 0.1], [0.0, 10.0, 1.0, 25.0, 0.5, -2.0, 0.1]])
+    axes = Figure().subplots()
+    draw_torque_bars([axes], panda, np.zeros(7), tau)
+    assert_allclose([bar.get_width() for bar in axes.patches], tau[0])
+    told = [text.get_text() for text in axes.texts]
+    assert told[0] == "0"
+    assert told[1] == "-30 (34 % of 87)"
+    low, high = axes.get_xlim()
+    assert low < -87.0  # three times the bar: drawn
+    assert high > 87.0
+    ranges = axes.collections[0].get_paths()
+    assert_allclose(ranges[1].vertices[:, 0], [-30.0, 10.0])  # over both poses
+
+
+def test_limits_far_beyond_the_bars_are_told_and_not_drawn() -> None:
+    axes = Figure().subplots()
+    draw_torque_bars([axes], load_robot("panda"), np.zeros(7), np.full((1, 7), 0.2))
+    assert "0.2 (0 % of 87)" in [text.get_text() for text in axes.texts]
+    assert max(axes.get_xlim()) < 1.0
+
+
+def test_an_arm_without_any_torque_has_bars_all_the_same() -> None:
+    axes = Figure().subplots()
+    draw_torque_bars([axes], load_robot("two_link"), np.zeros(2), np.zeros((1, 2)))
+    assert [text.get_text() for text in axes.texts] == ["0", "0"]

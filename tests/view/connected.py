@@ -7,11 +7,10 @@ from contextlib import contextmanager
 from typing import Any, Self
 
 from catenary.robots.catalog import load_robot
-from catenary.view.controls import HOLD_HZ
-from catenary.view.driving_tabs import driving_tabs
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import arm_shapes
-from catenary.view.shown import Shown
+from catenary.view.shown import HOLD_HZ, Shown
+from catenary.view.surroundings import driving_tabs
 from oracles.ideal_plant import IdealPlant
 from patience import PATIENCE
 

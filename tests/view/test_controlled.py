@@ -11,8 +11,8 @@ from catenary.crtk.topic_names import JOINT_STATE, find_topic
 from catenary.errors import RobotHeldError
 from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.view.controlled import ControlledArm
-from catenary.view.controls import NOBODY, Change, ControlTab, HeldControl
 from catenary.view.shapes import arm_shapes
+from catenary.view.shown import NOBODY, Change, ControlTab, HeldControl
 from catenary.view.state import ViewState
 from catenary.view.watched import WatchedArm
 from oracles.crtk_robot import RobotOnLoopback, robot_over

@@ -8,8 +8,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from catenary.view.controls import Change
 from catenary.view.page_process import PageProcess
+from catenary.view.shown import Change
 from view.browser import PATIENCE, SIZE, LookedAtPage, looked_at_empty
 from view.connected import page_of_an_arm
 

@@ -24,7 +24,7 @@ from catenary.recording.motion_log_file import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
 from catenary.view.mcap_file import McapSummary, write_mcap
-from catenary.view.recorded import recorded_arm
+from catenary.view.replay import recorded_arm
 from command_line import catenary, refusal
 
 ROWS = 400

@@ -1,9 +1,25 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
+import trimesh
+from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.robots.catalog import load_robot, robot_names
-from catenary.view.shapes import arm_length, arm_shapes
+from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Ellipsoid, HalfSpace
+from catenary.view.shapes import arm_length, arm_shapes, form_mesh, grown, joined, shapes_of, tube
+
+ARM = """<robot name="arm">
+  <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>
+  <link name="upper">
+    <inertial><mass value="1"/><origin xyz="0 0 0.1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><origin xyz="0 0 0.2"/><geometry><mesh filename="upper.stl" scale="2 2 2"/></geometry></visual>
+    <collision><geometry><sphere radius="9"/></geometry></collision>
+  </link>
+  <joint name="j1" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
+</robot>"""
 
 
 @pytest.mark.parametrize("name", robot_names())
@@ -37,3 +53,105 @@ def test_arm_length_of_a_planar_arm_is_the_sum_of_its_links() -> None:
     model = load_robot("planar_3r")
     straight = forward_kinematics(model, np.zeros(model.n)).position
     assert arm_length(model) == pytest.approx(np.linalg.norm(straight))
+
+
+def as_trimesh(mesh):
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+
+
+def test_tube_of_two_points_is_a_closed_capsule_seen_from_outside() -> None:
+    mesh = as_trimesh(tube([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], 0.5))
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    whole = np.pi * 0.5**2 * 2.0 + 4.0 / 3.0 * np.pi * 0.5**3
+    assert mesh.volume == pytest.approx(whole, rel=0.08)  # 16 sides; positive: faces look outwards
+
+
+@pytest.mark.parametrize("axis", np.vstack([np.eye(3), -np.eye(3)]))
+def test_tube_reaches_beyond_its_ends_by_its_radius_and_no_farther(axis: np.ndarray) -> None:
+    vertices = tube([np.zeros(3), axis], 0.1).vertices
+    assert (vertices @ axis).max() == pytest.approx(1.1)
+    assert (vertices @ axis).min() == pytest.approx(-0.1)
+    assert np.linalg.norm(vertices - np.outer(vertices @ axis, axis), axis=1).max() <= 0.1 + 1e-12
+
+
+def test_tube_along_an_arc_has_the_volume_of_a_bent_cylinder() -> None:
+    angles = np.linspace(0.0, np.pi / 2.0, 40)
+    mesh = as_trimesh(tube(np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles]), 0.1))
+    # Pappus: area times the way of its centre
+    whole = np.pi * 0.1**2 * np.pi / 2.0 + 4.0 / 3.0 * np.pi * 0.1**3
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(whole, rel=0.05)
+
+
+def test_joined_meshes_keep_their_volumes() -> None:
+    a, b = tube([[0.0, 0, 0], [1.0, 0, 0]], 0.1), tube([[0.0, 1, 0], [1.0, 1, 0]], 0.2)
+    assert as_trimesh(joined([a, b])).volume == pytest.approx(as_trimesh(a).volume + as_trimesh(b).volume)
+
+
+def test_grown_tube_is_a_thicker_one() -> None:
+    line = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.1]]
+    assert as_trimesh(grown(tube(line, 0.1), 0.02)).volume == pytest.approx(
+        as_trimesh(tube(line, 0.12)).volume, rel=0.01
+    )
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    trimesh.creation.box(extents=(0.1, 0.1, 0.2)).export(tmp_path / "upper.stl")
+    (tmp_path / "arm.urdf").write_text(ARM)
+    return tmp_path / "arm.urdf"
+
+
+def test_links_look_as_their_meshes_do_where_the_file_puts_them(arm: Path) -> None:
+    shapes, why = shapes_of(str(arm), load_robot(arm))
+    assert why is None
+    (upper,) = shapes.links
+    # the mesh of 0.1 x 0.1 x 0.2, twice as large, 0.2 m up
+    assert_allclose(upper.vertices.min(axis=0), [-0.1, -0.1, 0.0], atol=1e-7)  # STL has single precision
+    assert_allclose(upper.vertices.max(axis=0), [0.1, 0.1, 0.4], atol=1e-7)  # STL has single precision
+    assert shapes.base is not None
+    assert_allclose(np.ptp(shapes.base.vertices, axis=0), [0.2, 0.2, 0.1])
+
+
+def test_arm_whose_mesh_is_not_there_is_drawn_as_tubes_and_says_why(arm: Path) -> None:
+    arm.with_name("upper.stl").unlink()
+    shapes, why = shapes_of(str(arm), load_robot(arm))
+    assert why is not None
+    assert "no mesh upper.stl" in why
+    assert len(shapes.links) == 1
+
+
+@pytest.mark.parametrize("damage", [b"", b"solid nothing", bytes(84), b"\xff" * 200])
+def test_mesh_that_is_damaged_is_told_and_never_stops_the_view(arm: Path, damage: bytes) -> None:
+    arm.with_name("upper.stl").write_bytes(damage)
+    _, why = shapes_of(str(arm), load_robot(arm))
+    assert why is not None
+    assert "upper.stl" in why
+
+
+def test_robots_of_the_catalogue_are_drawn_from_their_kinematics() -> None:
+    model = load_robot("raven2")
+    shapes, why = shapes_of("raven2", model)
+    assert why is None
+    assert_allclose(shapes.links[0].vertices, arm_shapes(model).links[0].vertices)
+
+
+@pytest.mark.parametrize(
+    ("form", "volume"),
+    [
+        (Box(0.1, 0.2, 0.3), 0.006),
+        (Ball(0.2), 4.0 / 3.0 * np.pi * 0.008),
+        (Ellipsoid(0.1, 0.2, 0.3), 4.0 / 3.0 * np.pi * 0.006),
+        (Cylinder(0.1, 0.5), np.pi * 0.01 * 0.5),
+        (Capsule(0.1, 0.5), np.pi * 0.01 * 0.5 + 4.0 / 3.0 * np.pi * 0.001),
+    ],
+)
+def test_forms_have_the_volume_of_their_formulas(form, volume: float) -> None:
+    mesh = form_mesh(form)
+    assert mesh is not None
+    assert trimesh.Trimesh(mesh.vertices, mesh.faces).volume == pytest.approx(volume, rel=0.1)  # of few faces
+
+
+def test_floor_is_no_link() -> None:
+    assert form_mesh(HalfSpace()) is None

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.view.controls import Change
-from catenary.view.driving_tabs import CONTROLLERS, GO_TO, OWN
+from catenary.view.shown import Change
 from catenary.view.simulated import DrivenArm
 from catenary.view.state import ViewState
+from catenary.view.surroundings import CONTROLLERS, GO_TO, OWN
 
 
 class Script:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from catenary.view.controls import NOBODY, Change
 from catenary.view.page_process import PageProcess
+from catenary.view.shown import NOBODY, Change
 from patience import until
 from view.connected import Connected, page_of_an_arm
 

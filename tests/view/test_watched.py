@@ -2,8 +2,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from catenary.open_robot import Simulated, tilted_base
-from catenary.view.controls import Change
 from catenary.view.shapes import arm_shapes
+from catenary.view.shown import Change
 from catenary.view.state import ViewState
 from catenary.view.watched import WatchedArm
 from catenary.workflows.robot.operated_robot import operated_robot

@@ -26,7 +26,7 @@ from catenary.recording.logs import Reading, read_log
 from catenary.recording.mend import Mend
 from catenary.recording.motion_log_file import write_parquet
 from catenary.robots.catalog import load_robot
-from catenary.view.recorded import recorded_arm
+from catenary.view.replay import recorded_arm
 from catenary.workflows.calibration_model import (
     drift_of_model,
     evaluate_calibration,

@@ -1,34 +1,21 @@
 """catenary check and recover: what a file is, and what is whole of a damaged recording."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
-from typer import Argument, Option
 
-from catenary.cli.fit import MaxError, limits
-from catenary.cli.options import AsJson, MappingOptions, MendOptions, robots_beginning
+from catenary.cli.options import AS_JSON, Numbers, argument, option, robots_beginning
 from catenary.cli.out_files import out_path
-from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, without_notes
+from catenary.cli.recording_options import MAX_ERROR, RecordingOptions
+from catenary.cli.terminal import print_fact, print_json, print_notes, without_notes
 
 
 def check(
-    file: Annotated[
-        str,
-        Argument(
-            metavar="FILE",
-            help="A robot, a calibration model or a recording.",
-            autocompletion=robots_beginning,
-        ),
-    ],
-    mending: MendOptions,
-    foreign: MappingOptions,
-    max_error: MaxError = None,
-    robot: Annotated[
-        str | None,
-        Option(metavar="ROBOT", help="Robot of a recording: its limits, and joints' names and units."),
-    ] = None,
-    as_json: AsJson = False,
+    recordings: RecordingOptions,
+    file: str = argument("FILE", "A robot, a calibration model or a recording.", completes=robots_beginning),
+    max_error: Numbers | None = MAX_ERROR,
+    robot: str | None = option("ROBOT", "Robot of a recording: its limits, and joints' names and units."),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Say what a file is and what is wrong with it.
 
@@ -38,14 +25,10 @@ def check(
 
     Example: catenary check run1.npz --swap J1,J2
     """
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.check import check_file
 
-    arm = None if robot is None else load_robot(robot)
-    names, units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
     with without_notes(True):  # what is doubtful is among the faults below
-        reading = mending.reading(foreign, units=units, joint_names=names)
-        finding = check_file(file, reading, robot=robot, max_error=limits(max_error))
+        finding = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error)
     if as_json:
         print_json(finding.as_data())
     else:
@@ -64,20 +47,11 @@ def check(
 
 
 def recover(
-    recording: Annotated[
-        Path,
-        Argument(metavar="RECORDING", help="Journal (folder or .journal file), .bag, .mcap or its folder."),
-    ],
-    out: Annotated[
-        Path | None,
-        Option(
-            "--out",
-            metavar="PATH",
-            parser=out_path,
-            help="What to write, named as typed. [default: NAME.recovered beside it]",
-        ),
-    ] = None,
-    as_json: AsJson = False,
+    recording: Path = argument("RECORDING", "Journal (folder or .journal file), .bag, .mcap or its folder."),
+    out: Path | None = option(
+        "PATH", "What to write, named as typed. [default: NAME.recovered beside it]", read=out_path
+    ),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Write what is whole of a damaged recording.
 
@@ -92,9 +66,15 @@ def recover(
     if as_json:
         print_json(found.as_data())
         return
-    header = ["topic", "kept", "lost, about", "without messages [s]"]
-    rows = [[one.topic, str(one.kept), str(one.lost), f"{one.seconds:.2f}"] for one in found.rescue.topics]
-    print_table(f"{recording}: {found.rescue.seconds:.1f} s", header, rows)
+    from catenary.reports.page import Column, Table
+
+    columns = [
+        Column("topic", "topic"),
+        Column("kept", "kept"),
+        Column("lost, about", "lost"),
+        Column("without messages [s]", "seconds", ".2f"),
+    ]
+    print(Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s").text())
     print_notes(found.problems)
     if found.written is None:
         print("whole: nothing to recover, nothing written")

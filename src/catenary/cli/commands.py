@@ -7,47 +7,47 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from catenary.cli.options import ROS_PARAMETERS, refuse_former_spelling, with_groups_apart
+from catenary.cli.options import as_typed, refuse_spaces
 from catenary.cli.signals import signals_interrupt
 from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
 
 # module of this package and function; in the order in which `catenary --help` lists them
 _FUNCTIONS = {
     "calibrate": ("calibrate", "calibrate"),
-    "home": ("home", "home"),
-    "excite": ("excite.recordings", "excite"),
-    "record": ("excite.recordings", "record"),
+    "home": ("record", "home"),
+    "excite": ("record", "excite"),
+    "record": ("record", "record"),
     "extract": ("calibrate", "extract"),
     "import": ("exchange", "import_recording"),
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
-    "refresh": ("upkeep.refresh", "refresh"),
-    "drift": ("upkeep.drift", "drift"),
-    "deploy": ("calibrate", "deploy"),
+    "refresh": ("fit", "refresh"),
+    "drift": ("fit", "drift"),
+    "deploy": ("deploy", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),
     "follow": ("motion", "follow"),
-    "teleop": ("teleop", "teleop"),
+    "teleop": ("motion", "teleop"),
     "monitor": ("monitor", "monitor"),
-    "view": ("beside.view", "view"),
+    "view": ("view", "view"),
     "gravity": ("gravity", "gravity"),
     "track": ("gravity", "track"),
     "hold": ("gravity", "hold"),
     "identify": ("identify", "identify"),
-    "excitation": ("excite.excitation", "excitation"),
+    "excitation": ("excitation", "excitation"),
     "payload": ("identify", "payload"),
     "check": ("check", "check"),
     "fk": ("robots", "fk"),
     "ik": ("robots", "ik"),
-    "plot": ("model.plot", "plot"),
-    "regressor": ("model.regressor", "regressor"),
+    "plot": ("robots", "plot"),
+    "regressor": ("robots", "regressor"),
     "sense": ("sense", "sense"),
-    "encoders": ("beside.nodes", "encoders"),
-    "gravity-node": ("beside.nodes", "gravity_node"),
+    "encoders": ("nodes", "encoders"),
+    "gravity-node": ("nodes", "gravity_node"),
     "export": ("exchange", "export"),
     "recover": ("check", "recover"),
-    "serve": ("beside.serve", "serve"),
-    "button": ("beside.serve", "button"),
+    "serve": ("nodes", "serve"),
+    "button": ("nodes", "button"),
     "robots": ("robots", "robots"),
     "demo": ("calibrate", "demo"),
 }
@@ -68,7 +68,7 @@ class Commands(Mapping[str, Any]):
             app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
             command = getattr(import_module(f"catenary.cli.{module}"), function)
             app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(
-                with_groups_apart(command)
+                as_typed(command)
             )
             self._made[name] = typer.main.get_command(app)
         return self._made[name]
@@ -92,15 +92,16 @@ class CommandGroup(TyperGroup):
         self.commands: Any = Commands()
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that is meant, its name and its arguments, unless they are spelled as once they were.
+        """Return the command that is meant, its name and its arguments, unless numbers stand apart in them.
 
         What is for ROS 2, behind `--ros-args`, is kept for when the command joins it.
         """
         name, command, rest = super().resolve_command(ctx, args)
-        if command is not None and any(option.name in ROS_PARAMETERS for option in command.params):
+        parameters = [] if command is None else command.params
+        if any(option.name == "ros_distro" for option in parameters):
             rest, said = split_ros_arguments(rest)
             say_ros_arguments(parse_ros_arguments(said))
-        refuse_former_spelling(name or "", rest)
+        refuse_spaces(parameters, rest)
         return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:

@@ -1,65 +1,56 @@
 """catenary import and export: recordings of other makes in, robots and models out to other programs."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-from typer import Argument, Option
-
-from catenary.cli.options import AsJson, MappingOptions, NoMend, robots_beginning
-from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, URDF, out_path, refuse_outputs
-from catenary.cli.robots import DescriptionOptions
-from catenary.cli.terminal import numbers, print_fact, print_json, print_notes
+from catenary.cli.options import (
+    AS_JSON,
+    Numbers,
+    argument,
+    option,
+    require_one,
+    robots_beginning,
+)
+from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED
+from catenary.cli.recording_options import MappingOptions, ModelRecordingOptions
+from catenary.cli.robot_options import DescriptionOptions, one_or_each
+from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 
 def export(
     description: DescriptionOptions,
-    what: Annotated[
-        str | None,
-        Argument(
-            metavar="[WHAT]",
-            help="With --c a robot, as fk takes it; none with --model. With --onnx a calibration model. With --mcap "
-            "a recording.",
-            autocompletion=robots_beginning,
-        ),
-    ] = None,
-    c: Annotated[
-        Path | None,
-        Option(metavar="OUT", parser=out_path, help=f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}"),
-    ] = None,
-    onnx: Annotated[
-        Path | None, Option(metavar="OUT", parser=out_path, help="ONNX graph to write, e.g. arm.onnx.")
-    ] = None,
-    mcap: Annotated[
-        Path | None,
-        Option(
-            metavar="OUT",
-            parser=out_path,
-            help="MCAP file to write, e.g. lab.mcap, and the robot's URDF beside it, lab.urdf.",
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="With --mcap: what was recorded. [default: as it says]")
-    ] = None,
-    model: Annotated[
-        Path | None,
-        Option(metavar="CALIBRATION", help="Calibration for the C header, or beside the recording."),
-    ] = None,
-    no_mend: NoMend = False,
-    rate_hz: Annotated[
-        float | None,
-        Option(
-            metavar="HZ",
-            help="Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
-        ),
-    ] = None,
-    friction: Annotated[
-        str | None, Option(metavar="F,F,...", help="Coulomb friction of the joints in Nm and N, for --c.")
-    ] = None,
-    viscous: Annotated[
-        str | None, Option(metavar="F,F,...", help="Viscous friction in Nms/rad and Ns/m, likewise.")
-    ] = None,
-    as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
+    recordings: ModelRecordingOptions,
+    what: str | None = argument(
+        "[WHAT]",
+        "With --c a robot, as fk takes it; none with --model. With --onnx a calibration model. With --mcap "
+        "a recording.",
+        None,
+        completes=robots_beginning,
+    ),
+    c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
+    onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
+    mcap: Path | None = option(
+        "OUT", "MCAP file to write, e.g. lab.mcap, and the robot's URDF beside it, lab.urdf.", writes=MCAP
+    ),
+    robot: str | None = option(
+        "ROBOT", "With --mcap: what was recorded. [default: as it says]", goes_with="mcap"
+    ),
+    model: Path | None = option(
+        "CALIBRATION", "Calibration for the C header, or beside the recording.", not_with="onnx"
+    ),
+    rate_hz: float | None = option(
+        "HZ",
+        "Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
+        not_with="mcap",
+    ),
+    friction: Numbers | None = option(
+        "F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"
+    ),
+    viscous: Numbers | None = option(
+        "F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.", goes_with="c"
+    ),
+    as_json: bool = option(None, "Print JSON instead of text.", False, flag="--json"),
 ) -> None:
     """Write a robot as C, a model as ONNX, a recording as MCAP.
 
@@ -73,40 +64,21 @@ def export(
 
     Examples: catenary export --model arm.npz --c arm.h; catenary export demo/test.parquet --mcap test.mcap
     """
-    from catenary.errors import InputError
-
-    if sum(out is not None for out in (c, onnx, mcap)) != 1:
-        raise InputError(
-            "export: expected one of --c OUT for a robot, --onnx OUT for a calibration model, --mcap OUT for a log"
-        )
+    require_one(c=c, onnx=onnx, mcap=mcap)
     if what is None and (c is None or model is None):
         other = "the calibration model" if onnx is not None else "the recording"
         needed = "a robot, or --model for its correction alone" if c is not None else other
         raise InputError(f"export: expected {needed}")
-    read = [Path(each) for each in (what, model) if each is not None]
-    urdf = None if mcap is None else mcap.with_suffix(".urdf")
-    outputs = {
-        "--c": (c, HEADER),
-        "--onnx": (onnx, GRAPH),
-        "--mcap": (mcap, MCAP),
-        "URDF of --mcap": (urdf, URDF),
-    }
-    refuse_outputs(outputs, read)
-    if robot is not None and mcap is None:
-        raise InputError("export: --robot goes with --mcap")
-    if rate_hz is not None and mcap is not None:
-        raise InputError("export: --rate-hz is for --c and --onnx; --mcap writes every row")
-    given = {"friction": friction, "viscous": viscous}
-    forces = {name: numbers(f"--{name}", text) for name, text in given.items() if text is not None}
-    if forces and (what is None or c is None):
+    if what is None and (friction or viscous):
         raise InputError("export: --friction and --viscous are for --c of a robot")
+    if mcap is None and recordings != ModelRecordingOptions():
+        raise InputError("export: options of a recording go with --mcap")
     if c is not None:
-        _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, forces, as_json)
+        loads = {"friction": friction, "viscous": viscous}
+        _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, loads, as_json)
     elif mcap is not None and what is not None:
-        _mcap(Path(what), mcap, robot, model, as_json, as_trained=not no_mend)
+        _mcap(Path(what), mcap, robot, model, recordings, as_json)
     elif onnx is not None and what is not None:
-        if model is not None:
-            raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
         _onnx(Path(what), onnx, rate_hz, as_json)
 
 
@@ -116,7 +88,7 @@ def _c(
     out: Path,
     model: Path | None,
     rate_hz: float,
-    forces: dict[str, tuple[float, ...]],
+    forces: dict[str, Numbers | None],
     as_json: bool,
 ) -> None:
     from catenary.calibration.model_file import load_model
@@ -126,9 +98,9 @@ def _c(
     calibration = None if model is None else load_model(model)[0]
     loads = None
     known = None if robot is None else description.load(robot)
-    if known is not None and forces:
-        each = {name: values[0] if len(values) == 1 else values for name, values in forces.items()}
-        loads = joint_friction(known, each.get("friction", 0.0), each.get("viscous", 0.0))
+    if known is not None and any(forces.values()):
+        friction, viscous = (one_or_each(forces[name] or (0.0,)) for name in ("friction", "viscous"))
+        loads = joint_friction(known, friction, viscous)
     header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
     write_header(header, out)
     print_notes(header.notes)
@@ -155,18 +127,22 @@ def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
 
 
 def _mcap(
-    log: Path, out: Path, robot: str | None, model: Path | None, as_json: bool, *, as_trained: bool
+    log: Path,
+    out: Path,
+    robot: str | None,
+    model: Path | None,
+    recordings: ModelRecordingOptions,
+    as_json: bool,
 ) -> None:
     from catenary.calibration.model_file import load_model
-    from catenary.recording.logs import Reading
     from catenary.robots.catalog import load_robot
     from catenary.robots.shapes import load_geometry
     from catenary.view.mcap_file import write_mcap
-    from catenary.view.recorded import recorded_arm
+    from catenary.view.replay import recorded_arm
     from catenary.workflows.calibration_model import recording_for
 
     calibration = None if model is None else load_model(model)[0]
-    recording = recording_for(calibration, log, Reading(as_trained=as_trained))
+    recording = recording_for(calibration, log, recordings.reading())
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)
     geometry = load_geometry(named, arm)
@@ -184,36 +160,18 @@ def _mcap(
 
 
 def import_recording(
-    sources: Annotated[
-        list[Path],
-        Argument(
-            metavar="SOURCE...",
-            help="The files of one recording: ROS 1 bags, ROS 2 bags, .mcap, headed .csv, .parquet, .npz, .npy, .mat.",
-        ),
-    ],
     foreign: MappingOptions,
-    out: Annotated[
-        Path | None,
-        Option(
-            "--out",
-            metavar="LOG",
-            parser=out_path,
-            help=f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}",
-        ),
-    ] = None,
-    units: Annotated[
-        str | None,
-        Option(
-            metavar="U,U,...", help="rad, deg, m or mm per joint, or one for all, where a mapping has none."
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="Catalogue name or file: names and units of the joints.")
-    ] = None,
-    yes: Annotated[
-        bool, Option("--yes", help="Take the proposed mapping, if nothing in it is open.")
-    ] = False,
-    as_json: AsJson = False,
+    sources: Sequence[Path] = argument(
+        "SOURCE...",
+        "The files of one recording: ROS 1 bags, ROS 2 bags, .mcap, headed .csv, .parquet, .npz, .npy, .mat.",
+    ),
+    out: Path | None = option("LOG", f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}", writes=LOG),
+    units: str | None = option(
+        "U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."
+    ),
+    robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
+    yes: bool = option(None, "Take the proposed mapping, if nothing in it is open.", False),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Bring a recording of any make into a motion log.
 
@@ -226,8 +184,6 @@ def import_recording(
     from catenary.workflows.import_recording import doubts_about, known_layout, propose_mapping
     from catenary.workflows.import_recording import import_recording as read
 
-    if out is not None:
-        refuse_outputs({"--out": (out, LOG)}, sources)
     mapping = foreign.read(units, robot=robot)
     layout = known_layout(sources, robot=robot)
     if mapping is None and layout is None and not (yes and out is not None):
@@ -273,7 +229,7 @@ def import_recording(
     print(f"log:    {out}")
 
 
-def _say_how_to_go_on(sources: list[Path], *, is_open: bool) -> None:
+def _say_how_to_go_on(sources: Sequence[Path], *, is_open: bool) -> None:
     import shlex
 
     files = " ".join(shlex.quote(str(source)) for source in sources)

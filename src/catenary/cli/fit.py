@@ -1,29 +1,34 @@
-"""catenary fit and evaluate."""
+"""catenary fit, evaluate, refresh, drift: a calibration model made, judged, brought up to date, watched over days."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from typer import Argument, Option
+import typer
 
 from catenary.cli.options import (
-    Accept,
-    AsJsonNotTables,
-    MappingOptions,
-    MendOptions,
-    ModelMendOptions,
-    robots_beginning,
-)
-from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PAGE, Report, out_path, refuse_outputs
-from catenary.cli.terminal import (
+    REPORT,
+    REQUIRED,
+    TABLES_AS_JSON,
+    Names,
+    Numbers,
+    argument,
+    group,
     numbers,
-    print_json,
-    print_notes,
-    print_table,
-    progress_bar,
+    option,
+    robots_beginning,
     words,
 )
-from catenary.errors import InputError
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
+from catenary.cli.recording_options import (
+    ACCEPT,
+    MAX_ERROR,
+    RECORDINGS,
+    ModelRecordingOptions,
+    RecordingOptions,
+)
+from catenary.cli.terminal import print_json, print_notes, progress_bar
 from catenary.files import card_path
 
 if TYPE_CHECKING:
@@ -32,153 +37,115 @@ if TYPE_CHECKING:
     from catenary.calibration.fit_recordings import FitResult
     from catenary.robots.model import RobotModel
 
-Recordings = Annotated[
-    list[Path],
-    Argument(
-        metavar="DATA",
-        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others "
-        "with --map.",
-    ),
-]
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
-Seed = Annotated[int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
-MaxError = Annotated[
-    str | None,
-    Option("--max-error", metavar="E,E,...", help="Leave out rows with larger errors, per joint in deg, mm."),
-]
-Robot = Annotated[
-    str | None,
-    Option(
-        metavar="ROBOT",
-        help="Catalogue name or file of the robot: joint names and units.",
-        autocompletion=robots_beginning,
-    ),
-]
+ROBOT_OF_DATA = option(
+    "ROBOT", "Catalogue name or file of the robot: joint names and units.", completes=robots_beginning
+)
 
 
-@dataclass(frozen=True)
+def _play_shares(text: str) -> Numbers | str:
+    return text if text in ("on", "off") else numbers(text)
+
+
+def _inputs(text: str) -> Names | dict[str, Names]:
+    if "=" not in text:
+        return words(text)
+    per_joint = {}
+    for part in text.split(";"):
+        joint, equals, chosen = part.partition("=")
+        if not equals or not words(chosen):
+            raise typer.BadParameter(f"expected 'JOINT=signal,signal;JOINT=...', got {part!r}")
+        per_joint[joint.strip()] = words(chosen)
+    return per_joint
+
+
+@group
 class ModelOptions:
     """Options of a fit."""
 
-    model: Annotated[
-        str,
-        Option(
-            metavar="KIND",
-            help="offset, linear, polynomial, neural, or auto: for every joint the simplest of them that will do.",
-        ),
-    ] = "auto"
-    preset: Annotated[
-        str | None,
-        Option(
-            metavar="NAME",
-            help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: best]",
-        ),
-    ] = None
-    inputs: Annotated[
-        str | None,
-        Option(
-            metavar="SIGNALS",
-            help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
-            "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
-        ),
-    ] = None
-    history: Annotated[int, Option(metavar="K", min=0, help="Also take the K previous commands.")] = 0
-    play: Annotated[
-        str | None,
-        Option(
-            metavar="SHARES",
-            help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
-            "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best without torques]",
-        ),
-    ] = None
-    target: Annotated[
-        str,
-        Option(
-            metavar="WHAT",
-            help="What to learn: error, the joint error, or position, the joint position end to end.",
-        ),
-    ] = "error"
-    ridge: Annotated[
-        float | None,
-        Option(
-            metavar="R",
-            min=0.0,
-            show_default=False,
-            help="Ridge penalty of linear and polynomial models: weight on their squared coefficients, of inputs "
-            "that vary by 1. [default: 0; 10 with --play, and for polynomials with --history]",
-        ),
-    ] = None
-    prior: Annotated[
-        str | None,
-        Option(
-            metavar="NAME",
-            help="What linear models and preset best begin at, for few minutes of data: simulated (what simulated "
-            "robots have in common).",
-        ),
-    ] = None
-    held_out: Annotated[
-        float | None,
-        Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
-    ] = None
-    folds: Annotated[int, Option(metavar="N", min=0, help="Blocks of the cross-validation; 0 for none.")] = 5
-    coverage: Annotated[
-        float,
-        Option(metavar="SHARE", help="Share of errors that the intervals about corrected joints hold."),
-    ] = 0.9
-    max_error: MaxError = None
+    model: str = option(
+        "KIND",
+        "offset, linear, polynomial, neural, or auto: for every joint the simplest of them that will do.",
+        "auto",
+    )
+    preset: str | None = option(
+        "NAME", "Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: best]"
+    )
+    inputs: Names | dict[str, Names] | None = option(
+        "SIGNALS",
+        "What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
+        "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
+        read=_inputs,
+    )
+    history: int = option("K", "Also take the K previous commands.", 0, least=0)
+    play: Numbers | str | None = option(
+        "SHARES",
+        "Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
+        "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best without torques]",
+        read=_play_shares,
+    )
+    target: str = option(
+        "WHAT", "What to learn: error, the joint error, or position, the joint position end to end.", "error"
+    )
+    ridge: float | None = option(
+        "R",
+        "Ridge penalty of linear and polynomial models: weight on their squared coefficients, of inputs "
+        "that vary by 1. [default: 0; 10 with --play, and for polynomials with --history]",
+        least=0.0,
+        shows_default=False,
+    )
+    prior: str | None = option(
+        "NAME",
+        "What linear models and preset best begin at, for few minutes of data: simulated (what simulated "
+        "robots have in common).",
+    )
+    held_out: float | None = option(
+        "SHARE", "Keep the last part of each recording, this share of it, for a test."
+    )
+    folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, least=0)
+    coverage: float = option("SHARE", "Share of errors that the intervals about corrected joints hold.", 0.9)
+    max_error: Numbers | None = MAX_ERROR
 
     def options(self, seed: int) -> "FitOptions":
-        """Return the options of the model.
-
-        Args:
-            seed: Of a network's training.
-        """
+        """Return the options of the model, its training by this seed."""
         from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 
         return FitOptions(
             kind=self.model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
             preset=self.preset,  # type: ignore[arg-type]
-            inputs=_inputs(self.inputs),
+            inputs=self.inputs,
             history=self.history,
-            play=_play_shares(self.play, PLAY_SHARES),
+            play={"on": PLAY_SHARES, "off": ()}[self.play] if isinstance(self.play, str) else self.play,
             target=self.target,  # type: ignore[arg-type]
             ridge=self.ridge,
             seed=seed,
             prior=self.prior,
         )
 
-    def run(self, accept: list[str] | None, robot: str | None = None) -> "FitRun":
-        """Return the options that do not belong to the model.
-
-        Args:
-            accept: Findings about the data to go on with, by name.
-            robot: Its name.
-        """
+    def run(self, accept: Sequence[str], robot: str | None = None) -> "FitRun":
+        """Return the options that do not belong to the model."""
         from catenary.calibration.fit_options import FitRun
 
         return FitRun(
             robot=robot,
-            max_error=limits(self.max_error),
+            max_error=self.max_error,
             held_out=self.held_out,
             folds=self.folds,
-            accept=tuple(accept or ()),
+            accept=tuple(accept),
             coverage=self.coverage,
         )
 
 
 def fit(
-    data: Recordings,
     fitting: ModelOptions,
-    mending: MendOptions,
-    foreign: MappingOptions,
-    out: Annotated[
-        Path, Option(metavar="MODEL", parser=out_path, help=f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}")
-    ],
-    robot: Robot = None,
-    seed: Seed = 0,
-    accept: Accept = None,
-    report: Report = None,
-    as_json: AsJsonNotTables = False,
+    recordings: RecordingOptions,
+    data: Sequence[Path] = RECORDINGS,
+    out: Path = option("MODEL", f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
+    robot: str | None = ROBOT_OF_DATA,
+    seed: int = option("N", "Seed of all randomness.", 0, least=0, most=LARGEST_SEED),
+    accept: Sequence[str] = ACCEPT,
+    report: Path | None = REPORT,
+    as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Fit a calibration model and print its error on unseen data.
 
@@ -190,13 +157,7 @@ def fit(
 
     options = fitting.options(seed)
     arm = None if robot is None else load_robot(robot)
-    names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
-    reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
-    run = fitting.run(accept, robot)
-    refuse_outputs(
-        {"--out": (out, MODEL), "the card of --out": (card_path(out), None), "--report": (report, PAGE)},
-        [*data, *([Path(robot)] if robot else [])],
-    )
+    reading, run = recordings.reading(robot), fitting.run(accept, robot)
     with progress_bar(f"fitting {fitting.model}") as progress:
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
@@ -211,25 +172,19 @@ def fit(
 
 
 def evaluate(
-    model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
-    data: Recordings,
-    mending: ModelMendOptions,
-    foreign: MappingOptions,
-    window: Annotated[
-        float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
-    ] = None,
-    max_error: MaxError = None,
-    accept: Accept = None,
-    robot: Annotated[
-        str | None,
-        Option(
-            metavar="ROBOT",
-            help="Catalogue name or file of the robot: with --report, the error of its tip. [default: the model's]",
-            autocompletion=robots_beginning,
-        ),
-    ] = None,
-    report: Report = None,
-    as_json: AsJsonNotTables = False,
+    recordings: ModelRecordingOptions,
+    model: Path = argument("MODEL", "A model that catenary fit wrote."),
+    data: Sequence[Path] = RECORDINGS,
+    window: float | None = option("S", "Length of a time window in s. [default: a tenth of the data]"),
+    max_error: Numbers | None = MAX_ERROR,
+    accept: Sequence[str] = ACCEPT,
+    robot: str | None = option(
+        "ROBOT",
+        "Catalogue name or file of the robot: with --report, the error of its tip. [default: the model's]",
+        completes=robots_beginning,
+    ),
+    report: Path | None = REPORT,
+    as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Print a model's error on recordings, before and after.
 
@@ -238,27 +193,26 @@ def evaluate(
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
     from catenary.reports.calibration import write_calibration_report
-    from catenary.reports.error_tables import error_table, window_table
+    from catenary.reports.joint_errors import error_table, window_table
     from catenary.robots.catalog import load_robot
     from catenary.workflows.calibration_model import evaluate_calibration, evaluation_summary
 
-    refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     arm = None if robot is None else load_robot(robot)
     result = evaluate_calibration(
         model,
         data,
-        reading=mending.reading(foreign),
-        accept=tuple(accept or ()),
-        max_error=limits(max_error),
+        reading=recordings.reading(),
+        accept=tuple(accept),
+        max_error=max_error,
         window=window,
     )
     if as_json:
         print_json(evaluation_summary(result))
     else:
         print_notes(result.notes)
-        print_table("RMSE and largest error per joint", *error_table(result.evaluation))
+        print(error_table(result.evaluation).text())
         _print_coverage(result.evaluation)
-        print_table("RMSE of the model over time", *window_table(result.evaluation))
+        print(window_table(result.evaluation).text())
     if report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
         if result.seen_in_training:
@@ -271,27 +225,120 @@ def evaluate(
             print(f"page: {report}")
 
 
+def refresh(
+    recordings: ModelRecordingOptions,
+    model: Path = argument("MODEL", "A model that catenary fit wrote."),
+    data: Sequence[Path] = RECORDINGS,
+    out: Path = option("MODEL", f"Refreshed model to write. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
+    max_error: Numbers | None = MAX_ERROR,
+    accept: Sequence[str] = ACCEPT,
+    as_json: bool = TABLES_AS_JSON,
+) -> None:
+    """Bring a model up to date with minutes of a new day.
+
+    Each joint gets what blocks of time of the new data show to pay, the least that does: nothing, a new zero, zero
+    and scale, or a new last layer. The card says from which model it comes, what moved, and since when.
+
+    Example: catenary refresh arm.npz today.parquet --out arm_today.npz
+    """
+    from catenary.calibration.model_file import save_model
+    from catenary.reports.page import Column, Table
+    from catenary.workflows.calibration_model import refresh_calibration
+
+    result = refresh_calibration(
+        model,
+        data,
+        reading=recordings.reading(),
+        accept=tuple(accept),
+        max_error=max_error,
+    )
+    save_model(result.model, result.card, out)
+    shown = result.as_data()
+    if as_json:
+        print_json({"model": str(out), "card": str(card_path(out)), **shown})
+        return
+    print_notes(result.notes)
+    columns = [
+        Column("joint", "name"),
+        Column("unit", "unit"),
+        Column("change", "change"),
+        Column("moved", "moved", "+.3f"),
+        Column("RMSE before", "rmse_before", ".3f"),
+        Column("on blocks after", "rmse_after", ".3f"),
+    ]
+    title = f"What became of each joint, on {shown['rows']:,} new rows"
+    print(Table(columns, shown["joints"], title).text())
+    print(f"moved: {result.moved}\nmodel: {out}\ncard:  {card_path(out)}")
+
+
+def drift(
+    recordings: ModelRecordingOptions,
+    model: Path = argument("MODEL", "A model that catenary fit or refresh wrote."),
+    data: Sequence[Path] = RECORDINGS,
+    factor: float = option(
+        "K", "For a model without intervals: times its card's error that is too much.", 2.0
+    ),
+    max_error: Numbers | None = MAX_ERROR,
+    accept: Sequence[str] = ACCEPT,
+    report: Path | None = REPORT,
+    as_json: bool = TABLES_AS_JSON,
+) -> None:
+    """Print a model's error over days and homings.
+
+    Recordings come in the order of time. The exit code is 1 where a joint is beyond at the end, or where something is
+    wrong with a recording, which is no drift.
+
+    Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
+    """
+    from catenary.calibration.drift import since_in_words
+    from catenary.reports.drift import drift_table, write_drift_report
+    from catenary.workflows.calibration_model import drift_of_model, drift_summary
+
+    found, notes = drift_of_model(
+        model,
+        data,
+        reading=recordings.reading(),
+        accept=tuple(accept),
+        factor=factor,
+        max_error=max_error,
+    )
+    if as_json:
+        print_json(drift_summary(found, notes))
+    else:
+        print_notes(notes)
+        print(drift_table(found).text())
+        print(f"beyond: {found.judged_by}")
+        print("\n".join(since_in_words(found)) or "the model holds on the last of them")
+    if report is not None:
+        write_drift_report(report, found, model=model.name, notes=notes)
+        if not as_json:
+            print(f"page: {report}")
+    if any(first is not None for first in found.since):
+        raise typer.Exit(1)
+
+
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
-    from catenary.reports.error_tables import error_table, spread_table
+    from catenary.reports.joint_errors import error_table, spread_table
     from catenary.workflows.calibration_model import warnings_of
 
     print_notes(result.notes)
     for choice in result.choices:
         print(choice)
     if result.spread:
-        print_table("RMSE on blocks of time that the fit did not see", *spread_table(result.spread))
+        print(spread_table(result.spread).text())
     if result.held_out is not None:
-        print_table("RMSE and largest error on the held-out part", *error_table(result.held_out))
+        title = "RMSE and largest error on the held-out part"
+        print(error_table(result.held_out, title=title).text())
         _print_coverage(result.held_out)
         print_notes(warnings_of(result.held_out))
     print(f"model: {out}\ncard:  {card}")
 
 
 def _print_coverage(evaluation: "Evaluation") -> None:
-    from catenary.reports.intervals import coverage_table, coverage_title
+    from catenary.reports.joint_errors import coverage_table
 
     if evaluation.level is not None:
-        print_table(coverage_title(evaluation.level), *coverage_table(evaluation))
+        print(coverage_table(evaluation).text())
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
@@ -325,25 +372,3 @@ def _write_fit_report(path: Path, result: "FitResult", robot: "RobotModel | None
         path, result.model, result.card, evaluation,
         tested_on=tested_on, spread=result.spread, notes=result.notes, unseen=result.held_out is not None, robot=robot,
     )  # fmt: skip
-
-
-def limits(max_error: str | None) -> tuple[float, ...] | None:
-    """Return the error limits that --max-error gives, deg and mm."""
-    return None if max_error is None else numbers("--max-error", max_error)
-
-
-def _play_shares(text: str | None, ours: tuple[float, ...]) -> tuple[float, ...] | None:
-    named = {None: None, "on": ours, "off": ()}
-    return named[text] if text in named else numbers("--play", text or "")
-
-
-def _inputs(text: str | None) -> tuple[str, ...] | dict[str, tuple[str, ...]] | None:
-    if text is None or "=" not in text:
-        return None if text is None else words(text)
-    per_joint = {}
-    for part in text.split(";"):
-        joint, equals, chosen = part.partition("=")
-        if not equals or not words(chosen):
-            raise InputError(f"--inputs: expected 'JOINT=signal,signal;JOINT=...', got {part!r}")
-        per_joint[joint.strip()] = words(chosen)
-    return per_joint

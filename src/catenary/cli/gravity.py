@@ -1,51 +1,212 @@
-"""catenary gravity, track and hold."""
+"""catenary gravity, track and hold: torques under gravity, and simulated arms on bases that tilt and move."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from typer import Argument, Option
+import typer
 
-from catenary.cli.conditions import Conditions
-from catenary.cli.gravity_source import GivenGravity, SensingOptions
-from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, robots_beginning
-from catenary.cli.out_files import PAGE, Report, refuse_outputs
-from catenary.cli.robots import DescriptionOptions, Robot
-from catenary.cli.terminal import (
-    print_json,
-    print_notes,
-    print_table,
-    words,
+from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GivenGravity, SensingOptions
+from catenary.cli.options import (
+    REPORT,
+    TABLES_AS_JSON,
+    Names,
+    Numbers,
+    Triple,
+    argument,
+    group,
+    numbers,
+    option,
+    robots_beginning,
 )
+from catenary.cli.robot_choice import SIMULATED_SEED
+from catenary.cli.robot_options import (
+    Q_DEG,
+    ROBOT,
+    SAME_IN_DEG,
+    DescriptionOptions,
+    Q,
+    beyond_limits,
+    given_joints,
+    joint_values,
+    one_or_each,
+)
+from catenary.cli.terminal import print_json, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.control.loop_report import Holding, Tracking
     from catenary.robots.model import RobotModel
+    from catenary.sensing.imu import SensedGravity
+    from catenary.simulation.base_motion import MovingBase, Wave
+    from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
 SHOWN_POSES = 9  # of a motion, in its report
-Simulated = Annotated[
-    str,
-    Argument(
-        metavar="ROBOT",
-        help="raven2 or raven2_right, simulated with their cables, or any other robot, as rigid bodies.",
-        autocompletion=robots_beginning,
-    ),
-]
+SIMULATED = argument(
+    "ROBOT",
+    "raven2 or raven2_right, simulated with their cables, or any other robot, as rigid bodies.",
+    completes=robots_beginning,
+)
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_WAVE = "M/S2,HZ[,DEG]"
+
+
+@group
+class Conditions:
+    """Options of a simulated arm: its base, its payload, its drives, its seed."""
+
+    base_tilt_deg: tuple[float, float] | None = BASE_TILT
+    rock_deg: tuple[float, float] | None = option(
+        "FROM,TO",
+        "Rock the base about its y axis between these angles, once tilted.",
+        not_with=("rock", "heave", "surge", "sway"),
+    )
+    rock_hz: float = option("F", "Frequency of --rock-deg.", 1.0, least=0.0, goes_with="rock_deg")
+    rock: Sequence[str] = option(
+        "AXIS,DEG,HZ[,DEG]",
+        "Rock the base to either side about its x, y or z axis, with a phase; repeatable, outermost first.",
+    )
+    heave: Sequence[str] = option(_WAVE, "Accelerate the base up and down, with a phase; repeatable.")
+    surge: Sequence[str] = option(_WAVE, "The same along the world's x axis.")
+    sway: Sequence[str] = option(_WAVE, "The same along the world's y axis.")
+    payload: float = option("KG", "Mass at the tool's wrist; the model knows nothing of it.", 0.0, least=0.0)
+    kp: Numbers | None = option("K,K,...", "Stiffness of PD in Nm/rad and N/m: one number, or one a joint.")
+    kd: Numbers | None = option("K,K,...", "Damping of PD in Nms/rad and Ns/m, likewise.")
+    friction: Numbers | None = option(
+        "F,F,...", "Coulomb friction of the joints in Nm and N; RAVENs have their cables'."
+    )
+    viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.")
+    simulated_imu: bool = option(
+        None,
+        "Take gravity from a simulated inertial unit on the base, and not as it truly is; each option of "
+        "the sensor asks for it too.",
+        False,
+    )
+    sensor_bias: Triple | None = option(
+        "X,Y,Z", "What is left of the unit's bias after its calibration, in m/s2."
+    )
+    seed: int | None = SIMULATED_SEED
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data, for the JSON and the page."""
+        given = {name: value for name, value in asdict(self).items() if value not in (None, False, ())}
+        return given | {
+            "base_tilt_deg": self.base_tilt_deg or LEVEL_BASE,
+            "rock_deg": self.rock_deg,
+            "rock_hz": None if self.rock_deg is None else self.rock_hz,
+            "payload": self.payload,
+            "seed": self.seed,
+        }
+
+    def base(self) -> "MovingBase":
+        """Return what the arm stands on."""
+        import numpy as np
+
+        from catenary.simulation.base_motion import FixedBase, RockingBase, SwayingBase
+
+        _require_finite("--rock-deg", self.rock_deg or ())
+        _require_finite("--rock-hz", (self.rock_hz,))
+        roll, pitch = np.deg2rad(self.base_tilt_deg or LEVEL_BASE)
+        start = FixedBase(float(roll), float(pitch))
+        if self.rock_deg is not None:
+            first, last = np.deg2rad(self.rock_deg)
+            middle, reach = float(first + last) / 2.0, float(last - first) / 2.0
+            return RockingBase(middle, reach, self.rock_hz, axis=(0.0, 1.0, 0.0), start=start)
+        rocks = tuple(_rock(text) for text in self.rock)
+        moves = [_wave("--heave", text, "z") for text in self.heave]
+        moves += [_wave("--surge", text, "x") for text in self.surge]
+        moves += [_wave("--sway", text, "y") for text in self.sway]
+        return SwayingBase(rocks, tuple(moves), start) if rocks or moves else start
+
+    def arm(self, robot: str, description: DescriptionOptions) -> "SimulatedArm":
+        """Return the robot on its base."""
+        from catenary.workflows.gravity.simulated_arm import simulated_arm
+
+        drives = {name: getattr(self, name) for name in ("kp", "kd", "friction", "viscous")}
+        return simulated_arm(
+            robot,
+            base=self.base(),
+            payload=self.payload,
+            seed=self.seed,
+            massless=description.declared(),
+            strict=description.strict,
+            **{name: values and one_or_each(values) for name, values in drives.items()},
+        )
+
+    def gravity(self, arm: "SimulatedArm", sensing: SensingOptions) -> "SensedGravity | None":
+        """Return a simulated unit on the base as a source of gravity; None where gravity is as it truly is."""
+        if not (self.simulated_imu or self.sensor_bias is not None or sensing != SensingOptions()):
+            return None
+        from catenary.workflows.gravity.simulated_arm import base_sensor
+
+        bias = self.sensor_bias or (0.0, 0.0, 0.0)
+        sensor, told = base_sensor(
+            self.base(), start=arm.plant.measured_js().time, bias=bias, noise=sensing.sensor_noise,
+            seed=self.seed or 0,
+        )  # fmt: skip
+        return sensing.source(sensor.mailbox, told, angular=True, feed=sensor.advance)
+
+
+def _rock(text: str) -> "Wave":
+    import numpy as np
+
+    from catenary.simulation.base_motion import Wave
+
+    axis, _, rest = text.partition(",")
+    if axis.strip() not in _AXES:
+        raise InputError(f'--rock "{text}": expected AXIS,DEG,HZ with axis x, y or z, as x,8,0.1')
+    amplitude, frequency, phase = _amplitude_frequency_phase("--rock", rest)
+    return Wave(float(np.deg2rad(amplitude)), frequency, _AXES[axis.strip()], phase)
+
+
+def _wave(option: str, text: str, axis: str) -> "Wave":
+    from catenary.simulation.base_motion import Wave
+
+    amplitude, frequency, phase = _amplitude_frequency_phase(option, text)
+    return Wave(amplitude, frequency, _AXES[axis], phase)
+
+
+def _amplitude_frequency_phase(option: str, text: str) -> tuple[float, float, float]:
+    import numpy as np
+
+    values = _numbers(option, text)
+    _require_finite(option, values)
+    if len(values) not in (2, 3) or values[1] < 0.0:
+        raise InputError(
+            f'{option} "{text}": expected an amplitude, a frequency of 0 Hz or more, and a phase in deg if any'
+        )
+    return values[0], values[1], float(np.deg2rad(values[2])) if len(values) == 3 else 0.0
+
+
+def _numbers(option: str, text: str) -> Numbers:
+    try:
+        return numbers(text)
+    except typer.BadParameter as error:
+        raise InputError(f"{option}: {error.message}") from None
+
+
+def _require_finite(option: str, values: Sequence[float]) -> None:
+    import numpy as np
+
+    if not np.isfinite(values).all():
+        raise InputError(f"{option}: expected finite numbers, got {', '.join(f'{v:g}' for v in values)}")
 
 
 def gravity(
-    robot: Robot,
     given: GivenGravity,
     description: DescriptionOptions,
-    q: Q = None,
-    q_deg: QDeg = None,
-    latex: Annotated[
-        bool, Option("--latex", help="Print the torques as formulas of the joints, for LaTeX, without --q.")
-    ] = False,
-    as_json: AsJsonNotTables = False,
+    robot: str = ROBOT,
+    q: Numbers | None = Q,
+    q_deg: Numbers | None = Q_DEG,
+    latex: bool = option(
+        None,
+        "Print the torques as formulas of the joints, for LaTeX, without --q.",
+        False,
+        not_with=("q", "q_deg", "as_json"),
+    ),
+    as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
 
@@ -57,12 +218,10 @@ def gravity(
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    gravity = given.told("gravity")
+    gravity = given.told()
     model = description.load(robot)
     model.require_masses()
     if latex:
-        if as_json or q is not None or q_deg is not None:
-            raise InputError("gravity: --latex goes without --q, --q-deg and --json")
         from catenary.gravity.compact_regressor import gravity_latex
 
         print_notes(given.doubts(gravity))
@@ -77,17 +236,20 @@ def gravity(
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()})
         return
-    rows = [
-        [name, f"{tau:.4f}", f"{level:.4f}", f"{tau - level:+.4f}", unit]
-        for name, tau, level, unit in zip(model.joint_names, torques, on_level, units, strict=True)
-    ]
+    from catenary.reports.page import Column, Table
+
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
-    print_table(
-        f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}",
-        ["joint", "torque", "level base", "difference", "unit"],
-        rows,
-    )
+    columns = [
+        Column("joint"),
+        Column("torque", form=".4f"),
+        Column("level base", form=".4f"),
+        Column("difference", lambda row: row[1] - row[2], "+.4f"),
+        Column("unit", 3),
+    ]
+    rows = list(zip(model.joint_names, torques, on_level, units, strict=True))
+    title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
+    print(Table(columns, rows, title).text())
 
 
 def _unseen(model: "RobotModel", open_to: "Floats") -> list[str]:
@@ -109,41 +271,33 @@ def _unseen(model: "RobotModel", open_to: "Floats") -> list[str]:
 
 
 def track(
-    robot: Simulated,
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,
-    controller: Annotated[
-        str,
-        Option(
-            metavar="NAME",
-            help="pd, sg (PD and gravity of a level base), dg (PD and sensed gravity), inertia, computed-torque, "
-            "elastic-constant, elastic-online or elastic-biased.",
-        ),
-    ] = "dg",
-    motion: Annotated[
-        str,
-        Option(
-            metavar="NAME",
-            help="cartesian (sinusoids of the tip along x, y, z), random, or poses (at rest along joint 1's range).",
-        ),
-    ] = "cartesian",
-    q: Annotated[
-        str | None, Option(metavar="Q,Q,...", help="Joints where a cartesian motion begins, in rad and m.")
-    ] = None,
-    q_deg: SameInDeg = None,
-    amplitude_mm: Annotated[float, Option(metavar="A", min=0.0, help="Amplitude of the sinusoids.")] = 78.74,
-    axes: Annotated[str, Option(metavar="A,A,...", help="Base axes that the sinusoids run along.")] = "x,y,z",
-    seconds: Annotated[float, Option(metavar="S", min=2.0, help="Length of the random motion.")] = 20.0,
-    damping: Annotated[
-        str,
-        Option(
-            metavar="KIND",
-            help="relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.",
-        ),
-    ] = "relative",
-    report: Report = None,
-    as_json: AsJsonNotTables = False,
+    robot: str = SIMULATED,
+    controller: str = option(
+        "NAME",
+        "pd, sg (PD and gravity of a level base), dg (PD and sensed gravity), inertia, computed-torque, "
+        "elastic-constant, elastic-online or elastic-biased.",
+        "dg",
+    ),
+    motion: str = option(
+        "NAME",
+        "cartesian (sinusoids of the tip along x, y, z), random, or poses (at rest along joint 1's range).",
+        "cartesian",
+    ),
+    q: Numbers | None = option("Q,Q,...", "Joints where a cartesian motion begins, in rad and m."),
+    q_deg: Numbers | None = SAME_IN_DEG,
+    amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0),
+    axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z")),
+    seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0),
+    damping: str = option(
+        "KIND",
+        "relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.",
+        "relative",
+    ),
+    report: Path | None = REPORT,
+    as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Let a simulated arm follow a motion.
 
@@ -158,7 +312,6 @@ def track(
     from catenary.workflows.gravity.motions import make_motion
     from catenary.workflows.gravity.trials import track as run
 
-    refuse_outputs({"--report": (report, PAGE)})
     if controller in ("inertia", "computed-torque") and (conditions.kp or conditions.kd):
         raise InputError(
             f"--kp and --kd: {controller} has gains of accelerations; they go with pd, sg, dg, elastic-*"
@@ -167,7 +320,7 @@ def track(
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
-        q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
+        q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=axes, seconds=seconds,
     )  # fmt: skip
     source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
@@ -180,18 +333,16 @@ def track(
 
 
 def hold(
-    robot: Simulated,
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,
-    q: Q = None,
-    q_deg: QDeg = None,
-    controller: Annotated[
-        str, Option(metavar="NAME", help="sg (gravity of a level base) or dg (sensed gravity).")
-    ] = "dg",
-    seconds: Annotated[float, Option(metavar="S", help="How long to watch.")] = 10.0,
-    report: Report = None,
-    as_json: AsJsonNotTables = False,
+    robot: str = SIMULATED,
+    q: Numbers | None = Q,
+    q_deg: Numbers | None = Q_DEG,
+    controller: str = option("NAME", "sg (gravity of a level base) or dg (sensed gravity).", "dg"),
+    seconds: float = option("S", "How long to watch.", 10.0),
+    report: Path | None = REPORT,
+    as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Let gravity compensation alone hold an arm.
 
@@ -203,7 +354,6 @@ def hold(
     from catenary.workflows.gravity.motions import HOLD_START, start_pose
     from catenary.workflows.gravity.trials import hold as run
 
-    refuse_outputs({"--report": (report, PAGE)})
     arm = conditions.arm(robot, description)
     law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
     if pose is None:
@@ -235,7 +385,7 @@ def _conclude(
     if as_json:
         print_json({**settings, **result.as_data()})
         return
-    print_table(title, *gravity_table(result))
+    print(gravity_table(result, title).text())
     if result.gravity is not None:
         print(result.gravity)
     if report is not None:

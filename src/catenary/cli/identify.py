@@ -1,111 +1,97 @@
-"""catenary identify, payload."""
+"""catenary identify, payload: an arm's dynamics from recordings of it, and what it carries."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-from typer import Argument, Option
+import typer
 
-from catenary.cli.gravity_source import ImuReading, gravity_of_reading
+from catenary.cli.gravity_options import IMU_READING, gravity_of_reading
 from catenary.cli.options import (
-    Accept,
-    AsJsonNotTables,
-    MappingOptions,
-    MendOptions,
-    ModelMendOptions,
+    REPORT,
+    REQUIRED,
+    TABLES_AS_JSON,
+    Names,
+    Triple,
+    argument,
+    option,
     robots_beginning,
 )
-from catenary.cli.out_files import (
-    NAMED_AS_TYPED,
-    PAGE,
-    PARAMETERS,
-    URDF,
-    Report,
-    out_path,
-    refuse_outputs,
-)
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, words
+from catenary.cli.out_files import NAMED_AS_TYPED, PARAMETERS, URDF
+from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
+from catenary.cli.terminal import print_json, print_notes
 from catenary.errors import InputError
 from catenary.files import card_path
 
-Logs = Annotated[
-    list[Path],
-    Argument(
-        metavar="LOG",
-        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map.",
-    ),
-]
-Gravity = Annotated[
-    str | None,
-    Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, m/s2. [default: 0,0,-9.81]"),
-]
-CutOff = Annotated[
-    float | None,
-    Option("--cutoff-hz", metavar="F", help="Cut-off of the filter. [default: the robot file's]"),
-]
+LOGS = argument(
+    "LOG",
+    "Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map.",
+)
+GRAVITY = option("X,Y,Z", "Gravity vector in base axes, m/s2. [default: 0,0,-9.81]")
+IN_PLACE_OF_GRAVITY = replace(IMU_READING, not_with="gravity")
+CUT_OFF = option("F", "Cut-off of the filter. [default: the robot file's]")
+
+
+def gravity_vector(vector: Triple | None, reading: Triple | None) -> Triple:
+    """Return the gravity that --gravity or --imu-reading gives, level when neither does."""
+    from catenary.identification.identify_options import NOMINAL_GRAVITY
+
+    if reading is not None:
+        x, y, z = gravity_of_reading(reading).tolist()
+        return x, y, z
+    return vector or NOMINAL_GRAVITY
+
+
+def _rows(text: str) -> tuple[int, int]:
+    first, _, last = text.partition(":")
+    try:
+        return int(first), int(last)
+    except ValueError:
+        raise typer.BadParameter(f"expected FIRST:LAST, such as 921:6791, got {text!r}") from None
 
 
 def identify(
-    logs: Logs,
-    mending: MendOptions,
-    foreign: MappingOptions,
-    robot: Annotated[
-        str,
-        Option(
-            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
-        ),
-    ],
-    out: Annotated[
-        Path,
-        Option(metavar="FILE", parser=out_path, help=f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}"),
-    ],
-    test: Annotated[
-        list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
-    ] = None,
-    terms: Annotated[str, Option(metavar="WHAT", help="full: all dynamics; static: poses at rest.")] = "full",
-    cutoff_hz: CutOff = None,
-    period: Annotated[
-        int | None,
-        Option(metavar="N", min=1, help="Samples of the motion's period. [default: the robot file's]"),
-    ] = None,
-    weighting: Annotated[
-        str | None,
-        Option(
-            metavar="HOW",
-            help="Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]",
-        ),
-    ] = None,
-    consistent: Annotated[
-        bool,
-        Option(
-            "--consistent/--free",
-            help="Physically possible parameters only: positive mass, inertia, friction; or any that fit.",
-        ),
-    ] = True,
-    friction: Annotated[
-        str | None,
-        Option(
-            metavar="PART,...",
-            help="Parts that held-out blocks may add to Coulomb and viscous friction: asymmetric, stribeck, load, "
-            "presliding; or none. [default: all]",
-        ),
-    ] = None,
-    prior: Annotated[
-        bool,
-        Option("--prior/--no-prior", help="Draw towards the masses of the robot's file, where it has any."),
-    ] = True,
-    blocks: Annotated[
-        float | None, Option(metavar="S", help="Hold out every second block of S seconds (static: S rows).")
-    ] = None,
-    rows: Annotated[str | None, Option(metavar="A:B", help="Rows of LOG to fit. [default: all]")] = None,
-    gravity: Gravity = None,
-    imu_reading: ImuReading = None,
-    accept: Accept = None,
-    urdf: Annotated[
-        Path | None,
-        Option(metavar="FILE", parser=out_path, help="Also write the robot as URDF; not with --free."),
-    ] = None,
-    report: Report = None,
-    as_json: AsJsonNotTables = False,
+    recordings: RecordingOptions,
+    data: Sequence[Path] = LOGS,
+    robot: str = option(
+        "ROBOT", "Catalogue name or file; needs no inertia.", REQUIRED, completes=robots_beginning
+    ),
+    out: Path = option(
+        "FILE", f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=PARAMETERS
+    ),
+    test: Sequence[Path] = option("LOG", "A recording to judge the result by; may be repeated."),
+    terms: str = option("WHAT", "full: all dynamics; static: poses at rest.", "full"),
+    cutoff_hz: float | None = CUT_OFF,
+    period: int | None = option("N", "Samples of the motion's period. [default: the robot file's]", least=1),
+    weighting: str | None = option(
+        "HOW",
+        "Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]",
+    ),
+    consistent: bool = option(
+        None,
+        "Physically possible parameters only: positive mass, inertia, friction; or any that fit.",
+        True,
+        flag="--consistent/--free",
+    ),
+    friction: Names | None = option(
+        "PART,...",
+        "Parts that held-out blocks may add to Coulomb and viscous friction: asymmetric, stribeck, load, "
+        "presliding; or none. [default: all]",
+    ),
+    prior: bool = option(
+        None,
+        "Draw towards the masses of the robot's file, where it has any.",
+        True,
+        flag="--prior/--no-prior",
+    ),
+    blocks: float | None = option("S", "Hold out every second block of S seconds (static: S rows)."),
+    rows: tuple[int, int] | None = option("A:B", "Rows of LOG to fit. [default: all]", read=_rows),
+    gravity: Triple | None = GRAVITY,
+    imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
+    accept: Sequence[str] = ACCEPT,
+    urdf: Path | None = option("FILE", "Also write the robot as URDF; not with --free.", writes=URDF),
+    report: Path | None = REPORT,
+    as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Identify an arm's dynamics from recordings of it.
 
@@ -123,30 +109,20 @@ def identify(
         period_samples=period,
         weighting=weighting,  # type: ignore[arg-type]
         consistent=consistent,
-        friction=FRICTION_PARTS if friction is None else () if friction == "none" else words(friction),
+        friction=FRICTION_PARTS if friction is None else () if friction == ("none",) else friction,
         prior=prior,
         blocks=blocks,
     )
-    tests = test or []
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
-    refuse_outputs(
-        {
-            "--out": (out, PARAMETERS),
-            "the card of --out": (card_path(out), None),
-            "--report": (report, PAGE),
-            "--urdf": (urdf, URDF),
-        },
-        [*logs, *tests, Path(robot)],
-    )
     result = identify_files(
-        logs,
+        data,
         robot,
         options,
-        tests=tests,
-        rows=_rows(rows),
-        reading=mending.reading(foreign),
-        accept=tuple(accept or ()),
+        tests=test,
+        rows=rows,
+        reading=recordings.reading(),
+        accept=tuple(accept),
     )
     found = result.identification
     save_identification(found, result.card, out)
@@ -158,10 +134,9 @@ def identify(
         print_json({**result.summary(), "file": str(out), "card": str(card_path(out))})
     else:
         print_notes(result.notes)
-        print_table("Residual over torque (RMS) per axis", *residual_table(found))
-        print_table("RMS residual", *absolute_table(found))
-        if (masses := mass_table(found)) is not None:
-            print_table("Links beside the robot's file; single masses are plausible, not measured", *masses)
+        for table in (residual_table(found), absolute_table(found), mass_table(found)):
+            if table is not None:
+                print(table.text())
         for name, text in excitation_facts(found)[:2]:
             print(f"{name}: {text}")
         print(f"parameters: {out}\ncard:  {card_path(out)}")
@@ -174,45 +149,17 @@ def identify(
             print(f"page:  {report}")
 
 
-def gravity_vector(text: str | None, reading: str | None) -> tuple[float, float, float]:
-    """Return the gravity that --gravity or --imu-reading gives, level when neither does."""
-    from catenary.identification.identify_options import NOMINAL_GRAVITY
-
-    if reading is not None:
-        if text is not None:
-            raise InputError("give one of --gravity and --imu-reading")
-        x, y, z = gravity_of_reading(reading).tolist()
-        return x, y, z
-    x, y, z = NOMINAL_GRAVITY if text is None else numbers("--gravity", text, 3)
-    return x, y, z
-
-
-def _rows(text: str | None) -> tuple[int, int] | None:
-    if text is None:
-        return None
-    first, _, last = text.partition(":")
-    try:
-        return int(first), int(last)
-    except ValueError:
-        raise InputError(f"--rows: expected FIRST:LAST, such as 921:6791, got {text!r}") from None
-
-
 def payload(
-    logs: Logs,
-    mending: ModelMendOptions,
-    foreign: MappingOptions,
-    model: Annotated[Path, Option(metavar="FILE", help="Parameters that catenary identify wrote.")],
-    at: Annotated[
-        tuple[str, float, float, float] | None,
-        Option(metavar="FRAME X Y Z", help="Place of the payload in a frame, in m. [default: anywhere]"),
-    ] = None,
-    unloaded: Annotated[
-        list[Path] | None,
-        Option(metavar="LOG", help="A recording of the same day without payload; may be repeated."),
-    ] = None,
-    cutoff_hz: CutOff = None,
-    accept: Accept = None,
-    as_json: AsJsonNotTables = False,
+    recordings: ModelRecordingOptions,
+    data: Sequence[Path] = LOGS,
+    model: Path = option("FILE", "Parameters that catenary identify wrote.", REQUIRED),
+    at: tuple[str, float, float, float] | None = option(
+        "FRAME X Y Z", "Place of the payload in a frame, in m. [default: anywhere]"
+    ),
+    unloaded: Sequence[Path] = option("LOG", "A recording of the same day without payload; may be repeated."),
+    cutoff_hz: float | None = CUT_OFF,
+    accept: Sequence[str] = ACCEPT,
+    as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Estimate the payload of an identified arm.
 
@@ -222,13 +169,13 @@ def payload(
 
     place = None if at is None else (at[0], at[1:])
     result = payload_of_files(
-        logs,
+        data,
         model,
         at=place,
-        unloaded=unloaded or [],
+        unloaded=unloaded,
         cutoff_hz=cutoff_hz,
-        reading=mending.reading(foreign),
-        accept=tuple(accept or ()),
+        reading=recordings.reading(),
+        accept=tuple(accept),
     )
     if as_json:
         print_json(result.summary())
@@ -251,11 +198,12 @@ def payload(
             f"{', '.join(f'{v:.4f}' for v in best.moment_std)}"
         )
     if result.candidates:
-        print_table(
-            "Links that could carry it, and what it would explain of the residual there",
-            ["link", "probability", "explained"],
-            [
-                [c.link, f"{c.probability:.2f}", f"{100 * c.explained:.1f} %"]
-                for c in (best, *result.candidates)
-            ],
-        )
+        from catenary.reports.page import Column, Table
+
+        columns = [
+            Column("link", "link"),
+            Column("probability", "probability", ".2f"),
+            Column("explained", lambda candidate: 100.0 * candidate.explained, ".1f", " %"),
+        ]
+        title = "Links that could carry it, and what it would explain of the residual there"
+        print(Table(columns, [best, *result.candidates], title).text())

@@ -5,13 +5,12 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from typer import Option
-
-from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import MappingOptions, ModelMendOptions, Record
-from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
+from catenary.cli.gravity_options import GravityOptions
+from catenary.cli.options import option
+from catenary.cli.recording_options import ModelRecordingOptions
+from catenary.cli.robot_choice import RECORD, WatchedRobot, open_robot, recorded
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -23,23 +22,19 @@ if TYPE_CHECKING:
 def monitor(
     robot: WatchedRobot,
     gravity: GravityOptions,
-    foreign: MappingOptions,
-    mending: ModelMendOptions,
-    log: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv; others with --map."),
-    ] = None,
-    model: Annotated[
-        Path | None, Option(metavar="MODEL", help="Calibration model: calibrated joints, valid range.")
-    ] = None,
-    speed: Annotated[float, Option(help="With --log: factor on its own speed.")] = 1.0,
-    rate: Annotated[
-        float | None, Option(metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]")
-    ] = None,
-    seconds: Annotated[float | None, Option(help="How long to watch. [default: until Q or Ctrl-C]")] = None,
-    moving: Annotated[bool, Option("--moving", help="The simulated robot moves at random.")] = False,
-    record: Record = None,
-    as_json: Annotated[bool, Option("--json", help="Print a line of JSON for each sample, SI.")] = False,
+    recordings: ModelRecordingOptions,
+    log: Path | None = option(
+        "FILE",
+        "Play a recording: .parquet, .npz or .csv; others with --map.",
+        not_with=("ros", "moving", "record", "base_tilt_deg", "robot_seed"),
+    ),
+    model: Path | None = option("MODEL", "Calibration model: calibrated joints, valid range."),
+    speed: float = option(None, "With --log: factor on its own speed.", 1.0, goes_with="log"),
+    rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
+    seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
+    moving: bool = option(None, "The simulated robot moves at random.", False, not_with="ros"),
+    record: Path | None = RECORD,
+    as_json: bool = option(None, "Print a line of JSON for each sample, SI.", False, flag="--json"),
 ) -> None:
     """Show what a robot or a recording does.
 
@@ -55,13 +50,7 @@ def monitor(
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0
     if not 0.0 < hertz <= 200.0:
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
-    if moving and (robot.ros is not None or log is not None):
-        raise InputError("--moving is for a robot simulated here; a robot on ROS is only read")
-    if log is None and mending != ModelMendOptions():
-        raise InputError("--units goes with --log, as all that mends a recording; a robot says its units")
-    if record is not None and log is not None:
-        raise InputError("--record is for a robot; --log plays what was recorded")
-    source = gravity.source(robot.ros)
+    source = gravity.source()
     with ExitStack() as stack:
         if log is not None:
             from catenary.calibration.model_file import load_model
@@ -69,7 +58,7 @@ def monitor(
             from catenary.workflows.robot.snapshots import watch_log
 
             loaded = None if model is None else load_model(model)[0]
-            played = recording_for(loaded, log, mending.reading(foreign))
+            played = recording_for(loaded, log, recordings.reading())
             print_notes([note for note in played.notes if note.startswith("mended")])
             name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
         else:

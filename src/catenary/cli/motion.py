@@ -1,40 +1,37 @@
-"""catenary goto, random, follow: a robot moved by hand, simulated or on ROS."""
+"""catenary goto, random, follow, teleop: a robot moved by hand, simulated or on ROS."""
 
 import sys
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
-from typer import Argument, Option
 
-from catenary.cli.joint_options import some_joint_values
-from catenary.cli.robot_choice import PacedRobot, open_robot
+from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option, require_one
+from catenary.cli.robot_choice import RECORD, MovedRobot, PacedRobot, open_robot, recorded
+from catenary.cli.robot_options import some_joint_values
 from catenary.cli.signals import exit_code
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
-from catenary.errors import InputError, LimitError
+from catenary.cli.terminal import announce, print_json, print_notes, progress_bar
+from catenary.errors import LimitError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.workflows.robot.operator_motion import MotionSummary
 
-AsJson = Annotated[bool, Option("--json", help="Print JSON, in rad and m.")]
+AS_JSON = option(None, "Print JSON, in rad and m.", False, flag="--json")
 
 
 def goto(
     robot: PacedRobot,
-    q_deg: Annotated[
-        str | None,
-        Option(metavar="Q,Q,...", help="Joints in deg and mm: the first ones, or those of --joints."),
-    ] = None,
-    q: Annotated[str | None, Option(metavar="Q,Q,...", help="The same in rad and m.")] = None,
-    joints: Annotated[str | None, Option(metavar="NAME,...", help="Which joints; the others stay.")] = None,
-    position_mm: Annotated[
-        str | None,
-        Option(metavar="X,Y,Z", help="In place of joints: where the tool goes, in the base frame."),
-    ] = None,
-    speed: Annotated[float, Option(help="Factor on 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
-    as_json: AsJson = False,
+    q_deg: Numbers | None = option("Q,Q,...", "Joints in deg and mm: the first ones, or those of --joints."),
+    q: Numbers | None = option("Q,Q,...", "The same in rad and m."),
+    joints: Names | None = option("NAME,...", "Which joints; the others stay.", goes_with=("q", "q_deg")),
+    position_mm: Triple | None = option(
+        "X,Y,Z", "In place of joints: where the tool goes, in the base frame."
+    ),
+    speed: float = option(None, "Factor on 0.2 rad/s and 10 mm/s, at most 5.", 1.0),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot to a place.
 
@@ -48,13 +45,10 @@ def goto(
 
     from catenary.workflows.robot.operator_motion import go_to_joints, joints_at
 
-    if sum(option is not None for option in (q_deg, q, position_mm)) != 1:
-        raise InputError("goto: give one of --q-deg, --q and --position-mm")
-    if position_mm is not None and joints is not None:
-        raise InputError("goto: --joints goes with --q-deg or --q")
-    place = None if position_mm is None else np.array(numbers("--position-mm", position_mm, 3)) / 1000.0
+    require_one(q_deg=q_deg, q=q, position_mm=position_mm)
+    place = None if position_mm is None else np.array(position_mm) / 1000.0
     with open_robot(robot, "goto") as opened:
-        names = None if joints is None else words(joints)
+        names = joints
         if place is not None:
             goal = joints_at(opened, place, rng=np.random.default_rng(0))
         else:
@@ -71,9 +65,9 @@ def goto(
 
 def random(
     robot: PacedRobot,
-    seconds: Annotated[float, Option(help="Length of the motion.")],
-    seed: Annotated[int, Option(min=0, help="Seed of the motion.")] = 0,
-    as_json: AsJson = False,
+    seconds: float = option(None, "Length of the motion.", REQUIRED),
+    seed: int = option(None, "Seed of the motion.", 0, least=0),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot at random.
 
@@ -91,15 +85,13 @@ def random(
 
 def follow(
     robot: PacedRobot,
-    file: Annotated[Path, Argument(metavar="FILE", help=".csv, .parquet, .npz: time, joints, with units.")],
-    rows_per_second: Annotated[
-        float | None, Option(help="Rate of a CSV that holds numbers alone. [default: 64.3]")
-    ] = None,
-    blend: Annotated[float, Option(help="Seconds over which velocities are averaged.")] = 0.5,
-    largest_deg_s: Annotated[float | None, Option(help="Refuse to turn faster. [default: 28.6]")] = None,
-    largest_mm_s: Annotated[float | None, Option(help="Refuse to slide faster. [default: 10]")] = None,
-    from_afar: Annotated[bool, Option("--from-afar", help="Allow a start over 60 deg, 150 mm away.")] = False,
-    as_json: AsJson = False,
+    file: Path = argument("FILE", ".csv, .parquet, .npz: time, joints, with units."),
+    rows_per_second: float | None = option(None, "Rate of a CSV that holds numbers alone. [default: 64.3]"),
+    blend: float = option(None, "Seconds over which velocities are averaged.", 0.5),
+    largest_deg_s: float | None = option(None, "Refuse to turn faster. [default: 28.6]"),
+    largest_mm_s: float | None = option(None, "Refuse to slide faster. [default: 10]"),
+    from_afar: bool = option(None, "Allow a start over 60 deg, 150 mm away.", False),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Move a robot along a file.
 
@@ -127,6 +119,36 @@ def follow(
             opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell
         )
     _say(summary, as_json, "followed to its end")
+
+
+def teleop(
+    robot: MovedRobot,
+    not_homed: bool = option(None, "Simulated: begin with a robot that was just switched on.", False),
+    record: Path | None = RECORD,
+    as_json: bool = option(None, "Print JSON at the end.", False, flag="--json"),
+) -> None:
+    """Move a robot from the keyboard.
+
+    Joint by joint or along the axes, in any terminal and over SSH. Hold a key to move: all motion ends a
+    quarter of a second after its last repeat. ? lists the keys. On every way out the robot holds, then is
+    paused.
+    """
+    from catenary.teleop.session import TeleopSession
+    from catenary.teleop.terminal import RawTerminal
+
+    terminal = RawTerminal()
+    announce("preparing the robot ...")
+    with open_robot(robot, "teleop", homed=not not_homed) as opened:
+        with recorded(opened, record) as observe, terminal:
+            session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
+            why = session.run(time.monotonic)
+        state, q = opened.plant.operating_state(), opened.plant.measured_js().q
+    if as_json:
+        ended = {"robot": opened.name, "ended_by": why, "state": state._asdict()}
+        print_json({**ended, "q": q, "late_ticks": opened.late()})
+    else:
+        print_notes([session.message] if "not paused" in session.message else [])
+        print(f"{opened.name}: ended by {why}; the robot is {state.state}")
 
 
 def _say(
@@ -160,16 +182,17 @@ def _say(
 
 
 def _print_joints(summary: "MotionSummary", *, si: bool) -> None:
-    header = ["joint", "now", "largest error", "rms error"]
-    columns = [summary.q, summary.max_error, summary.rms_error]
+    from catenary.reports.page import Table
+
+    columns = {"now": summary.q, "largest error": summary.max_error, "rms error": summary.rms_error}
     if summary.true_error is not None:
-        header.append("true error")
-        columns.append(summary.true_error)
+        columns["true error"] = summary.true_error
     rows = []
     for j, (name, unit) in enumerate(zip(summary.joint_names, summary.joint_units, strict=True)):
-        values = [_in_units(column[j], unit, si) if j < len(column) else "" for column in columns]
-        rows.append([name, *values])
-    print_table("Joints: errors against what was commanded, as reported", header, rows)
+        values = (column[j] if j < len(column) else None for column in columns.values())
+        rows.append([name, *("" if value is None else _in_units(value, unit, si) for value in values)])
+    title = "Joints: errors against what was commanded, as reported"
+    print(Table(["joint", *columns], rows, title).text())
 
 
 def _print_tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> None:

@@ -1,217 +1,238 @@
-"""Options that commands of several families have, and groups of them that a command takes as one argument."""
+"""The command line from option dataclasses: how an option is declared, read and refused.
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+A command is a function. Its parameters are options of its own, and groups: frozen dataclasses of options that several
+commands take. Both are declared alike, so that type, help and rules of an option stand in one place:
+
+    @group
+    class ArmOptions:
+        seed: int | None = option("N", "Draw another robot.", least=0)
+        base_tilt_deg: tuple[float, float] | None = option("R,P", "Roll, then pitch, of the base.")
+        dialect: str = option(None, "With --ros: raven or crtk.", "raven", goes_with="ros")
+
+The type says how a text is read: `bool` is a flag, `Sequence` may be repeated, a tuple of numbers or of names is a list
+with commas, of as many as it has places or, with `...`, of one or more.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from types import NoneType
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_origin
 
-from typer import Option
+import typer
 
+from catenary.cli.out_files import PAGE, FileKind, out_path, refuse_outputs
 from catenary.cli.terminal import without_notes
 from catenary.crtk.dds.arguments import said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
-if TYPE_CHECKING:
-    from catenary.recording.import_formats.mapping import RecordingMapping
-    from catenary.recording.logs import Reading
-    from catenary.recording.mend import Mend
-
-AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
-NoNotes = Annotated[bool, Option("--no-notes", help="Print no notes: results and errors only.")]
-AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
-Units = Annotated[
-    str | None,
-    Option(
-        "--units",
-        metavar="U,U,...",
-        help="Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone.",
-    ),
-]
-NoMend = Annotated[
-    bool,
-    Option("--no-mend", help="Do not mend recordings as the model's training data were mended."),
-]
-JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]
-Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="ROS that carries the messages.")]
-RosDistro = Annotated[
-    str | None,
-    Option(
-        "--ros-distro",
-        metavar="NAME",
-        help="On ROS 2: distribution of the others, such as humble. [default: ROS_DISTRO, or jazzy]",
-    ),
-]
-# parameters of commands that may speak ROS: those that ask for it, and those of projects, which say it themselves
-ROS_PARAMETERS = {"ros", "simulated"}
-Duration = Annotated[
-    float | None, Option("--duration", metavar="S", min=0.0, help="How long to run. [default: until Ctrl-C]")
-]
-NodeName = Annotated[
-    str | None,
-    Option("--name", metavar="NAME", help="On ROS: this program's. [default: catenary_COMMAND_PID]"),
-]
-Record = Annotated[Path | None, Option("--record", metavar="FOLDER", help="Also record a RAVEN-II's topics.")]
-Baud = Annotated[int, Option("--baud", min=300, help="Speed of the serial line.")]
-MountingFile = Annotated[Path | None, Option("--mounting", metavar="FILE", help="Sensor's mounting file.")]
-SimulatedSeed = Annotated[
-    int | None,
-    Option(
-        "--seed", metavar="N", min=0,
-        help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
-    ),
-]  # fmt: skip
-Hanging = Annotated[bool, Option("--hanging", help="The base may hang upside down.")]
-
-
-Accept = Annotated[
-    list[str] | None,
-    Option("--accept", metavar="NAME", help="Go on though this was found wrong with the data; repeatable."),
-]
+Names = tuple[str, ...]
+Numbers = tuple[float, ...]
+Triple = tuple[float, float, float]
+Read = Callable[[str], Any]
+Group = TypeVar("Group")
+REQUIRED: Any = ...  # the default of what must be given
 
 
 @dataclass(frozen=True)
-class MappingOptions:
-    """How a recording of another make is read: which of its columns are which quantity."""
+class Option:
+    """An option or an argument: what help says of it, how its text is read, what it goes with."""
 
-    map: Annotated[
-        list[str] | None,
-        Option(
-            "--map",
-            metavar="QUANTITY=COLUMNS",
-            help="Of a recording of another make: q_nominal, q_encoder, qd, tau, ok, time or signal:NAME; may be "
-            "repeated. Example: q_encoder=/optitrack/joints.position[0:6]@deg",
-        ),
-    ] = None
-    mapping: Annotated[
-        Path | None,
-        Option("--mapping", metavar="TOML", help="The same from a file; catenary import proposes one."),
-    ] = None
-
-    def read(self, units: str | None = None, **settings: object) -> "RecordingMapping | None":
-        """Return the mapping; None where none is given.
-
-        Args:
-            units: Of q_nominal and q_encoder, where the mapping has none.
-            settings: Further keys of the mapping, such as robot; None for what is not given.
-        """
-        if not self.map and self.mapping is None:
-            return None
-        from catenary.recording.import_formats.mapping import mapping_of
-
-        return mapping_of(self.map or (), file=self.mapping, units=units, settings=settings)
+    metavar: str | None
+    help: str
+    default: Any = None
+    flag: str | None = None  # such as --consistent/--free, where the parameter's name does not say it
+    least: float | None = None
+    most: float | None = None
+    read: Read | None = None  # of a text that its type does not say how to read
+    writes: FileKind | None = None  # the kind of the file that it names
+    choices: tuple[Any, ...] = ()  # of its value, where it has few
+    completes: Callable[[str], list[str]] | None = None  # what a shell may put for the beginning of a word
+    goes_with: str | Names = ()  # parameters, one of which must be given beside it
+    not_with: str | Names = ()  # parameters, none of which may be given beside it
+    shows_default: bool = True
+    is_argument: bool = False
+    joins_ros: bool = False  # the command then takes --ros-distro, and what stands behind --ros-args
 
 
-@dataclass(frozen=True)
-class MendOptions:
-    """How recordings are mended before they are used."""
+def option(metavar: str | None, help: str, default: Any = None, **settings: Any) -> Any:
+    """Declare an option; `settings` as of Option."""
+    return Option(metavar, help, default, **settings)
 
-    units: Units = None
-    swap: Annotated[
-        list[str] | None,
-        Option(metavar="J,J", help="These measured columns stand in each other's place; tau:J,J of torques."),
-    ] = None
-    sign: Annotated[
-        list[str] | None,
-        Option(metavar="J", help="This measured column has the wrong sign; tau:J of torques."),
-    ] = None
-    scale: Annotated[
-        list[str] | None, Option(metavar="J=F", help="Multiply this measured column; tau:J=F of torques.")
-    ] = None
-    shift: Annotated[
-        int, Option(metavar="ROWS", help="Rows by which measurements lie behind the commands.")
-    ] = 0
-    time_unit: Annotated[
-        str, Option(metavar="UNIT", help="Unit of the stamps: s, ms, us, ns, min or ks.")
-    ] = "s"
-    leave_out: Annotated[
-        list[str] | None, Option(metavar="A:B", help="Do not trust measured rows A to before B; repeatable.")
-    ] = None
 
-    def mend(self) -> "Mend":
-        """Return what to change of recordings."""
-        from catenary.recording.mend import Mend
+def argument(metavar: str, help: str, default: Any = REQUIRED, **settings: Any) -> Any:
+    """Declare what is typed without a name; `settings` as of Option."""
+    return Option(metavar, help, default, is_argument=True, **settings)
 
-        return Mend(
-            units=(self.units,) if self.units else (),
-            swap=tuple(self.swap or ()),
-            sign=tuple(self.sign or ()),
-            scale=tuple(self.scale or ()),
-            shift=self.shift,
-            time_unit=self.time_unit,
-            leave_out=tuple(self.leave_out or ()),
+
+@dataclass_transform(frozen_default=True)
+def group(cls: type[Group]) -> type[Group]:
+    """Make a frozen dataclass of options that several commands take."""
+    for name, kind in cls.__annotations__.items():
+        declared = cls.__dict__.get(name)
+        if isinstance(declared, Option):
+            setattr(cls, name, field(default=_default(declared, kind), metadata={"option": declared}))
+    return dataclass(frozen=True)(cls)
+
+
+def as_typed(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command as typer takes it: with the options of its groups in place of the groups.
+
+    Help lists a command's own options, then those of its groups, then --json, --ros-distro and, of every command,
+    --no-notes. Before the command runs, options are refused that do nothing beside the others.
+    """
+    own = signature(command).parameters.values()
+    groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
+    asked = [_Asked(p.name, p.annotation, p.default) for p in own if p.name not in groups]
+    asked += [_Asked(f.name, f.type, f.metadata["option"]) for g in groups.values() for f in fields(g)]
+    asked.sort(key=lambda one: one.name == "as_json")
+    if any(one.option.joins_ros for one in asked):
+        asked.append(_Asked("ros_distro", str, _ROS_DISTRO))
+
+    def run(*, no_notes: bool, **given: Any) -> None:
+        values = {one.name: one.value(given[one.name]) for one in asked}
+        _refuse_wrong(asked, values)
+        _refuse_files(asked, values)
+        if (distro := values.get("ros_distro")) is not None:
+            say_ros_arguments(replace(said_ros_arguments(), distro=distro))
+        for name, kind in groups.items():
+            values[name] = kind(**{each.name: values.pop(each.name) for each in fields(kind)})
+        with without_notes(no_notes):
+            command(**{p.name: values[p.name] for p in own})
+
+    parameters = [one.parameter() for one in (*asked, _Asked("no_notes", bool, _NO_NOTES))]
+    run.__doc__ = command.__doc__
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
+
+
+class _Asked:
+    """What a command asks for: a parameter, its type and its option."""
+
+    def __init__(self, name: str, kind: Any, declared: Option) -> None:
+        self.name, self.option = name, declared
+        self.default = _default(declared, kind)
+        self._kind, self._is_repeatable = _without_none(kind), _is_repeatable(kind)
+
+    @property
+    def typed(self) -> str:
+        """Its name, as it is typed."""
+        if self.option.is_argument:
+            return str(self.option.metavar)
+        return self.option.flag or f"--{self.name.replace('_', '-')}"
+
+    def value(self, given: Any) -> Any:
+        """Return what the command gets of what typer read."""
+        return tuple(given or ()) if self._is_repeatable else given
+
+    def parameter(self) -> Parameter:
+        """Return the parameter that typer makes its option from."""
+        told, kind, default = self.option, self._kind, self.option.default
+        if self._is_repeatable:
+            (kind,), default = get_args(kind), REQUIRED if default is REQUIRED else None
+        elif isinstance(default, tuple):
+            default = ",".join(f"{one:g}" if isinstance(one, float) else one for one in default)
+        read = told.read or (_reader(kind) if told.writes is None else out_path)
+        if read is not None:
+            kind = str
+        settings: dict[str, Any] = {
+            "metavar": told.metavar, "help": told.help, "parser": read, "autocompletion": told.completes,
+            "show_default": told.shows_default, "min": told.least, "max": told.most,
+        }  # fmt: skip
+        made = typer.Argument(**settings) if told.is_argument else typer.Option(self.typed, **settings)
+        whole = list[kind] if self._is_repeatable else kind  # type: ignore[valid-type]
+        return Parameter(
+            self.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if default is REQUIRED else default,
+            annotation=Annotated[whole if default is REQUIRED else whole | None, made],
         )
 
-    def reading(
-        self,
-        foreign: MappingOptions,
-        *,
-        units: tuple[str, ...] | None = None,
-        joint_names: tuple[str, ...] | None = None,
-        robot: str | None = None,
-    ) -> "Reading":
-        """Return how to read recordings.
 
-        Args:
-            foreign: Mapping of recordings of another make; `--units` then are those of its columns.
-            units: Of the robot's joints, where `--units` says none.
-            joint_names: Of the robot's joints.
-            robot: Its name.
-        """
-        from catenary.recording.logs import Reading
-        from catenary.recording.mend import si_units, units_of
-
-        as_trained = not getattr(self, "no_mend", False)
-        array, given = (None, ()) if self.units is None else units_of(self.units)
-        mapping = foreign.read(self.units if array is None else None, robot=robot)
-        if mapping is not None:
-            mend = self.mend() if array is not None else replace(self.mend(), units=())
-            return Reading(joint_names=joint_names, mapping=mapping, mend=mend, as_trained=as_trained)
-        si = si_units(given) or units
-        return Reading(units=si, joint_names=joint_names, mend=self.mend(), as_trained=as_trained)
+def _refuse_wrong(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
+    """Refuse what is none of an option's choices, and an option that does nothing beside the others."""
+    known = {one.name: one.typed for one in asked}
+    given = [one for one in asked if values[one.name] != one.default]
+    names = {one.name for one in given}
+    for one in given:
+        choices, value = one.option.choices, values[one.name]
+        if choices and value not in choices:
+            *others, last = map(str, choices)
+            raise InputError(f"{one.typed} {value}: expected {', '.join(others)} or {last}")
+        needed = [name for name in _names(one.option.goes_with) if name in known]
+        if needed and not names.intersection(needed):
+            raise InputError(f"{one.typed}: goes with {' or '.join(known[name] for name in needed)}")
+        for name in _names(one.option.not_with):
+            if name in names:
+                raise InputError(f"{one.typed}: does not go with {known[name]}")
 
 
-@dataclass(frozen=True)
-class ModelMendOptions(MendOptions):
-    """The same of recordings that are given to a model, which knows how its training data were mended."""
-
-    no_mend: NoMend = False
-
-
-BaseTilt = Annotated[
-    str | None,
-    Option(
-        "--base-tilt-deg", metavar="R,P",
-        help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
-    ),
-]  # fmt: skip
-# how options were written before, per command, and now
-_FORMER = {
-    ("gravity", "--tilt-deg"): "--base-tilt-deg",
-    ("sense", "--tilt-deg"): "--base-tilt-deg",
-    ("gravity", "--tilt"): "--base-tilt-deg",
-    ("sense", "--tilt"): "--base-tilt-deg",
-}
-_LISTS = {
-    "--base-tilt-deg": "R,P",
-    "--rock-deg": "FROM,TO",
-    "--gravity": "X,Y,Z",
-    "--imu-reading": "AX,AY,AZ",
-}
+def _refuse_files(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
+    """Refuse files to write that could not or should not be written."""
+    written, read = {}, list[Path]()
+    for one in asked:
+        value = values[one.name]
+        if one.option.writes is not None and value is not None:
+            written[one.typed] = value, one.option.writes
+        elif one.option.writes is None:
+            named = value if isinstance(value, tuple) else (value,)
+            read += [
+                Path(each) for each in named if isinstance(each, Path) or (each and one.option.completes)
+            ]
+    refuse_outputs(written, read)
 
 
-def refuse_former_spelling(command: str, arguments: Sequence[str]) -> None:
-    """Refuse what was written otherwise once, saying how it is written now: names, and lists without commas."""
+def require_one(**given: Any) -> None:
+    """Refuse none, and more than one, of what must be given; by their parameters' names."""
+    if sum(value not in (None, False) for value in given.values()) != 1:
+        *others, last = (f"--{name.replace('_', '-')}" for name in given)
+        raise InputError(f"give one of {', '.join(others)} and {last}")
+
+
+def numbers(text: str, count: int | None = None) -> Numbers:
+    """Read numbers separated by commas or spaces, as many as `count` says."""
+    values = []
+    for word in text.replace(",", " ").split():
+        try:
+            values.append(float(word))
+        except ValueError:
+            raise typer.BadParameter(
+                f"expected numbers separated by commas, got {word!r} in {text!r}"
+            ) from None
+    if not values or len(values) != (count or len(values)):
+        expected = f"{count} numbers" if count else "numbers"
+        raise typer.BadParameter(f"expected {expected} separated by commas, got {text!r}")
+    return tuple(values)
+
+
+def words(text: str) -> Names:
+    """Read words separated by commas."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def refuse_spaces(parameters: Sequence[Any], arguments: Sequence[str]) -> None:
+    """Refuse numbers of one option that are separated by spaces, which would be taken for other options.
+
+    Args:
+        parameters: Options of the command, as typer has them.
+        arguments: What was typed.
+    """
+    lists = {name: p.metavar for p in parameters if "," in (p.metavar or "") for name in p.opts}
     for k, word in enumerate(arguments):
-        name = word.partition("=")[0]
-        now = _FORMER.get((command, name))
-        if now is not None:
-            raise InputError(f"{name}: is {now} {_LISTS[now]} now, as for every command: {now} 0,20")
         following = arguments[k + 1 : k + 3]
-        if word in _LISTS and len(following) == 2 and all(map(_is_number, following)):
+        if word in lists and len(following) == 2 and all(map(_is_number, following)):
             raise InputError(
-                f"{word}: expected {_LISTS[word]} with commas, got {' '.join(following)} with spaces"
+                f"{word}: expected {lists[word]} with commas, got {' '.join(following)} with spaces"
             )
+
+
+def robots_beginning(incomplete: str) -> list[str]:
+    """Return names in the catalogue that begin with what was typed: a shell completes them, and files by itself."""
+    from catenary.robots.catalog import robot_names
+
+    return [name for name in robot_names() if name.startswith(incomplete)]
 
 
 def _is_number(text: str) -> bool:
@@ -222,42 +243,42 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def robots_beginning(incomplete: str) -> list[str]:
-    """Return names in the catalogue that begin with what was typed: a shell completes them, and files by itself."""
-    from catenary.robots.catalog import robot_names
-
-    return [name for name in robot_names() if name.startswith(incomplete)]
+def _names(names: str | Names) -> Names:
+    return (names,) if isinstance(names, str) else names
 
 
-def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with the options of its groups in place of the groups.
+def _default(declared: Option, kind: Any) -> Any:
+    return () if declared.default is None and _is_repeatable(kind) else declared.default
 
-    A group is a parameter whose type is a dataclass of options with defaults. Help lists its options behind the
-    command's own, then --json and, for every command, --no-notes.
-    """
-    own = signature(command).parameters.values()
-    groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
-    shared = [
-        Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type)
-        for group in groups.values()
-        for field in fields(group)
-    ]
-    parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in own if p.name not in groups]
-    parameters = sorted([*parameters, *shared], key=lambda p: 2 if p.name == "as_json" else p in shared)
-    on_ros = any(p.name in ROS_PARAMETERS for p in parameters)
-    if on_ros:
-        parameters.append(Parameter("ros_distro", Parameter.KEYWORD_ONLY, default=None, annotation=RosDistro))
-    parameters.append(Parameter("no_notes", Parameter.KEYWORD_ONLY, default=False, annotation=NoNotes))
 
-    def run(*, no_notes: bool = False, ros_distro: str | None = None, **given: Any) -> None:
-        for name, group in groups.items():
-            given[name] = group(**{field.name: given.pop(field.name) for field in fields(group)})
-        if ros_distro is not None:
-            say_ros_arguments(replace(said_ros_arguments(), distro=ros_distro))
-        with without_notes(no_notes):
-            command(**given)
+def _without_none(kind: Any) -> Any:
+    """Return a type without the None of what need not be given."""
+    rest = [one for one in get_args(kind) if one is not NoneType]
+    return rest[0] if NoneType in get_args(kind) and len(rest) == 1 else kind
 
-    run.__doc__ = command.__doc__
-    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {p.name: p.annotation for p in parameters}
-    return run
+
+def _is_repeatable(kind: Any) -> bool:
+    return get_origin(kind) is Sequence
+
+
+def _reader(kind: Any) -> Read | None:
+    """Return how a list with commas is read; None for what typer reads by itself."""
+    places = get_args(kind) if get_origin(kind) is tuple else ()
+    if len(set(places) - {Ellipsis}) != 1:
+        return None
+    if places[0] is str:
+        return words
+    count = None if Ellipsis in places else len(places)
+    return lambda text: numbers(text, count)
+
+
+_ROS_DISTRO = option(
+    "NAME",
+    "On ROS 2: distribution of the others, such as humble. [default: ROS_DISTRO, or jazzy]",
+    goes_with=("ros", "project"),  # whose settings may say where its robot is
+)
+_NO_NOTES = option(None, "Print no notes: results and errors only.", False)
+AS_JSON = option(None, "Print JSON.", False, flag="--json")
+TABLES_AS_JSON = option(None, "Print JSON instead of tables.", False, flag="--json")
+LINES_AS_JSON = option(None, "Print a JSON line a second, and one at the end.", False, flag="--json")
+REPORT = option("HTML", "Also write a self-contained page, e.g. arm.html.", writes=PAGE)

@@ -8,31 +8,18 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-from typer import BadParameter, Option
+from typer import BadParameter
 
 from catenary.errors import CatenaryError, InputError
+from catenary.files import card_path
 
 # endings that say what a file is, to catenary, to other programs or to people
 _TOLD = {
-    *(
-        ".npz",
-        ".npy",
-        ".mat",
-        ".parquet",
-        ".csv",
-        ".txt",
-        ".toml",
-        ".json",
-        ".yaml",
-        ".urdf",
-        ".xml",
-        ".mjcf",
-    ),
+    *(".npz", ".npy", ".mat", ".parquet", ".csv", ".txt", ".toml", ".json", ".yaml", ".urdf", ".xml", ".mjcf"),
     *(".h", ".c", ".py", ".onnx", ".html", ".htm", ".pdf", ".png", ".svg", ".md"),
     *(".bag", ".mcap", ".db3", ".journal", ".zip", ".gz", ".xlsx"),
-}
+}  # fmt: skip
 _HEAD = 4096  # [B] of a file in which it says who wrote it
 
 
@@ -43,6 +30,9 @@ class FileKind:
     name: str
     endings: tuple[str, ...]  # that its name may have, beside none and unknown ones
     is_one: Callable[[Path], bool]  # whether an existing file is one
+    beside: "tuple[str, Callable[[Path], Path], FileKind | None] | None" = (
+        None  # written with it: what, where, kind
+    )
 
 
 def out_path(typed: str | Path) -> Path:
@@ -57,29 +47,30 @@ def out_path(typed: str | Path) -> Path:
     return Path(text)
 
 
-def refuse_outputs(
-    written: Mapping[str, tuple[Path | None, FileKind | None]], read: Sequence[Path] = ()
-) -> None:
+def refuse_outputs(written: Mapping[str, tuple[Path, FileKind]], read: Sequence[Path] = ()) -> None:
     """Refuse, before minutes of work, files that could not or should not be written after them.
 
     Args:
-        written: By option: the file, None where none is asked for, and its kind, None for what lies beside another.
+        written: File and kind by option.
         read: Files that the command reads.
     """
+    every: dict[str, tuple[Path, FileKind | None]] = {}
+    for option, (path, kind) in written.items():
+        every[option] = path, kind
+        if kind.beside is not None:
+            what, place_of, other = kind.beside
+            every[f"{what} of {option}"] = place_of(path), other
     places: list[Path] = []
-    for option, (path, _) in written.items():
-        if path is None:
-            continue
+    for option, (path, _) in every.items():
         if path.exists() and any(os.path.exists(each) and path.samefile(each) for each in read):
             raise InputError(f"{option} {path}: is a file that is read here; expected another")
         if path.absolute() in places:
             raise InputError(f"{option} {path}: something else is written there; expected another file")
         places.append(path.absolute())
-    for option, (path, kind) in written.items():
-        if path is not None:
-            _refuse_unwritable(option, path)
-            if kind is not None:
-                _refuse_other_kind(option, path, kind)
+    for option, (path, any_kind) in every.items():
+        _refuse_unwritable(option, path)
+        if any_kind is not None:
+            _refuse_other_kind(option, path, any_kind)
 
 
 def _refuse_unwritable(option: str, path: Path) -> None:
@@ -152,23 +143,25 @@ def _is_excitation(path: Path) -> bool:
     return _is_designed(path) or _holds(b",ddq:")(path)
 
 
-MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"))
-PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"))
+_CARD = ("the card", card_path, None)
+MODEL = FileKind(
+    "a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"), _CARD
+)
+PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), _CARD)
 LOG = FileKind("a motion log", (".parquet",), _is_log)
 EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
 TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"', b'"points"'))
 MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"[mounting]"))
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
 GRAPH = FileKind("an ONNX graph", (".onnx",), _holds(b"catenary"))
-MCAP = FileKind("an MCAP file", (".mcap",), _holds(b"\x89MCAP"))
 URDF = FileKind("a URDF", (".urdf", ".xml"), _holds(b"<robot"))
+MCAP = FileKind(
+    "an MCAP file",
+    (".mcap",),
+    _holds(b"\x89MCAP"),
+    ("the URDF", lambda path: path.with_suffix(".urdf"), URDF),
+)
 PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), _is_picture)
 PAGE = FileKind("a page", (".html", ".htm"), _holds(b"<!doctype html>"))
 
 NAMED_AS_TYPED = "The name is taken as typed; an older file is replaced, another kind of file never."
-Report = Annotated[
-    Path | None,
-    Option(
-        "--report", metavar="HTML", parser=out_path, help="Also write a self-contained page, e.g. arm.html."
-    ),
-]

@@ -1,72 +1,100 @@
-"""Which robot the operator's commands move: their options, and the robot, opened for as long as a command runs."""
+"""Robots that commands move or read: which one, on which ROS or simulated here, and who stands beside it."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, cast
 
-from typer import Option
-
-from catenary.cli import beside_robot
-from catenary.cli.options import NodeName, robots_beginning
-from catenary.cli.terminal import base_tilt, print_notes
-from catenary.errors import InputError
+from catenary.cli.gravity_options import LEVEL_BASE, base_tilt
+from catenary.cli.options import group, option, robots_beginning
+from catenary.cli.terminal import announce, print_notes
 
 if TYPE_CHECKING:
     from catenary.crtk.gravity_topic import ImuTopic
+    from catenary.crtk.transport import Transport
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
+NODE_NAME = option("NAME", "On ROS: this program's. [default: catenary_COMMAND_PID]")
+CARRIER = option(
+    "1|2|none", "ROS that carries the messages.", "1", choices=("1", "2", "none"), joins_ros=True
+)
+BAUD = option(None, "Speed of the serial line.", 115200, least=300)
+RECORD = option("FOLDER", "Also record a RAVEN-II's topics.")
+SIMULATED_SEED = option(
+    "N", "Simulate another robot of the kind, drawn with this seed. [default: the nominal one]", least=0
+)
 
-@dataclass(frozen=True)
+
+@group
 class WatchedRobot:
     """Options of a robot that is only read: which, and where it is."""
 
-    robot: Annotated[
-        str,
-        Option(
-            metavar="ROBOT",
-            help="raven2, raven2_right, another of the catalogue, or a robot file.",
-            autocompletion=robots_beginning,
-        ),
-    ] = "raven2"
-    ros: Annotated[
-        int | None, Option(metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]")
-    ] = None
-    dialect: Annotated[str | None, Option(help="With --ros: raven or crtk. [default: the robot's own]")] = (
-        None
+    robot: str = option(
+        "ROBOT",
+        "raven2, raven2_right, another of the catalogue, or a robot file.",
+        "raven2",
+        completes=robots_beginning,
     )
-    namespace: Annotated[
-        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
-    ] = None
-    name: NodeName = None
-    simulated: Annotated[
-        bool,
-        Option("--simulated", help="With --ros: that robot is simulated, so there is no workspace to clear."),
-    ] = False
-    base_tilt_deg: Annotated[
-        str | None, Option(metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base.")
-    ] = None
-    robot_seed: Annotated[
-        int | None,
-        Option(help="Simulated: another RAVEN-II, drawn with this seed. [default: the nominal one]"),
-    ] = None
+    ros: int | None = option(
+        "1|2", "The robot is on ROS 1 or 2. [default: simulated here]", choices=(1, 2), joins_ros=True
+    )
+    dialect: str = option(
+        None, "With --ros: raven or crtk.", "raven", choices=("raven", "crtk"), goes_with="ros"
+    )
+    namespace: str | None = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros")
+    name: str | None = option(NODE_NAME.metavar, NODE_NAME.help, goes_with="ros")
+    simulated: bool = option(
+        None,
+        "With --ros: that robot is simulated, so there is no workspace to clear.",
+        False,
+        goes_with="ros",
+    )
+    base_tilt_deg: tuple[float, float] | None = option(
+        "R,P", "Simulated: roll about x, then pitch about y, of its base.", read=base_tilt, not_with="ros"
+    )
+    robot_seed: int | None = option(
+        None, "Simulated: another RAVEN-II, drawn with this seed. [default: the nominal one]", not_with="ros"
+    )
 
 
-@dataclass(frozen=True)
+@group
 class MovedRobot(WatchedRobot):
     """Options of a robot that is moved."""
 
-    yes: Annotated[bool, Option("--yes", help="With --ros: the workspace is clear; do not ask.")] = False
+    yes: bool = option(None, "With --ros: the workspace is clear; do not ask.", False, goes_with="ros")
 
 
-@dataclass(frozen=True)
+@group
 class PacedRobot(MovedRobot):
     """Options of a robot that is moved by itself, for which simulated time may run faster."""
 
-    fast: Annotated[
-        bool, Option("--fast", help="Simulated: as fast as the machine allows, not in real time.")
-    ] = False
+    fast: bool = option(
+        None, "Simulated: as fast as the machine allows, not in real time.", False, not_with="ros"
+    )
+
+
+class TerminalGuide:
+    """Asks in the terminal; Enter says that it is done, q gives up."""
+
+    def say(self, text: str) -> None:
+        """Show a message."""
+        announce(text)
+
+    def confirm(self, text: str) -> bool:
+        """Wait for Enter."""
+        print(f"{text}\n  [Enter] done   [q] give up: ", end="", file=sys.stderr, flush=True)
+        answer = sys.stdin.readline()
+        return answer != "" and answer.strip().lower() not in ("q", "quit", "n", "no")
+
+
+@contextmanager
+def ros_transport(version: int, name: str) -> "Iterator[Transport]":
+    """Open a transport on ROS 1 or 2."""
+    from catenary.crtk.network import make_transport
+
+    with make_transport(str(version), name) as transport:
+        yield transport
 
 
 @contextmanager
@@ -86,28 +114,20 @@ def open_robot(
     from catenary.workflows.robot.homing import clear_workspace
     from catenary.workflows.robot.operated_robot import operated_robot
 
-    robot, tilt, seed, simulated = chosen.robot, chosen.base_tilt_deg, chosen.robot_seed, chosen.simulated
-    yes = isinstance(chosen, MovedRobot) and chosen.yes
-    fast = isinstance(chosen, PacedRobot) and chosen.fast
+    robot, simulated = chosen.robot, chosen.simulated
     if chosen.ros is None:
-        named = chosen.namespace is not None or chosen.name is not None
-        if named or simulated or yes or chosen.dialect is not None:
-            raise InputError(
-                "--dialect, --namespace, --name, --simulated and --yes go with --ros; this robot is simulated here"
-            )
-        where = Simulated(seed, tilted_base(base_tilt(tilt)), homed=homed)
-        yield operated_robot(robot, where, real_time=not fast)
+        where = Simulated(chosen.robot_seed, tilted_base(chosen.base_tilt_deg or LEVEL_BASE), homed=homed)
+        yield operated_robot(robot, where, real_time=not (isinstance(chosen, PacedRobot) and chosen.fast))
         return
-    if tilt is not None or seed is not None or fast:
-        raise InputError("--base-tilt-deg, --robot-seed and --fast go with a simulated robot, not with --ros")
-    with beside_robot.ros_transport(chosen.ros, node_name(command, chosen.name)) as transport:
+    asks = not simulated and not (isinstance(chosen, MovedRobot) and chosen.yes)
+    with ros_transport(chosen.ros, node_name(command, chosen.name)) as transport:
         is_read = not isinstance(chosen, MovedRobot)
         there = OverTopics(transport, chosen.dialect, chosen.namespace, simulated, imu, only_read=is_read)
         opened = operated_robot(robot, there)
         client = cast(CrtkReader, opened.plant)
         with client:
-            if moves and not simulated and not yes:
-                clear_workspace(beside_robot.TerminalGuide())
+            if moves and asks:
+                clear_workspace(TerminalGuide())
             if isinstance(client, CrtkClient):
                 client.require_free()
             yield opened

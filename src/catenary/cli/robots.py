@@ -1,78 +1,46 @@
-"""catenary robots, fk, ik."""
+"""catenary robots, fk, ik, plot, regressor: what is known of a robot without any recording."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+import io
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from typer import Argument, Option
-
-from catenary.cli.joint_options import (
+from catenary.cli.gravity_options import GivenGravity
+from catenary.cli.options import AS_JSON, TABLES_AS_JSON, Names, Numbers, Triple, option
+from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
+from catenary.cli.robot_options import (
+    Q_DEG,
+    ROBOT,
+    SAME_IN_DEG,
+    DescriptionOptions,
     Q,
-    QDeg,
-    SameInDeg,
     beyond_limits,
     given_joints,
     joint_values,
 )
-from catenary.cli.options import AsJsonNotTables, robots_beginning
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, without_notes, words
+from catenary.cli.terminal import print_fact, print_json, print_notes, without_notes
 from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from catenary.arrays import Floats
     from catenary.dynamics.inverse_kinematics import Match
-    from catenary.robots.model import Massless, RobotModel
+    from catenary.reports.page import Table
+    from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
+    from catenary.workflows.regressor import RegressorReport
 
 ROOM_FOR_NAMES = 30  # characters, so that a robot's line fits into a terminal of 80
-Robot = Annotated[
-    str,
-    Argument(
-        metavar="ROBOT",
-        help="Catalogue name (see catenary robots), a URDF, MJCF or TOML file, or an identified .npz.",
-        autocompletion=robots_beginning,
-    ),
-]
+DOTS_PER_INCH = 150
+WITHOUT_WINDOWS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")  # of matplotlib's ways to draw
+POSE_AS_JSON = option(None, "Print JSON: m, rad, quaternions (w, x, y, z).", False, flag="--json")
+FRAME_NAME = option("FRAME", "Frame of the robot. [default: its tip]")
+IN_FRAME = option("FRAME", "Frame that the pose is expressed in. [default: base]", flag="--in")
 
 
-@dataclass(frozen=True)
-class DescriptionOptions:
-    """Options of a robot's description that is not complete, or not possible."""
-
-    massless: Annotated[
-        str | None,
-        Option(
-            metavar="LINK,...",
-            help="These links have no mass, though the description gives them none: names, or all.",
-        ),
-    ] = None
-    strict: Annotated[
-        bool, Option("--strict", help="Refuse inertias that no body has, instead of a warning.")
-    ] = False
-
-    def declared(self) -> "Massless":
-        """Return which links are declared massless."""
-        if self.massless is None:
-            return ()
-        return "all" if self.massless == "all" else words(self.massless)
-
-    def load(self, robot: str) -> "RobotModel":
-        """Return the robot of a name or a file."""
-        from catenary.robots.catalog import load_robot
-
-        return load_robot(robot, massless=self.declared(), strict=self.strict)
-
-
-AsJson = Annotated[bool, Option("--json", help="Print JSON: m, rad, quaternions (w, x, y, z).")]
-FrameName = Annotated[
-    str | None, Option("--frame", metavar="FRAME", help="Frame of the robot. [default: its tip]")
-]
-InFrame = Annotated[
-    str | None,
-    Option("--in", metavar="FRAME", help="Frame that the pose is expressed in. [default: base]"),
-]
-
-
-def robots(as_json: AsJsonNotTables = False) -> None:
+def robots(as_json: bool = TABLES_AS_JSON) -> None:
     """List the robots that come with the package."""
     from catenary.robots.catalog import load_robot, robot_names
 
@@ -83,8 +51,15 @@ def robots(as_json: AsJsonNotTables = False) -> None:
             [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
         )
         return
-    rows = [[m.name, _kinds(m), m.tip, _names_in_brief(m)] for m in models]
-    print_table("Robots", ["name", "joints", "tip", "joint names"], rows, left=4)
+    from catenary.reports.page import Column, Table
+
+    columns = [
+        Column("name", "name"),
+        Column("joints", _kinds),
+        Column("tip", "tip"),
+        Column("joint names", _names_in_brief),
+    ]
+    print(Table(columns, models, "Robots", left=4).text())
     print("R: revolute, P: prismatic; catenary check ROBOT names joints with their limits")
 
 
@@ -100,12 +75,12 @@ def _names_in_brief(model: "RobotModel") -> str:
 
 
 def fk(
-    robot: Robot,
-    q: Q = None,
-    q_deg: QDeg = None,
-    frame: FrameName = None,
-    in_frame: InFrame = None,
-    as_json: AsJson = False,
+    robot: str = ROBOT,
+    q: Numbers | None = Q,
+    q_deg: Numbers | None = Q_DEG,
+    frame: str | None = FRAME_NAME,
+    in_frame: str | None = IN_FRAME,
+    as_json: bool = POSE_AS_JSON,
 ) -> None:
     """Print the pose of a robot's frame.
 
@@ -126,36 +101,31 @@ def fk(
         others = {f: pose_numbers(pose) for f, pose in poses.items() if f != in_frame}
         print_json({**asked, **pose_numbers(poses[in_frame]), "in_other_frames": others})
         return
-    rows = [_pose_row(f, pose) for f, pose in poses.items()]
-    print_table(f"{model.name}: pose of {name}", _POSE_HEADER, rows)
+    print(_pose_table("in", poses, f"{model.name}: pose of {name}").text())
 
 
 def ik(
-    robot: Robot,
-    position_mm: Annotated[str | None, Option(metavar="X,Y,Z", help="Position of the frame.")] = None,
-    rpy_deg: Annotated[
-        str | None, Option(metavar="R,P,Y", help="Orientation of the frame: turned about fixed x, y, z.")
-    ] = None,
-    quaternion: Annotated[str | None, Option(metavar="W,X,Y,Z", help="Orientation of the frame.")] = None,
-    q: Annotated[
-        str | None,
-        Option(
-            metavar="Q,Q,...",
-            help="Joints to start from, in rad and m; without a position, their pose is the goal.",
-        ),
-    ] = None,
-    q_deg: SameInDeg = None,
-    frame: FrameName = None,
-    in_frame: Annotated[
-        str | None,
-        Option(
-            "--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in. [default: base]"
-        ),
-    ] = None,
-    seed: Annotated[
-        int, Option(metavar="N", min=0, help="Seed of the random starts, where a search needs several.")
-    ] = 0,
-    as_json: AsJson = False,
+    robot: str = ROBOT,
+    position_mm: Triple | None = option("X,Y,Z", "Position of the frame."),
+    rpy_deg: Triple | None = option(
+        "R,P,Y",
+        "Orientation of the frame: turned about fixed x, y, z.",
+        goes_with="position_mm",
+        not_with="quaternion",
+    ),
+    quaternion: tuple[float, float, float, float] | None = option(
+        "W,X,Y,Z", "Orientation of the frame.", goes_with="position_mm"
+    ),
+    q: Numbers | None = option(
+        "Q,Q,...", "Joints to start from, in rad and m; without a position, their pose is the goal."
+    ),
+    q_deg: Numbers | None = SAME_IN_DEG,
+    frame: str | None = FRAME_NAME,
+    in_frame: str | None = option(
+        "FRAME", "Frame, at rest, that the goal is expressed in. [default: base]", flag="--in"
+    ),
+    seed: int = option("N", "Seed of the random starts, where a search needs several.", 0, least=0),
+    as_json: bool = POSE_AS_JSON,
 ) -> None:
     """Print the joints that bring a robot's frame to a pose.
 
@@ -175,8 +145,6 @@ def ik(
     if position_mm is None:
         if start is None:
             raise InputError("ik: give the goal with --position-mm, or with --q joints whose pose it is")
-        if rpy_deg is not None or quaternion is not None:
-            raise InputError("ik: an orientation without --position-mm; give both")
         goal = relative_pose(model, start, name, in_frame)
     else:
         goal = _goal(position_mm, rpy_deg, quaternion)
@@ -192,18 +160,19 @@ def ik(
     reached = relative_pose(model, solution, name, in_frame)
     if as_json:
         asked = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
-        free = {"quaternion": None, "rotation": None} if match == "position" else {}
-        print_json({**asked, "goal": pose_numbers(goal) | free, "reached": pose_numbers(reached)})
+        unknown = {"quaternion": None, "rotation": None} if match == "position" else {}
+        print_json({**asked, "goal": pose_numbers(goal) | unknown, "reached": pose_numbers(reached)})
         return
+    from catenary.reports.page import Table
+
     rows = [
         [n, f"{v:.9g} {u}", in_words(v, u, 4)]
         for n, v, u in zip(model.joint_names, solution, model.joint_units, strict=True)
     ]
-    print_table(f"{model.name}: joints that bring {name} to the goal", ["joint", "", ""], rows)
-    goal_row = _pose_row("goal", goal)
-    if match == "position":
-        goal_row[4:] = ["any"] * 4
-    print_table(f"Pose in {in_frame}", ["", *_POSE_HEADER[1:]], [goal_row, _pose_row("reached", reached)])
+    title = f"{model.name}: joints that bring {name} to the goal"
+    print(Table(["joint", "", ""], rows, title).text())
+    free = "goal" if match == "position" else ""
+    print(_pose_table("", {"goal": goal, "reached": reached}, f"Pose in {in_frame}", free=free).text())
 
 
 def pose_numbers(pose: "Pose") -> dict[str, Any]:
@@ -214,31 +183,173 @@ def pose_numbers(pose: "Pose") -> dict[str, Any]:
     return {"position": pose.position, "quaternion": quaternion, "rotation": pose.rotation}
 
 
-_POSE_HEADER = ["in", "x [mm]", "y [mm]", "z [mm]", "w", "x", "y", "z"]
+def _pose_table(first: str, poses: "dict[str, Pose]", title: str, *, free: str = "") -> "Table":
+    """Return a table of poses, a row each; the orientation of the one that is named `free` may be any."""
+    from catenary.reports.page import Column, Table
 
-
-def _pose_row(name: str, pose: "Pose") -> list[str]:
-    from catenary.spatial import quaternion_from_rotation
-
-    return [
-        name,
-        *(f"{1000.0 * v:.3f}" for v in pose.position),
-        *(f"{v:.6f}" for v in quaternion_from_rotation(pose.rotation)),
+    columns = [
+        Column(first),
+        *(Column(f"{axis} [mm]", form=".3f") for axis in "xyz"),
+        *(Column(part, form=".6f") for part in "wxyz"),
     ]
+    rows = []
+    for name, pose in poses.items():
+        wxyz = ["any"] * 4 if name == free else pose_numbers(pose)["quaternion"]
+        rows.append([name, *(1000.0 * pose.position), *wxyz])
+    return Table(columns, rows, title)
 
 
-def _goal(position_mm: str, rpy_deg: str | None, quaternion: str | None) -> "Pose":
+def _goal(position_mm: Triple, rpy_deg: Triple | None, quaternion: Numbers | None) -> "Pose":
     import numpy as np
 
     from catenary.arrays import as_array
     from catenary.spatial import Pose, rotation_from_quaternion, rotation_from_rpy
 
-    if rpy_deg is not None and quaternion is not None:
-        raise InputError("ik: give one of --rpy-deg and --quaternion")
-    position = as_array("--position-mm", numbers("--position-mm", position_mm), (3,)) / 1000.0
     rotation = np.eye(3)
     if rpy_deg is not None:
-        rotation = rotation_from_rpy(np.deg2rad(as_array("--rpy-deg", numbers("--rpy-deg", rpy_deg), (3,))))
+        rotation = rotation_from_rpy(np.deg2rad(as_array("--rpy-deg", rpy_deg, (3,))))
     elif quaternion is not None:
-        rotation = rotation_from_quaternion(numbers("--quaternion", quaternion))
-    return Pose(rotation, position)
+        rotation = rotation_from_quaternion(quaternion)
+    return Pose(rotation, as_array("--position-mm", position_mm, (3,)) / 1000.0)
+
+
+def plot(
+    given: GivenGravity,
+    description: DescriptionOptions,
+    robot: str = ROBOT,
+    q: Numbers | None = Q,
+    q_deg: Numbers | None = Q_DEG,
+    workspace: bool = option(None, "Draw where the ends can be, too.", False),
+    hide: Names | None = option("PART,...", "What not to draw, of frames, masses, gravity and torques."),
+    out: Path | None = option(
+        "FILE", f"Picture to write, .png, .svg or .pdf. {NAMED_AS_TYPED} [default: a window]", writes=PICTURE
+    ),
+    as_json: bool = replace(AS_JSON, goes_with="out"),
+) -> None:
+    """Draw a robot, gravity, and the torques that hold it.
+
+    With its links, frames and centres of mass; without --q in the middle of its joints' ranges.
+
+    Example: catenary plot panda --q-deg 0,-30,0,-120,0,90,45 --base-tilt-deg 0,20 --out panda.png
+    """
+    from catenary.files import write_atomically
+    from catenary.reports.robot_plot import middle_pose
+    from catenary.reports.robot_plot import plot as draw
+
+    gravity = given.told()
+    model = description.load(robot)
+    values = given_joints(model, q, q_deg)
+    pose = middle_pose(model) if values is None else values
+    notes = beyond_limits(model, pose) if values is not None else []
+    hidden: Any = hide or ()
+    if model.missing_inertia and "torques" not in hidden:
+        links = ", ".join(model.missing_inertia)
+        notes.append(f"no torques: the description gives no mass of {links}")
+    print_notes([*notes, *given.doubts(gravity)])
+    on = _window(model.name) if out is None else None
+    figure = draw(model, pose, gravity=gravity, hide=hidden, workspace=workspace, on=on)
+    if out is None:
+        _show()
+        return
+    kind = out.suffix.lower().removeprefix(".") if out.suffix.lower() in PICTURE.endings else "png"
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
+    write_atomically(out, buffer.getvalue())
+    if as_json:
+        print_json(
+            {"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)}
+        )
+        return
+    print(f"picture: {out}")
+
+
+def _window(name: str) -> "Figure":
+    """Return a figure in a window that is not shown yet."""
+    import matplotlib.pyplot as plt
+
+    if plt.get_backend().lower() in WITHOUT_WINDOWS:
+        raise InputError("plot: no window can be opened here; give --out FILE, as robot.png")
+    return plt.figure(name, figsize=(11.0, 6.0), layout="constrained")
+
+
+def _show() -> None:
+    import matplotlib.pyplot as plt
+
+    plt.show()
+
+
+def regressor(
+    description: DescriptionOptions,
+    robot: str = ROBOT,
+    compact: bool = option(None, "Print the compact form, with its values.", False),
+    latex: bool = option(None, "Print the compact form for LaTeX.", False, not_with="as_json"),
+    as_json: bool = option(None, "Print JSON: kg and kg m.", False, flag="--json"),
+) -> None:
+    """Print which masses gravity torques can identify.
+
+    Example: catenary regressor planar_3r --compact
+    """
+    from catenary.workflows.regressor import describe_regressor
+
+    report = describe_regressor(description.load(robot))
+    if as_json:
+        print_json(report.as_data())
+    elif latex:
+        print(report.compact.latex())
+    elif compact:
+        _print_compact(report)
+    else:
+        _print_identifiability(report)
+
+
+def _print_compact(report: "RegressorReport") -> None:
+    from catenary.reports.page import Column, Table
+
+    form = report.compact
+    print(f"{report.model.name}: gravity on a level base, g_c = 9.81 m/s2\n\n{form}\n")
+    columns = [Column(""), Column(""), Column("value", form=".6g"), Column("unit")]
+    names = [f"s{k}" for k in range(1, len(form.labels) + 1)]
+    values = _known(report.compact_values, len(names))
+    rows = list(zip(names, form.labels, values, form.units, strict=True))
+    print(Table(columns, rows, "Parameters", left=2).text())
+    symbols = [
+        [name, symbol.meaning, "" if symbol.value is None else symbol.value]
+        for name, symbol in form.symbols.items()
+    ]
+    print(Table(columns[:3], symbols, "Symbols", left=2).text())
+    if form.ineffective:
+        print_fact("without effect", ", ".join(form.ineffective), width=14)
+
+
+def _print_identifiability(report: "RegressorReport") -> None:
+    from catenary.gravity.gravity_regressor import standard_labels
+    from catenary.reports.page import Column, Table
+    from catenary.workflows.regressor import WORDS
+
+    columns = [
+        Column("parameter"),
+        Column("level base", lambda row: WORDS[row[1]]),
+        Column("tilted base", lambda row: WORDS[row[2]]),
+        Column("value", form=".6g"),
+        Column("unit", lambda row: "kg" if row[0].startswith("m(") else "kg m"),
+    ]
+    names, kinds = standard_labels(report.model), map(report.identifiable, ("level", "tilted"))
+    values = _known(report.standard_values, len(names))
+    rows: list[Any] = list(zip(names, *kinds, values, strict=True))
+    title = f"{report.model.name}: do gravity torques tell masses m, and moments m c in the links' frames?"
+    print(Table(columns, rows, title, left=3).text())
+    columns = [Column("base"), Column("combinations"), Column("of"), Column("condition number", form=".3g")]
+    rows = [[name, base.count, len(names), base.condition] for name, base in report.bases.items()]
+    print(Table(columns, rows, "What torques tell").text())
+    labels = report.combinations("level")
+    values = _known(report.base_values("level"), len(labels))
+    rows = [[f"b{k}", *cells] for k, cells in enumerate(zip(labels, values, strict=True), 1)]
+    columns = [Column(""), Column(""), Column("value", form=".6g")]
+    print(Table(columns, rows, "Combinations on a level base", left=2).text())
+    for sentence in report.sentences():
+        name, _, text = sentence.partition(": ")
+        print_fact(f"{name}:", text, width=0) if text else print(f"  {sentence}")
+
+
+def _known(values: "Floats | None", count: int) -> "list[None] | Floats":
+    return [None] * count if values is None else values

@@ -1,20 +1,20 @@
-"""catenary sense."""
+"""catenary sense: gravity as a sensor on the base measures it, and that sensor's calibration."""
 
 import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
-from typer import Option
 
-from catenary.cli.gravity_source import SensingOptions
-from catenary.cli.options import BaseTilt, Baud, MountingFile
-from catenary.cli.out_files import MOUNTING, NAMED_AS_TYPED, out_path, refuse_outputs
-from catenary.cli.terminal import base_tilt, print_fact, print_json, print_notes, words
+from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, SensingOptions
+from catenary.cli.options import Names, group, option, require_one
+from catenary.cli.out_files import MOUNTING, NAMED_AS_TYPED, refuse_outputs
+from catenary.cli.robot_choice import BAUD
+from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,56 +29,41 @@ _SHOWN_EVERY = 0.1  # [s] on a terminal
 _LINE_EVERY = 1.0  # [s] in a file or pipe
 
 
-@dataclass(frozen=True)
+@group
 class ReplayOptions:
     """A recording in place of a sensor."""
 
-    replay: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE",
-            help="Read a recorded sensor: a bag, or a CSV with time, ax, ay, az, gx, gy, gz.",
-        ),
-    ] = None
-    topic: Annotated[str | None, Option(metavar="TOPIC", help="Of a bag with several sensor_msgs/Imu.")] = (
-        None
+    replay: Path | None = option(
+        "FILE", "Read a recorded sensor: a bag, or a CSV with time, ax, ay, az, gx, gy, gz."
     )
-    columns: Annotated[
-        str | None,
-        Option(metavar="C,C,C[,...]", help="Of a table: the accelerometer's columns, then the gyroscope's."),
-    ] = None
-    orientations: Annotated[
-        Path | None,
-        Option(
-            metavar="CSV",
-            help="With --tumble: how it was turned at each rest of the recording, in order: roll_deg and pitch_deg of "
-            "the whole robot, or the joints of --robot in rad and m.",
-        ),
-    ] = None
-    robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="Arm that carried the sensor, on a level base.")
-    ] = None
-    frame: Annotated[
-        str | None, Option(metavar="NAME", help="Link of it that the sensor is fixed to. [default: the tip]")
-    ] = None
+    topic: str | None = option("TOPIC", "Of a bag with several sensor_msgs/Imu.", goes_with="replay")
+    columns: Names | None = option(
+        "C,C,C[,...]", "Of a table: the accelerometer's columns, then the gyroscope's.", goes_with="replay"
+    )
+    orientations: Path | None = option(
+        "CSV",
+        "With --tumble: how it was turned at each rest of the recording, in order: roll_deg and pitch_deg of "
+        "the whole robot, or the joints of --robot in rad and m.",
+        goes_with="replay",
+    )
+    robot: str | None = option(
+        "ROBOT", "Arm that carried the sensor, on a level base.", goes_with="orientations"
+    )
+    frame: str | None = option(
+        "NAME", "Link of it that the sensor is fixed to. [default: the tip]", goes_with="orientations"
+    )
 
     def recording(self, *, tumble: bool) -> "ImuRecording | None":
         """Return what was recorded; None without --replay."""
         if self.replay is None:
-            if self != ReplayOptions():
-                raise InputError(
-                    "sense: --topic, --columns, --orientations, --robot and --frame go with --replay"
-                )
             return None
         if tumble is not (self.orientations is not None):
             raise InputError(
                 "sense: --replay with --tumble needs --orientations, and --orientations --tumble"
             )
-        if self.orientations is None and (self.robot or self.frame) is not None:
-            raise InputError("sense: --robot and --frame go with --orientations")
         from catenary.recording.import_formats.imu_recording import read_imu
 
-        found = read_imu(self.replay, topic=self.topic, columns=words(self.columns or ""))
+        found = read_imu(self.replay, topic=self.topic, columns=self.columns or ())
         print_notes(found.notes)
         return found
 
@@ -86,30 +71,26 @@ class ReplayOptions:
 def sense(
     sensing: SensingOptions,
     replaying: ReplayOptions,
-    port: Annotated[str | None, Option(metavar="PORT", help="Serial port, as /dev/ttyACM0.")] = None,
-    simulated: Annotated[bool, Option("--simulated", help="Use a simulated sensor.")] = False,
-    base_tilt_deg: BaseTilt = None,
-    rate: Annotated[
-        float | None, Option(metavar="HZ", help="Sample rate of the simulated sensor. [default: 200]")
-    ] = None,
-    seed: Annotated[int, Option(min=0, help="Seed of the simulated sensor's noise.")] = 0,
-    duration: Annotated[
-        float | None, Option(metavar="S", help="How long to watch. [default: 5; until Ctrl-C on a terminal]")
-    ] = None,
-    mounting: MountingFile = None,
-    baud: Baud = 115200,
-    tumble: Annotated[
-        bool, Option("--tumble", help="Calibrate the sensor in several attitudes and write a mounting file.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE",
-            parser=out_path,
-            help=f"File that --tumble writes. {NAMED_AS_TYPED} [default: mounting.toml]",
-        ),
-    ] = None,
-    as_json: Annotated[bool, Option("--json", help="Print one JSON summary at the end.")] = False,
+    port: str | None = option("PORT", "Serial port, as /dev/ttyACM0."),
+    simulated: bool = option(None, "Use a simulated sensor.", False),
+    base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, goes_with="simulated"),
+    rate: float | None = option(
+        "HZ", "Sample rate of the simulated sensor. [default: 200]", goes_with="simulated"
+    ),
+    seed: int = option(None, "Seed of the simulated sensor's noise.", 0, least=0, goes_with="simulated"),
+    duration: float | None = option("S", "How long to watch. [default: 5; until Ctrl-C on a terminal]"),
+    mounting: Path | None = MOUNTING_FILE,
+    baud: int = replace(BAUD, goes_with="port"),
+    tumble: bool = option(
+        None, "Calibrate the sensor in several attitudes and write a mounting file.", False
+    ),
+    out: Path | None = option(
+        "FILE",
+        f"File that --tumble writes. {NAMED_AS_TYPED} [default: mounting.toml]",
+        writes=MOUNTING,
+        goes_with="tumble",
+    ),
+    as_json: bool = option(None, "Print one JSON summary at the end.", False, flag="--json"),
 ) -> None:
     """Show gravity as a sensor on the base measures it.
 
@@ -124,14 +105,10 @@ def sense(
     """
     from catenary.sensing.mounting import Mounting, load_mounting
 
-    if sum((port is not None, simulated, replaying.replay is not None)) != 1:
-        raise InputError("sense: give one of --port, --simulated and --replay")
-    if not simulated and (base_tilt_deg is not None or rate is not None):
-        raise InputError("sense: --base-tilt-deg and --rate go with --simulated, not with --port")
-    if out is not None and not tumble:
-        raise InputError("sense: --out is where --tumble writes; add --tumble")
+    require_one(port=port, simulated=simulated, replay=replaying.replay)
     if tumble:
-        refuse_outputs({"--out": (out or Path("mounting.toml"), MOUNTING)}, [mounting] if mounting else [])
+        out = out or Path("mounting.toml")
+        refuse_outputs({"--out": (out, MOUNTING)}, [mounting] if mounting else [])
     told = Mounting() if mounting is None else load_mounting(mounting)
     recording = replaying.recording(tumble=tumble)
     if recording is not None:
@@ -140,7 +117,7 @@ def sense(
         else:
             _replay(recording, sensing, told, duration, as_json)
         return
-    hertz, tilt = 200.0 if rate is None else rate, base_tilt(base_tilt_deg)
+    hertz, tilt = 200.0 if rate is None else rate, base_tilt_deg or LEVEL_BASE
     with _opened(port, told, tilt, hertz, seed, baud, tumble) as (feed, known):
         if tumble or feed is None:
             _tumble(feed, known, hertz, seed, out or Path("mounting.toml"), as_json)

@@ -1,4 +1,4 @@
-"""What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
+"""What every command says to the person at the terminal: JSON, facts, notes, progress."""
 
 import json
 import logging
@@ -6,12 +6,10 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from math import isfinite
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
 
-from catenary.errors import InputError
 from catenary.visible import visible
 
 _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
@@ -46,35 +44,6 @@ def without_notes(silent: bool) -> Iterator[None]:
         _SILENT.reset(before)
 
 
-def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ...]:
-    """Read numbers separated by commas or spaces, as many as `count` says."""
-    values = []
-    for word in text.replace(",", " ").split():
-        try:
-            values.append(float(word))
-        except ValueError:
-            raise InputError(
-                f"{option}: expected numbers separated by commas, got {word!r} in {text!r}"
-            ) from None
-    if not values or len(values) != (count or len(values)):
-        expected = f"{count} numbers" if count else "numbers"
-        raise InputError(f"{option}: expected {expected} separated by commas, got {text!r}")
-    return tuple(values)
-
-
-def base_tilt(text: str | None) -> tuple[float, float]:
-    """Read roll and pitch of a base [deg] from --base-tilt-deg; a level one when None."""
-    angles = (0.0, 0.0) if text is None else numbers("--base-tilt-deg", text)
-    if len(angles) != 2 or not all(map(isfinite, angles)):
-        raise InputError(f"--base-tilt-deg: expected roll and pitch in degrees, as 0,20; got {text!r}")
-    return angles[0], angles[1]
-
-
-def words(text: str) -> tuple[str, ...]:
-    """Read words separated by commas."""
-    return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output."""
     from catenary.files import json_text
@@ -87,29 +56,6 @@ def print_json_line(content: Any) -> None:
     from catenary.files import json_text
 
     print(json.dumps(json.loads(json_text(content))), flush=True)
-
-
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> None:
-    """Print a table whose first `left` columns stand to the left, the others to the right.
-
-    A unit in a header, as in `J1 [deg]`, stands on a line of its own: so six joints fit into 80 columns. A table
-    is never cut; in a narrower terminal its lines run on.
-    """
-    heads = [name.replace(" [", "\n[").split("\n") for name in header]
-    names = [[head[0] for head in heads]]
-    if any(len(head) > 1 for head in heads):
-        names.append([head[1] if len(head) > 1 else "" for head in heads])
-    cells = [[" ".join(cell.split()) for cell in row] for row in rows]
-    widths = [max(len(row[i]) for row in [*names, *cells]) for i in range(len(header))]
-    rule = ["-" * width for width in widths]
-    print(f"{title}\n")
-    for row in (*names, rule, *cells):
-        line = "  ".join(
-            cell.ljust(width) if i < left else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        print(f"  {line}".rstrip())
-    print()
 
 
 def print_fact(name: str, text: str, *, width: int) -> None:

@@ -6,7 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from catenary.calibration.drift import DriftFound, Stretch, since_in_words
-from catenary.reports.page import Block, Heading, Picture, Remarks, Table, Text, picture, write_page
+from catenary.reports.page import (
+    Block,
+    Column,
+    Heading,
+    Picture,
+    Remarks,
+    Table,
+    Text,
+    joint_columns,
+    picture,
+    write_page,
+)
 from catenary.units import DISPLAY
 
 HOLDS, BEYOND = "#4b6b94", "#d9622b"
@@ -15,24 +26,19 @@ MOST_LABELS = 12  # below a picture
 
 def drift_table(found: DriftFound) -> Table:
     """Return a row for each stretch between homings: RMSE of every joint, ! where the model is beyond."""
-    names = [f"{n} [{DISPLAY[u][0]}]" for n, u in zip(found.joint_names, found.joint_units, strict=True)]
-    rows = [
-        [s.recording, str(s.homing), s.date or "-", str(s.rows)]
-        + [f"{e:.3f}{' !' if bad else ''}" for e, bad in zip(s.rmse, s.beyond, strict=True)]
-        for s in found.stretches
+    joints = [(n, DISPLAY[u][0]) for n, u in zip(found.joint_names, found.joint_units, strict=True)]
+    columns = [
+        Column("recording", "recording"),
+        Column("homing", "homing"),
+        Column("date", lambda stretch: stretch.date or "-"),
+        Column("rows", "rows"),
+        *joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", ""),
     ]
-    return Table(["recording", "homing", "date", "rows", *names], rows)
+    return Table(columns, found.stretches, "RMSE between homings; ! beyond")
 
 
 def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
-    """Write the verdict, a picture of the error over days and homings, and the table.
-
-    Args:
-        path: Of the page.
-        found: Errors of the model.
-        model: Its name.
-        notes: On the recordings.
-    """
+    """Write the verdict, a picture of the error over days and homings, and the table."""
     told = since_in_words(found)
     first, last = found.stretches[0], found.stretches[-1]
     lead = (

@@ -53,8 +53,7 @@ class RobotFacts(FileFacts):
     links_without_inertia: tuple[str, ...]
     sources: tuple[str, ...]
 
-    def in_words(self) -> list[Line]:
-        """Return the facts as people read them."""
+    def in_words(self) -> list[Line]:  # noqa: D102
         joints = []
         for joint in self.joints:
             shown, scale = DISPLAY[joint.unit]

@@ -4,10 +4,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from catenary.control.loop_report import Holding, Tracking
-from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, settings_facts, write_page
+from catenary.reports.page import (
+    Block,
+    Column,
+    Heading,
+    Picture,
+    Table,
+    Text,
+    picture,
+    settings_facts,
+    write_page,
+)
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
@@ -28,35 +36,34 @@ HOLDING = (
 )
 
 
-def gravity_table(result: Tracking | Holding) -> Table:
+def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
     """Return a row per joint: of tracking its RMS error, PD term and torque, of holding its drift."""
+
+    def of(heading: str, key: str, form: str, unit: str = "unit") -> Column:
+        return Column(heading, lambda joint: f"{joint[key]:{form}} {joint[unit]}")
+
     joints = result.as_data()["joints"]
     if isinstance(result, Holding):
-        header = ["joint", "drift", "as reported", "at the end"]
-        columns = (("drift", "unit", ".4f"), ("reported_drift", "unit", ".4f"), ("moved", "unit", "+.4f"))
+        columns = [
+            of("drift", "drift", ".4f"),
+            of("as reported", "reported_drift", ".4f"),
+            of("at the end", "moved", "+.4f"),
+        ]
     else:
-        header = ["joint", "RMS error", "RMS PD term", "RMS torque", "PD share"]
-        columns = (
-            ("rms_error", "unit", ".4f"), ("rms_pd", "torque_unit", ".3f"), ("rms_torque", "torque_unit", ".3f"),
-        )  # fmt: skip
-    rows = [[j["name"], *(f"{j[key]:{form}} {j[unit]}" for key, unit, form in columns)] for j in joints]
-    if isinstance(result, Tracking):
-        for row, share in zip(rows, 100.0 * result.pd_share, strict=True):
-            row.append("-" if np.isnan(share) else f"{share:.1f} %")
-    return Table(header, rows)
+        share = dict(zip(result.joint_names, 100.0 * result.pd_share, strict=True))
+        columns = [
+            of("RMS error", "rms_error", ".4f"),
+            of("RMS PD term", "rms_pd", ".3f", "torque_unit"),
+            of("RMS torque", "rms_torque", ".3f", "torque_unit"),
+            Column("PD share", lambda joint: share[joint["name"]], ".1f", " %"),
+        ]
+    return Table([Column("joint", "name"), *columns], joints, title)
 
 
 def write_gravity_report(
     path: Path, result: Tracking | Holding, settings: Mapping[str, Any], *, arm: Picture | None = None
 ) -> None:
-    """Write a page with the table, a picture over time and the settings, one of which is the controller's name.
-
-    Args:
-        path: The HTML file.
-        result: What happened.
-        settings: Of the run.
-        arm: A picture of the arm.
-    """
+    """Write a page with the table, a picture over time and the settings, one of which is the controller's name."""
     title, lead, text = HOLDING if isinstance(result, Holding) else TRACKING
     drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)
     pictured: list[Block] = [] if arm is None else [Heading("The arm"), arm]

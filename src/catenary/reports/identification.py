@@ -13,6 +13,7 @@ from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
 from catenary.reports.page import (
     Block,
+    Column,
     Facts,
     Heading,
     Listing,
@@ -20,6 +21,7 @@ from catenary.reports.page import (
     Remarks,
     Table,
     Text,
+    joint_columns,
     picture,
     write_page,
 )
@@ -33,15 +35,7 @@ SHOWN_POSES = 9  # of a recording
 def write_identification_report(
     path: Path, found: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
 ) -> None:
-    """Write the page about an identification, one self-contained file.
-
-    Args:
-        path: The HTML file.
-        found: What was identified.
-        card: Its card.
-        shown: Recordings whose torques are drawn.
-        notes: What a reader must know about the data.
-    """
+    """Write the page about an identification, one self-contained file; torques are drawn of the recordings `shown`."""
     blocks: list[Block] = [
         Heading("Residuals"),
         residual_table(found),
@@ -75,27 +69,34 @@ def write_identification_report(
 
 def residual_table(found: Identification) -> Table:
     """Return the relative residual per recording and axis, with the verdict."""
-    rows = [
-        [r.log, str(r.rows), *(_share(v) for v in r.relative_rms), r.verdict or "fitted"] for r in _all(found)
+    names = [(name, "") for name in found.model.joint_names]
+    columns = [
+        Column("recording", "log"),
+        Column("rows", "rows"),
+        *joint_columns(names, lambda r, j: r.relative_rms[j], ".3f"),
+        Column("verdict", lambda r: r.verdict or "fitted"),
     ]
-    return Table(["recording", "rows", *found.model.joint_names, "verdict"], rows)
+    return Table(columns, _all(found), "Residual over torque (RMS) per axis")
 
 
 def absolute_table(found: Identification) -> Table:
     """Return the RMS residual per recording and axis in Nm and N."""
-    model = found.model
-    names = [f"{n} [{TORQUE_UNIT[u]}]" for n, u in zip(model.joint_names, model.joint_units, strict=True)]
-    return Table(["RMS residual", *names], [[r.log, *(f"{v:.4f}" for v in r.rms)] for r in _all(found)])
+    units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
+    joints = list(zip(found.model.joint_names, units, strict=True))
+    columns = [Column("RMS residual", "log"), *joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
+    return Table(columns, _all(found), "RMS residual")
 
 
 def parameter_table(found: Identification) -> Table:
     """Return every base parameter with its standard deviation."""
-    columns = zip(found.base.names, found.base.units, found.beta, found.std, strict=True)
-    rows = [
-        [name, unit, f"{value:.5g}", f"{std:.2g}", f"{100 * std / abs(value):.0f} %" if value else "-"]
-        for name, unit, value, std in columns
+    columns = [
+        Column("parameter"),
+        Column("unit"),
+        Column("value", form=".5g"),
+        Column("std", form=".2g"),
+        Column("std / value", lambda row: 100.0 * row[3] / abs(row[2]) if row[2] else None, ".0f", " %"),
     ]
-    return Table(["parameter", "unit", "value", "std", "std / value"], rows)
+    return Table(columns, list(zip(found.base.names, found.base.units, found.beta, found.std, strict=True)))
 
 
 def mass_table(found: Identification) -> Table | None:
@@ -103,16 +104,20 @@ def mass_table(found: Identification) -> Table | None:
     if found.prior_weight is None or found.phi is None:
         return None
     robot, given = found.robot(), found.model
-    rows = []
-    for i in found.base.parameters.links:
-        if not given.tree.mass[i] > 0.0:
-            continue
-        apart = 1000.0 * np.linalg.norm(robot.tree.com[i] - given.tree.com[i])
-        mass, before = float(robot.tree.mass[i]), float(given.tree.mass[i])
-        rows.append(
-            [given.link_names[i], f"{mass:.3g}", f"{before:.3g}", f"{mass / before:.2f}", f"{apart:.0f}"]
-        )
-    return Table(["link", "mass [kg]", "file's [kg]", "ratio", "centres apart [mm]"], rows)
+    columns = [
+        Column("link", lambda i: given.link_names[i]),
+        Column("mass [kg]", robot.tree.mass.__getitem__, ".3g"),
+        Column("file's [kg]", given.tree.mass.__getitem__, ".3g"),
+        Column("ratio", lambda i: robot.tree.mass[i] / given.tree.mass[i], ".2f"),
+        Column(
+            "centres apart [mm]",
+            lambda i: 1000.0 * np.linalg.norm(robot.tree.com[i] - given.tree.com[i]),
+            ".0f",
+        ),
+    ]
+    links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]
+    title = "Links beside the robot's file; single masses are plausible, not measured"
+    return Table(columns, links, title)
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:
@@ -168,7 +173,3 @@ def _draw(axis: "object", time: Floats, measured: Floats, predicted: Floats) -> 
 
 def _all(found: Identification) -> Sequence[LogResidual]:
     return (*found.training, *found.tests)
-
-
-def _share(value: float) -> str:
-    return f"{value:.3f}" if np.isfinite(value) else "-"

@@ -1,12 +1,13 @@
-"""Self-contained HTML pages: text, tables and pictures in one file that opens anywhere."""
+"""Tables for the terminal and for pages; self-contained HTML pages of text, tables and pictures."""
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from catenary import __version__
 from catenary.files import write_atomically
@@ -15,6 +16,89 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 150
+Value = str | int | Callable[[Any], Any]
+
+
+class Column(NamedTuple):
+    """A column: its heading, what of a record stands in it, and how a number is written."""
+
+    heading: str  # with its unit, as "RMSE [deg]"
+    value: Value | None = None  # key, attribute or function of a record; its place in the table when None
+    form: str = ""  # of a number, as ".3f"; what is no number stands as it is
+    after: str = ""  # behind a number, as " %"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Records as rows, a column for what is told of each; the first one names the row.
+
+    Texts in place of columns are headings of records that are rows of cells. None and NaN are dashes.
+    """
+
+    columns: Sequence[Column | str]
+    records: Sequence[Any]
+    title: str = ""
+    left: int = 1  # columns that stand to the left; the others to the right
+
+    @property
+    def header(self) -> list[str]:
+        """The columns' headings."""
+        return [column if isinstance(column, str) else column.heading for column in self.columns]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """The cells, as text."""
+        return [
+            [_cell(column, record, place) for place, column in enumerate(self.columns)]
+            for record in self.records
+        ]
+
+    def text(self) -> str:
+        """Return the table for a terminal, its title above.
+
+        A unit in a heading, as in `J1 [deg]`, stands on a line of its own: so six joints fit into 80 columns. A table
+        is never cut; in a narrower terminal its lines run on.
+        """
+        heads = [(*heading.replace(" [", "\n[").split("\n"), "")[:2] for heading in self.header]
+        names = list(zip(*heads, strict=True)) if any(unit for _, unit in heads) else [[n for n, _ in heads]]
+        cells = [[" ".join(cell.split()) for cell in row] for row in self.rows]
+        widths = [max(len(row[i]) for row in [*names, *cells]) for i in range(len(heads))]
+        lines = [self.title, ""] if self.title else []
+        for row in (*names, ["-" * width for width in widths], *cells):
+            placed = [
+                cell.ljust(width) if i < self.left else cell.rjust(width)
+                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ]
+            lines.append(f"  {'  '.join(placed)}".rstrip())
+        return "\n".join([*lines, ""])
+
+
+def joint_columns(
+    joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str
+) -> list[Column]:
+    """Return a column for each joint of these names and units; `value` tells a record's number of the k-th."""
+
+    def column(k: int, name: str, unit: str) -> Column:
+        return Column(f"{name} [{unit}]" if unit else name, lambda record: value(record, k), form)
+
+    return [column(k, *joint) for k, joint in enumerate(joints)]
+
+
+def _cell(column: Column | str, record: Any, place: int) -> str:
+    if isinstance(column, str):
+        return str(record[place])
+    value = _value(record, place if column.value is None else column.value)
+    if value is None or value != value:  # NaN
+        return "-"
+    return value if isinstance(value, str) else f"{value:{column.form}}{column.after}"
+
+
+def _value(record: Any, value: Value) -> Any:
+    if callable(value):
+        return value(record)
+    if isinstance(value, int) or isinstance(record, Mapping):
+        return record[value]
+    return getattr(record, value)
 
 
 class Heading(NamedTuple):
@@ -27,13 +111,6 @@ class Text(NamedTuple):
     """A paragraph."""
 
     text: str
-
-
-class Table(NamedTuple):
-    """Cells already written as text; the first column names the row."""
-
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
 
 
 class Facts(NamedTuple):
@@ -99,14 +176,8 @@ def write_page(
 ) -> None:
     """Write a page that needs no other file and no network; its footer names the version of catenary.
 
-    Args:
-        path: The HTML file.
-        title: Its heading.
-        lead: What was looked at, below the verdict.
-        blocks: The rest.
-        verdict: What came out, in one sentence.
-        simulated: Mark the page as one of no real robot.
-        made: The page's date; today (UTC) when None.
+    Below its title stand the verdict, in one sentence, and what was looked at. `simulated` marks it as one of no real
+    robot, and `made` dates it: today (UTC) when None.
     """
     from jinja2 import Environment
 

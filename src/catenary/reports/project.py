@@ -10,8 +10,8 @@ from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
-from catenary.reports.error_tables import in_units
-from catenary.reports.page import Block, Heading, Picture, Table, Text, picture
+from catenary.reports.joint_errors import in_units
+from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
 from catenary.units import DISPLAY
 
 TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
@@ -48,19 +48,9 @@ def write_project_report(
 ) -> None:
     """Write the page of a project.
 
-    Args:
-        path: The HTML file.
-        connection: Where the robot was: "simulation", "ros1" or "ros2".
-        model: The best model.
-        card: Its card.
-        evaluation: Its errors on the recordings that were tested on.
-        comparison: Header and rows of the table of every model.
-        train: Recordings that were fitted to, with the model's joints.
-        test: Recordings that were tested on, likewise.
-        deployment: What the 1 kHz loop reported, if it ran.
-        notes: What a reader must know about the data.
-        inputs: How many inputs each model of the table takes, joint by joint.
-        name: The best model's, in the table of every model and all over the page.
+    The model is the best one, which the page calls `name`; its errors are of the recordings in `test`. `connection`
+    says where the robot was: "simulation", "ros1" or "ros2". `comparison` is header and rows of the table of every
+    model, `inputs` how many inputs each takes, joint by joint, `deployment` what the 1 kHz loop reported, if it ran.
     """
     opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
     further: list[Block] = []
@@ -113,15 +103,19 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
         "of it the correction": deployment["correction_us"],
         "period off its length": deployment["jitter_us"],
     }
-    keys = ("median", "p99", "p999", "max")
-    rows = [[name, *(_number(time[key], 1) for key in keys)] for name, time in times.items() if time]
-    joints = []
-    for joint in deployment["joints"]:
-        errors = [_number(joint[key], 3) for key in ("raw_rmse", "rmse")]
-        share = joint["outside_valid_range"]
-        outside = "-" if share is None else f"{100.0 * share:.1f} %"
-        joints.append([joint["name"], joint["unit"], *errors, outside])
+    headings = {"median": "median", "p99": "99 % below", "p999": "99.9 % below", "max": "largest"}
+    in_tick = [
+        Column("time in each tick", "what"),
+        *(Column(f"{heading} [us]", key, ".1f") for key, heading in headings.items()),
+    ]
     unit = in_units(joint["unit"] for joint in deployment["joints"])
+    of_joint = [
+        Column("joint", "name"),
+        Column("unit", "unit"),
+        Column(f"raw RMSE {unit}", "raw_rmse", ".3f"),
+        Column(f"{name} RMSE {unit}", "rmse", ".3f"),
+        Column("outside [% of ticks]", _outside, ".1f", " %"),
+    ]
     # nobody counts them where time is not kept by this loop
     overruns = "" if deployment["overruns"] is None else f", {deployment['overruns']} overruns"
     priority = "with" if deployment["real_time_priority"] else "without"
@@ -132,16 +126,15 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
             f"commands the arm; {aside} is not in it. The correction was timed within the same ticks. Period off its "
             "length: by how much the time from tick to tick differs from the one asked for."
         ),
-        Table(
-            ["time in each tick", "median [us]", "99 % below [us]", "99.9 % below [us]", "largest [us]"], rows
-        ),
+        Table(in_tick, [{"what": what, **time} for what, time in times.items() if time]),
         Text(f"Error against {reference} while the loop ran, as reported and as corrected in the tick:"),
-        Table(["joint", "unit", f"raw RMSE {unit}", f"{name} RMSE {unit}", "outside [% of ticks]"], joints),
+        Table(of_joint, deployment["joints"]),
     ]
 
 
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+def _outside(joint: Mapping[str, Any]) -> float | None:
+    share = joint["outside_valid_range"]
+    return None if share is None else 100.0 * share
 
 
 def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:

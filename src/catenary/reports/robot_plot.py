@@ -10,11 +10,10 @@ from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.kinematics import forward_kinematics, link_poses, reachable_points
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.reports.arm_in_space import draw_links, end_frames, equal_axes
 from catenary.reports.page import Picture, picture
-from catenary.reports.torque_bars import RANGE, draw_torque_bars, joints_by_unit
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
+from catenary.units import TORQUE_UNIT, in_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +24,14 @@ PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
 AXIS_COLORS = {"x": "#c0392b", "y": "#2a7f4f", "z": "#1d6fb8"}
 MASS, GRAVITY = "#8a6d1f", "#7a3e9d"
 REACHED = ("#6f8fb8", "#b08a5a", "#7fa37f")  # by end
+LINK, TIP = "#4b6b94", "#d9622b"
+LEAST_EXTENT = 1.0  # [mm] of a picture
+APART = 1e-6  # [m] between points that are drawn as two
+BAR, RANGE, LIMIT = "#4b6b94", "#1c2430", "#c0392b"
+LEAST_TORQUE = 1e-9  # [Nm|N] that is no rounding
+SHOWN_LIMIT = 3.0  # times the largest bar: limits beyond are told in words alone
+WIDE_TEXT, SHORT_TEXT = 0.31, 0.16  # of the width: what is written beside a bar
+LONGEST_NAME = 24  # characters beside a bar
 WIDTH, ALONE, LEAST_HEIGHT = 10.0, 6.5, 5.2  # [inch]
 ROW = 0.34  # [inch] of a joint's bar
 TRIAD = 0.10  # of half the picture's width: the axes of a frame
@@ -251,3 +258,143 @@ def _draw_workspace(axes: Any, model: RobotModel) -> list[Floats]:
         )  # fmt: skip
         corners += [points.min(axis=0)[None], points.max(axis=0)[None]]
     return corners
+
+
+def end_frames(model: RobotModel) -> list[str]:
+    """Return the frames at a robot's ends: its tip, and the farthest one on every other link that carries none."""
+    farthest: dict[int, tuple[float, str]] = {}
+    for name, (link, pose) in model.frames.items():
+        distance = float(np.linalg.norm(pose.position))
+        if link >= 0 and link not in model.tree.parent and distance > farthest.get(link, (APART, ""))[0]:
+            farthest[link] = (distance, name)
+    farthest.pop(model.frame().link, None)
+    return [model.tip, *(name for _, name in farthest.values())]
+
+
+def link_segments(model: RobotModel, q: Floats) -> Floats:
+    """Return the lines that an arm is drawn by, from joint to joint and on to its ends, (S, 2, 3) [m].
+
+    The first lines lead to the links' own frames, in the order of `model.link_names`, the others to `end_frames`.
+
+    Args:
+        model: The robot.
+        q: (n,) where its joints are [rad|m].
+    """
+    origins = link_poses(model, q)[1]
+    starts = [np.zeros(3) if parent < 0 else origins[parent] for parent in model.tree.parent]
+    lines = list(zip(starts, origins, strict=True))
+    for name in end_frames(model):
+        link = model.frame(name).link
+        lines.append((np.zeros(3) if link < 0 else origins[link], forward_kinematics(model, q, name)[1]))
+    return np.array(lines)
+
+
+def draw_links(
+    axes: Any, model: RobotModel, q: Floats, *, color: str = LINK, width: float = 2.5, alpha: float = 1.0
+) -> Floats:
+    """Draw an arm as lines, with a square at its base and a dot at each end; return its points, (P, 3) [mm].
+
+    Args:
+        axes: Matplotlib's, of three dimensions, in mm.
+        model: The robot.
+        q: (n,) where its joints are [rad|m].
+        color: Of the links.
+        width: Of the lines [points].
+        alpha: How opaque they are.
+    """
+    segments = 1e3 * link_segments(model, q)
+    links = len(model.link_names)
+    for k, line in enumerate(segments):
+        dot = {"marker": "o", "markersize": 1.2 * width} if k < links else {}
+        axes.plot(*line.T, color=color, linewidth=width, alpha=alpha, solid_capstyle="round", **dot)
+    axes.plot(*np.zeros((3, 1)), "s", color=color, markersize=2.4 * width, alpha=alpha)
+    axes.plot(*segments[links:, 1].T, "o", color=TIP, markersize=2.4 * width, alpha=alpha)
+    points: Floats = np.vstack([np.zeros((1, 3)), segments.reshape(-1, 3)])
+    return points
+
+
+def equal_axes(axes: Any, points: Floats, *, zoom: float = 0.88) -> tuple[Floats, float]:
+    """Show a millimetre as long along every axis, and name the axes; return the middle (3,) and half the width [mm]."""
+    from matplotlib.ticker import MaxNLocator
+
+    middle: Floats = (points.max(axis=0) + points.min(axis=0)) / 2.0
+    half = max(LEAST_EXTENT, float(np.ptp(points, axis=0).max())) * 0.52
+    for limits, label, name, at in zip(
+        (axes.set_xlim, axes.set_ylim, axes.set_zlim),
+        (axes.set_xlabel, axes.set_ylabel, axes.set_zlabel),
+        "xyz",
+        middle,
+        strict=True,
+    ):
+        limits(at - half, at + half)
+        label(f"{name} [mm]", fontsize=8)
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
+    axes.tick_params(labelsize=7)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
+    return middle, half
+
+
+def joints_by_unit(model: RobotModel) -> dict[str, list[int]]:
+    """Return the joints that turn and those that slide, by the unit of what moves them; units without a joint not."""
+    units = [TORQUE_UNIT[unit] for unit in model.joint_units]
+    return {unit: [j for j, own in enumerate(units) if own == unit] for unit in dict.fromkeys(units)}
+
+
+def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: Floats) -> None:
+    """Draw a bar for each joint's torque, the first joint on top.
+
+    Args:
+        places: Matplotlib's axes, one for each unit of `joints_by_unit`.
+        model: The robot.
+        q: (n,) where its joints are [rad|m].
+        tau: (N, n) torques [Nm|N]; bars are of the first row, lines from the least to the greatest of all.
+    """
+    for axes, (unit, joints) in zip(places, joints_by_unit(model).items(), strict=True):
+        _draw_unit(axes, model, q, tau, unit, joints)
+
+
+def _draw_unit(
+    axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, joints: Sequence[int]
+) -> None:
+    rows = np.arange(len(joints))
+    own, limits = tau[:, joints], model.effort_limit[list(joints)]
+    reach = max(float(np.abs(own).max(initial=0.0)), LEAST_TORQUE)
+    axes.barh(rows, own[0], height=0.5, color=BAR)
+    if len(own) > 1:
+        axes.hlines(rows, own.min(axis=0), own.max(axis=0), color=RANGE, linewidth=1.2)
+    shown = limits <= SHOWN_LIMIT * reach
+    for side in (-1.0, 1.0):
+        axes.vlines(side * limits[shown], rows[shown] - 0.4, rows[shown] + 0.4, color=LIMIT, linewidth=1.5)
+    # names of the values stand beside the bars, so that a short one can be read as well
+    for row, (value, limit, least, greatest) in enumerate(
+        zip(own[0], limits, own.min(axis=0), own.max(axis=0), strict=True)
+    ):
+        share = f" ({100.0 * abs(value) / limit:.0f} % of {limit:g})" if np.isfinite(limit) else ""
+        side = -1.0 if value < 0.0 else 1.0
+        axes.annotate(
+            f"{value:.3g}{share}" if abs(value) > LEAST_TORQUE else "0",
+            (min(least, 0.0) if side < 0.0 else max(greatest, 0.0), row), xytext=(4.0 * side, 0.0),
+            textcoords="offset points", fontsize=8, va="center", ha="left" if side > 0.0 else "right",
+            bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.8},
+        )  # fmt: skip
+    low = min(0.0, float(own.min(initial=0.0)), *(-limits[shown]))
+    high = max(0.0, float(own.max(initial=0.0)), *limits[shown])
+    # room for what is written at the ends, as a share of the whole width
+    written = WIDE_TEXT if np.isfinite(limits).any() else SHORT_TEXT
+    left = written if (own[0] < -LEAST_TORQUE).any() else 0.02
+    whole = (high - low) / (1.0 - left - written) if high > low else 1.0
+    axes.set_xlim(low - left * whole, high + written * whole)
+    axes.axvline(0.0, color=RANGE, linewidth=0.6)
+    axes.set_yticks(rows, [_name(model, j, q[j]) for j in joints], fontsize=8)
+    axes.set_ylim(len(joints) - 0.5, -0.5)
+    axes.set_xlabel(f"[{unit}]{'; red: limit of the motor' if shown.any() else ''}", fontsize=8)
+    axes.tick_params(axis="x", labelsize=7)
+    axes.tick_params(axis="y", length=0)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _name(model: RobotModel, joint: int, position: float) -> str:
+    name = model.joint_names[joint]
+    cut = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 3]}..."
+    return f"{joint + 1}  {cut}\n{in_words(position, model.joint_units[joint], 1)}"

@@ -1,4 +1,4 @@
-"""How far the tip is off, through the robot's kinematics, by reported and by corrected joints."""
+"""How far the tip is off by reported and by corrected joints: a table, and a picture of the arm with its tip's path."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,11 +11,18 @@ from catenary.calibration.evaluate import Evaluation, rms
 from catenary.calibration.model import CalibrationModel
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.reports.page import Block, Heading, Table, Text
+from catenary.reports.joint_errors import MODEL, RAW, wrapped
+from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
+from catenary.reports.robot_plot import draw_links, equal_axes
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 
 STILL = 1e-9  # [m] that a tip moves by rounding
+MEASURED = "#1c2430"
+MOST_POINTS = 3_000  # of a path
+STRETCH = 120  # rows of the path that are drawn close up
+LEAST_ROWS = 6  # of them
+FARTHEST = 12.0  # times the raw error: how far the tip goes in them
 
 
 @dataclass(frozen=True)
@@ -53,10 +60,7 @@ def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | Non
 def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluation) -> TipErrors:
     """Compare where the tip is by measured, reported and corrected joints.
 
-    Args:
-        robot: Has the model's joints, by name or its first ones by units; others must not move the tip, and are zero.
-        model: The model.
-        evaluation: Its errors (N, n).
+    The robot has the model's joints, by name or its first ones by units; others must not move the tip, and are zero.
     """
     places = _places(robot, model.joint_names, model.joint_units)
     if places is None:
@@ -98,11 +102,15 @@ def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
         if without
         else ""
     )
-    kinds = (("raw", tip.raw), ("fixed offset", tip.offset), (name, tip.model))
-    rows = [[kind, *(f"{1e3 * v:.3f}" for v in (d.rmse, d.median, d.largest))] for kind, d in kinds]
+    columns = [
+        Column("joints"),
+        Column("RMSE [mm]", lambda row: 1e3 * row[1].rmse, ".3f"),
+        Column("median [mm]", lambda row: 1e3 * row[1].median, ".3f"),
+        Column("largest [mm]", lambda row: 1e3 * row[1].largest, ".3f"),
+    ]
     return [
         Heading("Error of the tip"),
-        Table(["joints", "RMSE [mm]", "median [mm]", "largest [mm]"], rows),
+        Table(columns, [("raw", tip.raw), ("fixed offset", tip.offset), (name, tip.model)]),
         Text(
             f'Distance between frame "{tip.robot.tip}" of robot {tip.robot.name} by these joints and by the measured '
             "ones, through the robot's kinematics, over the same rows as above. What the kinematics themselves are off "
@@ -141,3 +149,57 @@ def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
     q[1, list(places)] = 0.0
     first, second = forward_kinematics(robot, q)[1]
     return bool(np.linalg.norm(first - second) > STILL)
+
+
+def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
+    """Draw the arm with its tip's path, and a stretch of the path close up with where the tip was said to be.
+
+    No line goes across `row_breaks` (B,), rows before which rows are missing.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 5.0), layout="constrained")
+    arm = figure.add_subplot(1, 2, 1, projection="3d")
+    close = figure.add_subplot(1, 2, 2, projection="3d")
+    kept = np.arange(0, len(tip.true), max(1, len(tip.true) // MOST_POINTS))
+    path = 1e3 * np.insert(tip.true[kept], np.searchsorted(kept, row_breaks), np.nan, axis=0)
+    arm.plot(*path.T, color=MEASURED, linewidth=0.5, alpha=0.6)
+    middle = int(np.argmin(np.linalg.norm(tip.true - tip.true.mean(axis=0), axis=1)))
+    points = draw_links(arm, tip.robot, tip.q[middle])
+    equal_axes(arm, np.vstack([points, path[np.isfinite(path).all(axis=1)]]))
+    arm.set_title("arm and path of its tip", fontsize=9)
+
+    rows = _stretch(tip, row_breaks)
+    drawn = []
+    for points, color, label, style in (
+        (tip.reported, RAW, "raw", "-"),
+        (tip.corrected, MODEL, name, "-"),
+        (tip.true, MEASURED, "measured", "--"),
+    ):
+        near = 1e3 * points[rows]
+        close.plot(*near.T, color=color, linewidth=1.4, linestyle=style, label=wrapped(label))
+        drawn.append(near)
+    equal_axes(close, np.vstack(drawn))
+    close.set_title(f"close up: {rows.stop - rows.start} rows of the path", fontsize=9)
+    figure.legend(
+        *close.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9
+    )
+    caption = (
+        f"Left: robot {tip.robot.name} in its base frame (square: base, dot: tip), and the path of its tip by measured "
+        f"joints. Right: a stretch of the path, and where the tip is by raw joints and after {name}. RMSE of the tip: "
+        f"{1e3 * tip.raw.rmse:.3f} mm raw, {1e3 * tip.model.rmse:.3f} mm after {name}."
+    )
+    return picture(
+        figure, caption, "The arm drawn in space with the path of its tip, and a part of the path close up."
+    )
+
+
+def _stretch(tip: TipErrors, row_breaks: Floats) -> slice:
+    """Return rows without a gap, so short that the raw error can be seen beside the way that the tip goes."""
+    starts = np.concatenate([[0], row_breaks, [len(tip.true)]]).astype(int)
+    longest = int(np.argmax(np.minimum(np.diff(starts), STRETCH)))
+    first, end = starts[longest], min(starts[longest] + STRETCH, starts[longest + 1])
+    away = np.linalg.norm(tip.true[first:end] - tip.true[first], axis=1)
+    far = np.flatnonzero(away > FARTHEST * tip.raw.rmse)
+    least = min(first + LEAST_ROWS, end)
+    return slice(int(first), int(max(least, first + far[0])) if len(far) else int(end))

@@ -10,10 +10,9 @@ from catenary.monitor import Snapshot
 from catenary.plant import Bounded
 from catenary.teleop.driver import COMMANDS, HOLD, TeleopDriver
 from catenary.teleop.key_motion import AXES, BACKWARD, FORWARD
-from catenary.view.controls import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl
 from catenary.view.page_process import StatePage
 from catenary.view.shapes import ArmShapes
-from catenary.view.shown import Shown
+from catenary.view.shown import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl, Shown
 from catenary.view.watched import WatchedArm
 from catenary.workflows.robot.operated_robot import OperatedRobot
 

@@ -39,7 +39,7 @@ from catenary.robots.geometry import Shape
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf_export import fixed_frames, urdf_text
 from catenary.spatial import LEVEL, Pose, identity_pose, quaternion_from_rotation
-from catenary.view.recorded import RecordedArm
+from catenary.view.replay import RecordedArm
 from catenary.view.scene import base_orientation
 
 POSE_SPACING = 0.02  # [s] between two poses of the links at least; joints have every row

@@ -13,10 +13,8 @@ from multiprocessing.connection import Connection
 from typing import Protocol, Self
 
 from catenary.errors import CatenaryError, InputError, MissingPackageError
-from catenary.view.controls import Change
-from catenary.view.shared_state import SharedState
-from catenary.view.shown import Shown
-from catenary.view.state import ViewState
+from catenary.view.shown import Change, Shown
+from catenary.view.state import SharedState, ViewState
 
 DRAW_HZ = 20.0
 WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of curves and paths

@@ -1,13 +1,33 @@
-"""The shape of each link of an arm, from its kinematics alone: tubes from joint to joint."""
+"""The shape of each link of an arm: as its file shows it, or tubes from joint to joint, from its kinematics alone."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
+from catenary.errors import CatenaryError, FileFormatError
+from catenary.robots.catalog import robot_names
+from catenary.robots.geometry import (
+    Ball,
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Form,
+    HalfSpace,
+    MeshFile,
+    Shape,
+    TriangleMesh,
+)
 from catenary.robots.model import RobotModel
-from catenary.view.tubes import Mesh, joined, tube
+from catenary.robots.shapes import described_geometry
 
+SIDES = 16  # of a tube's cross-section
+CAP_RINGS = 4  # of a hemisphere at its end
 THICKNESS = 0.032  # radius of a tube, times the arm's length
 HUB = 2.6  # length of a joint's hub, times the tube's radius to either side
 TIP = 0.45  # radius of the last link and the tool, times the tube's
@@ -15,6 +35,89 @@ NEAR = 0.01  # times the arm's length: joints nearer than this lie in one point
 ARC = 0.72  # radius of a spherical linkage, times the way from its centre to what slides through it
 STEPS = 24  # of an arc
 TRAVEL = 0.5  # [m] of a slider without limits
+LARGEST = 200_000  # triangles of an arm, beyond which a browser is slow
+
+
+class Mesh(NamedTuple):
+    """Triangles, seen from outside with their corners counter-clockwise."""
+
+    vertices: Floats  # (V, 3) [m]
+    faces: NDArray[np.uint32]  # (F, 3) rows of `vertices`
+
+
+def tube(points: ArrayLike, radius: float) -> Mesh:
+    """Return a round tube along a broken line, with a hemisphere at either end; of two points it is a capsule.
+
+    The cross-sections are turned as little as may be from one to the next [Wang et al. 2008, Computation of rotation
+    minimizing frames], so that a tube along an arc is not twisted.
+
+    Args:
+        points: (P, 3) of its middle line [m], at least two, no two in a row the same.
+        radius: [m].
+    """
+    line = as_array("points", points, (None, 3))
+    steps = np.diff(line, axis=0)
+    ways = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    along = np.vstack([ways[:1], ways[:-1] + ways[1:], ways[-1:]])
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    side = np.eye(3)[np.argmin(np.abs(along[0]))]
+    angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    rings: list[Floats] = []
+
+    def ring(centre: Floats, way: Floats, across: Floats, size: float) -> None:
+        other = np.cross(way, across)
+        rings.append(centre + size * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), other)))
+
+    bends = np.linspace(0.0, 0.5 * np.pi, CAP_RINGS, endpoint=False)[::-1]
+    for k, (point, way) in enumerate(zip(line, along, strict=True)):
+        side = side - (side @ way) * way
+        side = side / np.linalg.norm(side)
+        if k == 0:
+            for bend in bends[:-1]:
+                ring(point - radius * np.sin(bend) * way, way, side, radius * np.cos(bend))
+        ring(point, way, side, radius)
+        if k == len(line) - 1:
+            for bend in bends[::-1][1:]:
+                ring(point + radius * np.sin(bend) * way, way, side, radius * np.cos(bend))
+    ends = line[0] - radius * along[0], line[-1] + radius * along[-1]
+    return _closed(np.vstack(rings), ends)
+
+
+def _closed(rings: Floats, ends: tuple[Floats, Floats]) -> Mesh:
+    """Join rings of SIDES points each, in order, and close the tube by a point at either end."""
+    count = len(rings) // SIDES
+    here = np.arange(SIDES)
+    after = np.roll(here, -1)
+    faces = []
+    for k in range(count - 1):
+        low, high = k * SIDES, (k + 1) * SIDES
+        faces += [
+            np.column_stack([low + here, low + after, high + after]),
+            np.column_stack([low + here, high + after, high + here]),
+        ]
+    first, last = len(rings), len(rings) + 1
+    faces.append(np.column_stack([np.full(SIDES, first), after, here]))
+    top = (count - 1) * SIDES
+    faces.append(np.column_stack([np.full(SIDES, last), top + here, top + after]))
+    return Mesh(np.vstack([rings, *ends]), np.vstack(faces).astype(np.uint32))
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Return several meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    faces = [mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts, strict=True)]
+    return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
+
+
+def grown(mesh: Mesh, by: float) -> Mesh:
+    """Return a mesh whose surface lies further out [m]: a shell about the one that was."""
+    corners = mesh.vertices[mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(mesh.vertices)
+    for corner in range(3):
+        np.add.at(normals, mesh.faces[:, corner], across)
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    return Mesh(mesh.vertices + by * normals / np.maximum(size, 1e-30), mesh.faces)
 
 
 @dataclass(frozen=True)
@@ -162,3 +265,85 @@ def _arc(a: Floats, b: Floats) -> Floats:
 def _point(radius: float) -> Mesh:
     """Return what a link without any extent is drawn as."""
     return tube([[0.0, 0.0, -0.1 * radius], [0.0, 0.0, 0.1 * radius]], TIP * radius)
+
+
+def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
+    """Return an arm's shapes as its file describes them, or as tubes from its kinematics, and why the latter.
+
+    Args:
+        source: What the robot was loaded from.
+        model: The robot.
+    """
+    tubes = arm_shapes(model)
+    if source in robot_names():
+        return tubes, None  # tables describe no looks
+    try:
+        described = described_geometry(source, model, kind="visual")
+        if described is None:
+            return tubes, None
+        shapes = described_shapes(described.shapes, model, tubes)
+    except (CatenaryError, OSError) as error:
+        return tubes, f"drawn as tubes: {error}"
+    faces = sum(len(mesh.faces) for mesh in shapes.links)
+    if faces > LARGEST:
+        return tubes, f"drawn as tubes: its meshes have {faces} triangles, more than {LARGEST}"
+    return shapes, None
+
+
+def described_shapes(shapes: tuple[Shape, ...], model: RobotModel, tubes: ArmShapes) -> ArmShapes:
+    """Return forms fixed to links as one mesh a link; a link without any is a point at its joint."""
+    found: dict[int, list[Mesh]] = {}
+    for shape in shapes:
+        mesh = form_mesh(shape.form)
+        if mesh is not None:
+            vertices = mesh.vertices @ shape.pose.rotation.T + shape.pose.position
+            found.setdefault(shape.link, []).append(Mesh(vertices, mesh.faces))
+    length = arm_length(model)
+    speck = tube([[0.0, 0.0, -1e-3 * length], [0.0, 0.0, 1e-3 * length]], 1e-3 * length)
+    links = tuple(joined(found.get(link, [speck])) for link in range(len(model.link_names)))
+    base = joined(found[-1]) if -1 in found else tubes.base
+    return ArmShapes(links, base, length)
+
+
+def form_mesh(form: Form) -> Mesh | None:
+    """Return a form as triangles; None of a floor or wall, which is no link."""
+    import trimesh
+
+    if isinstance(form, HalfSpace):
+        return None
+    if isinstance(form, TriangleMesh):
+        return Mesh(np.asarray(form.vertices), form.triangles.astype(np.uint32))
+    if isinstance(form, MeshFile):
+        return _read(form.path, form.scale)
+    if isinstance(form, Capsule):
+        half = np.array([0.0, 0.0, max(0.5 * form.length, 1e-9)])
+        return tube([-half, half], form.radius)
+    if isinstance(form, Cylinder):
+        return _mesh(trimesh.creation.cylinder(radius=form.radius, height=form.length, sections=32))
+    if isinstance(form, Box):
+        return _mesh(trimesh.creation.box(extents=(form.x, form.y, form.z)))
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    size = np.full(3, form.radius) if isinstance(form, Ball) else np.array(_axes(form))
+    return Mesh(np.asarray(ball.vertices) * size, np.asarray(ball.faces, dtype=np.uint32))
+
+
+def _axes(form: Ellipsoid) -> tuple[float, float, float]:
+    return form.x, form.y, form.z
+
+
+def _read(path: Path, scale: tuple[float, float, float]) -> Mesh:
+    import trimesh
+
+    try:
+        mesh = _mesh(trimesh.load(path, force="mesh"))
+    except Exception as error:  # whatever a reader of a foreign format raises
+        raise FileFormatError(f"{path}: cannot be read as a mesh: {error}") from error
+    if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
+        raise FileFormatError(f"{path}: holds no triangles of finite numbers")
+    factors = np.array(scale)
+    faces = mesh.faces[:, ::-1] if np.prod(factors) < 0.0 else mesh.faces
+    return Mesh(mesh.vertices * factors, np.ascontiguousarray(faces))
+
+
+def _mesh(mesh: Any) -> Mesh:
+    return Mesh(np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.uint32))

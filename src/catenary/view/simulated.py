@@ -22,9 +22,20 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY
-from catenary.view.controls import Change, Value
-from catenary.view.described import shapes_of
-from catenary.view.driving_tabs import (
+from catenary.view.page_process import StatePage
+from catenary.view.shapes import shapes_of
+from catenary.view.shown import Change, Shown, Value
+from catenary.view.state import ViewState
+from catenary.view.steering import (
+    ChosenController,
+    Motion,
+    SteeredTrajectory,
+    SwitchedCorrector,
+    random_motions,
+    way_to,
+    zigzags,
+)
+from catenary.view.surroundings import (
     CONTROLLERS,
     ENABLE,
     GO_TO,
@@ -36,15 +47,10 @@ from catenary.view.driving_tabs import (
     RANDOM,
     REST,
     ZIGZAG,
+    Surroundings,
     driving_tabs,
 )
-from catenary.view.from_snapshot import view_state
-from catenary.view.motions import random_motions, way_to, zigzags
-from catenary.view.page_process import StatePage
-from catenary.view.shown import Shown
-from catenary.view.state import ViewState
-from catenary.view.steering import ChosenController, Motion, SteeredTrajectory, SwitchedCorrector
-from catenary.view.surroundings import Surroundings
+from catenary.view.watched import view_state
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
 

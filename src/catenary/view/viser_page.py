@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.view.controls import (
+from catenary.view.curves import Curves, Plot, RecordedCurves
+from catenary.view.gate import gated, require_gate
+from catenary.view.scene import ARMS, Scene, TipPaths, scene_of
+from catenary.view.shapes import grown
+from catenary.view.shown import (
     HOLD_HZ,
     NOBODY,
     ButtonsControl,
@@ -17,15 +21,12 @@ from catenary.view.controls import (
     Control,
     ControlTab,
     HeldControl,
+    Shown,
     SliderControl,
     accepted,
+    extent_of,
 )
-from catenary.view.curves import Curves, Plot, RecordedCurves
-from catenary.view.gate import gated, require_gate
-from catenary.view.scene import ARMS, Scene, TipPaths, scene_of
-from catenary.view.shown import Shown, extent_of
 from catenary.view.state import ViewState
-from catenary.view.tubes import grown
 from catenary.view.words import COLOURS, GRAVITY_COLOURS, gravity_html, joints_html, status_html
 
 HOST = "127.0.0.1"  # viser's own default is every address

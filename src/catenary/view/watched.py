@@ -1,16 +1,97 @@
-"""A robot beside which the view only shows: over ROS, read and never moved."""
+"""A robot that is only shown, over ROS, read and never moved; a snapshot as a state of the view."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
+
+from catenary.arrays import Floats
 from catenary.monitor import Snapshot
-from catenary.view.from_snapshot import state_in_words, view_state
 from catenary.view.page_process import StatePage
 from catenary.view.shapes import ArmShapes
-from catenary.view.shown import Shown
+from catenary.view.shown import Shown, Value
+from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.snapshots import watch_robot
+
+
+def view_state(
+    snapshot: Snapshot,
+    n: int,
+    *,
+    feedback: Floats | None = None,
+    assumed: Floats | None = None,
+    actual: Floats | None = None,
+    nominal_hz: float | None = None,
+    mode: str = "",
+    notes: tuple[str, ...] = (),
+    values: Mapping[str, Value] = {},  # nobody writes it
+) -> ViewState:
+    """Return what the view shows of a snapshot.
+
+    The true arm is the one that external encoders tell of where a model is there that learned from them, and that of
+    the joints themselves otherwise: a RAVEN-II's encoders call other places zero than the robot does.
+
+    Args:
+        snapshot: Of a robot whose first n joints are the model's.
+        n: Number of the model's joints.
+        feedback: (n,) torque of the PD term [Nm|N].
+        assumed: (3,) gravity that the controller goes by [m/s2].
+        actual: (3,) gravity as it is [m/s2].
+        nominal_hz: At which ticks should come.
+        mode: What the robot does, in words; its operating state when empty.
+        notes: Further warnings, after the snapshot's own.
+        values: Of the page's controls.
+    """
+    unknown = unknown_state(n)
+    missing = unknown.q
+
+    def of_joints(values: Floats | None) -> Floats:
+        return missing if values is None else np.asarray(values, dtype=float)[:n]
+
+    inside = None if snapshot.inside is None else np.asarray(snapshot.inside, dtype=float)
+    rate = np.nan
+    if nominal_hz is not None and snapshot.rate_hz is not None:
+        rate = snapshot.rate_hz / nominal_hz
+    return unknown._replace(
+        time=snapshot.time,
+        q=of_joints(snapshot.q),
+        calibrated=of_joints(snapshot.calibrated),
+        interval=of_joints(snapshot.interval),
+        inside=of_joints(inside),
+        true=of_joints(_true(snapshot)),
+        setpoint=of_joints(snapshot.setpoint),
+        tau=of_joints(snapshot.tau),
+        gravity_tau=of_joints(snapshot.gravity_tau),
+        feedback=of_joints(feedback),
+        gravity=unknown.gravity if snapshot.gravity is None else snapshot.gravity,
+        assumed=unknown.assumed if assumed is None else assumed,
+        actual=unknown.actual if actual is None else actual,
+        gravity_age=snapshot.gravity_age,
+        rate=rate,
+        late=float(snapshot.late),
+        mode=mode or state_in_words(snapshot),
+        warnings=(*snapshot.warnings(), *notes),
+        values=values,
+    )
+
+
+def state_in_words(snapshot: Snapshot) -> str:
+    """Return a robot's operating state as text; nothing of a recording."""
+    state = snapshot.operating
+    if state is None:
+        return ""
+    homed = "homing" if state.is_busy else "homed" if state.is_homed else "not homed"
+    return f"{state.state}, {homed}"
+
+
+def _true(snapshot: Snapshot) -> Floats | None:
+    encoder, error = snapshot.encoder, snapshot.error
+    compared = snapshot.calibrated is not None or error is None
+    if encoder is not None and compared and np.isfinite(encoder).any():
+        return encoder
+    return None if error is None else snapshot.q[: len(error)] - error
 
 
 class WatchedArm:

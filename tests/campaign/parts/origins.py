@@ -167,7 +167,7 @@ def _require_alive(page: "PageProcess") -> None:
 
 def messages(seed: int, folder: Path) -> None:
     """Send whatever as one who knows the address; what is told is what the controls may have, and the page goes on."""
-    from catenary.view.controls import NOBODY
+    from catenary.view.shown import NOBODY
     from view.connected import Connected, connect, shown_arm
 
     rng = np.random.default_rng([seed, 1])

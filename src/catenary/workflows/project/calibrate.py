@@ -14,7 +14,7 @@ from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
 from catenary.recording.logs import Reading, read_logs
-from catenary.reports.error_tables import percent
+from catenary.reports.joint_errors import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import robot_of, verdict

@@ -1,1 +1,0 @@
-"""Commands that run beside others until they are ended: a served robot, sensors as topics."""

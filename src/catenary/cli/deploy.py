@@ -1,0 +1,165 @@
+"""catenary deploy: a calibration model at work, in a simulated robot's loop or beside a robot on ROS."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from catenary.cli.gravity_options import GravityOptions
+from catenary.cli.options import AS_JSON, argument, option
+from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project, step_progress
+from catenary.cli.robot_choice import NODE_NAME, ros_transport
+from catenary.cli.terminal import announce, print_json, print_notes
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.calibration.model import CalibrationModel
+    from catenary.crtk.reader import CrtkReader
+    from catenary.nodes.calibrated_topics import CalibratedTopics, WireReport
+
+
+def deploy(
+    gravity: GravityOptions,
+    model: Path = argument("MODEL", "A calibration model of the project's robot."),
+    project: Path | None = argument(
+        "PROJECT", "Folder of the project; none with --ros.", None, not_with=("ros", "ros_distro")
+    ),
+    seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
+    real_time: bool = option(
+        None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"
+    ),
+    ros: int | None = option(
+        "1|2", "Beside a robot on ROS: publish its messages corrected.", choices=(1, 2), joins_ros=True
+    ),
+    arm: str = option(
+        None, "With --ros: gold (left) or green.", "gold", choices=("gold", "green"), goes_with="ros"
+    ),
+    dialect: str | None = option(
+        None, "With --ros: raven or crtk. [default: raven; of a dVRK PSM crtk]", goes_with="ros"
+    ),
+    namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros"),
+    rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros"),
+    name: str | None = replace(NODE_NAME, goes_with="ros"),
+    no_mend: bool = option(None, "The robot reports as the model's training data were mended to be.", False),
+    gravity_torque: bool = option(
+        None, "With --ros: also publish the torques that hold the joints still.", False, goes_with="ros"
+    ),
+    as_json: bool = AS_JSON,
+) -> None:
+    """Run a model in a robot's loop, or beside one on ROS.
+
+    Prints latency, the share of time in the valid range, and the error while it runs.
+    """
+    if ros is None and project is None:
+        raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
+    if seconds is not None and not seconds > 0.0:
+        raise InputError(f"--seconds: expected more than 0, got {seconds}")
+    from catenary.calibration.model_file import load_model
+
+    imu = gravity.source()
+    loaded, _ = load_model(model)
+    loaded = replace(loaded, mends={}) if no_mend else loaded
+    if project is not None:
+        _in_a_loop(
+            project, loaded, 20.0 if seconds is None else seconds, real_time=real_time, as_json=as_json
+        )
+        return
+    from catenary.crtk.network import node_name
+    from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
+
+    if gravity_torque and imu is None:
+        print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
+    with (
+        ros_transport(ros or 1, node_name("deploy", name)) as transport,
+        reader_of(
+            loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, imu=imu
+        ) as client,
+    ):
+        topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque)
+        failure: BaseException | None = None
+        try:
+            _tell_while_deployed(topics, client, float("inf") if seconds is None else seconds)
+        except KeyboardInterrupt:
+            pass  # the usual end
+        except BaseException as error:
+            failure = error
+        report = topics.report()
+        topics.close()
+    _show_deployment(model, arm, report, as_json=as_json)
+    if failure is not None:
+        raise failure  # behind the report, which is there whatever ended it
+
+
+def _in_a_loop(
+    project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool
+) -> None:
+    from catenary.config import plain_data
+    from catenary.reports.page import Column, Table
+    from catenary.simulation.plant_state import restore_plant
+    from catenary.workflows.project.calibrate import TRAIN, random_motion
+    from catenary.workflows.project.deploy import deploy_on_robot
+    from catenary.workflows.project.robot import left_at, make_plant
+
+    require_project(project)
+    opened = open_project(project)
+    plant = make_plant(opened.settings)
+    left = left_at(opened, TRAIN)
+    restore_plant(plant, left if left.is_file() else left_at(opened, "home"))
+    plant.state_command("enable")
+    motion, _ = random_motion(opened, seconds, 1)
+    with step_progress(f"{seconds:g} s at 1 kHz"):
+        result = deploy_on_robot(plant, model, motion, real_time=real_time)
+    if as_json:
+        print_json(plain_data(result))
+        return
+    print(result.loop)
+    columns = [
+        Column("joint", "name"),
+        Column("unit", "unit"),
+        Column("reported", "raw_rmse", ".3f"),
+        Column("corrected", "rmse", ".3f"),
+    ]
+    if result.coverage_asked is not None:
+        columns.append(Column(f"within intervals ({result.coverage_asked:.0%} asked)", "coverage", ".0%"))
+    print(Table(columns, result.joints, "RMSE while the loop ran").text())
+
+
+_OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": "its inputs are back"}
+
+
+def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", seconds: float) -> None:
+    """Run a deployed model, and say what changes: the robot's silence, its faults, stale inputs."""
+    transport = client.transport
+    end, said = transport.steady() + seconds * 1e9, dict[str, str]()
+    while (left := (end - transport.steady()) * 1e-9) > 0.0:
+        topics.run(min(0.5, left))
+        now = {
+            "silence": "the robot is silent" if topics.is_silent else "",
+            "fault": f"the robot is in FAULT: {client.fault_reason}" if client.fault_reason else "",
+            "stale": f"stale input: {topics.stale[0].partition(':')[0]}" if topics.stale else "",
+        }
+        for kind, text in now.items():
+            if text != said.get(kind, ""):
+                announce(text or _OVER[kind])
+        said = now
+
+
+def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bool) -> None:
+    if as_json:
+        print_json({"model": str(model), "arm": arm, **report.as_data()})
+        return
+    from catenary.reports.page import Column, Table
+
+    rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
+    print(
+        f"{report.published} of {report.messages} messages corrected in {report.seconds:.1f} s, {rate}; "
+        f"{report.late} late, {report.missed} missed, {report.not_homed} while not homed, "
+        f"{report.unreadable} unreadable, {report.stale} with a stale input"
+    )
+    print(f"silences: {report.silences}, the longest {report.longest_silence:.2f} s")
+    if report.latency is not None:
+        row = ["arrival to publication [us]", *(f"{1e6 * value:.0f}" for value in report.latency)]
+        print(Table(["", "median", "p99", "p99.9", "largest"], [row], "Latency").text())
+    shares = [100.0 * share for share in report.outside]
+    columns = [Column("joint"), Column("share", form=".1f", after=" %")]
+    rows = list(zip(report.joint_names, shares, strict=True))
+    print(Table(columns, rows, "Messages outside the valid range").text())

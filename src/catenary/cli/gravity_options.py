@@ -1,0 +1,203 @@
+"""Where gravity comes from: a topic beside a robot on ROS, or samples of a sensor on the base."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from catenary.cli.options import Triple, group, numbers, option
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.arrays import Floats
+    from catenary.crtk.gravity_topic import ImuTopic
+    from catenary.sensing.checks import SensorRules
+    from catenary.sensing.imu import SensedGravity
+    from catenary.sensing.mounting import Mounting
+    from catenary.sensing.vector import Mailbox
+
+
+def base_tilt(text: str) -> tuple[float, float]:
+    """Read roll and pitch of a base [deg]."""
+    angles = numbers(text)
+    if len(angles) != 2 or not all(map(math.isfinite, angles)):
+        raise typer.BadParameter(f"expected roll and pitch in degrees, as 0,20; got {text!r}")
+    return angles[0], angles[1]
+
+
+LEVEL_BASE = (0.0, 0.0)  # roll and pitch [deg]
+BASE_TILT = option(
+    "R,P",
+    "Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
+    read=base_tilt,
+)
+TILT_OF_BASE = option("R,P", "Roll about x, then pitch about y, of the base.", read=base_tilt)
+IMU_READING = option(
+    "AX,AY,AZ", "In place of --gravity: what an accelerometer on the base reads at rest, up, in m/s2."
+)
+MOUNTING_FILE = option("FILE", "Sensor's mounting file.")
+
+
+def gravity_of_reading(reading: Triple, mounting: Path | None = None) -> "Floats":
+    """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting file."""
+    from catenary.arrays import as_array
+    from catenary.sensing.mounting import Mounting, load_mounting
+    from catenary.sensing.vector import Kind
+
+    told = Mounting() if mounting is None else load_mounting(mounting)
+    return told.gravity(as_array("--imu-reading", reading, (3,)), Kind.SPECIFIC_FORCE)
+
+
+@group
+class GivenGravity:
+    """Options that say which way gravity points in an arm's base at rest; down on a level one without any."""
+
+    base_tilt_deg: tuple[float, float] | None = BASE_TILT
+    vector: Triple | None = option(
+        "X,Y,Z",
+        "Gravity vector in base axes, z up, in m/s2.",
+        flag="--gravity",
+        not_with=("base_tilt_deg", "imu_reading"),
+    )
+    imu_reading: Triple | None = replace(IMU_READING, not_with="base_tilt_deg")
+    mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu_reading")
+
+    def told(self) -> "Floats":
+        """Return gravity, (3,) in base axes [m/s2]."""
+        import numpy as np
+
+        from catenary.arrays import as_array
+        from catenary.sensing.vector import tilted_gravity
+        from catenary.spatial import LEVEL
+
+        if self.imu_reading is not None:
+            return gravity_of_reading(self.imu_reading, self.mounting)
+        if self.base_tilt_deg is not None:
+            roll, pitch = np.deg2rad(self.base_tilt_deg)
+            return tilted_gravity(float(roll), float(pitch))
+        return LEVEL if self.vector is None else as_array("gravity", self.vector, (3,))
+
+    def doubts(self, gravity: "Floats") -> list[str]:
+        """Return in words why this gravity may not be the one that was meant."""
+        from catenary.sensing.vector import gravity_doubts
+
+        return gravity_doubts(gravity, hanging=self.base_tilt_deg is not None)
+
+
+@group
+class RuleOptions:
+    """Options that say what of a sensor on a base is believed."""
+
+    mounting_on: str = option(
+        "table|cart|vehicle|ship",
+        "What carries the base: gives rules, cut-off and times that suit how it moves.",
+        "table",
+    )
+    sensor_noise: float | None = option(
+        "M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0
+    )
+    rule: Sequence[str] = option(
+        "NAME=VALUE",
+        "A rule of what is believed, as max_push=4; repeatable. docs/gravity-vector.md has all of them.",
+    )
+    hanging: bool = option(None, "The base may hang upside down.", False)
+
+    def rules(self) -> "SensorRules":
+        """Return what is believed."""
+        from catenary.sensing.bases import CHEAP_NOISE, rules_for
+
+        changes = {"max_tilt": math.pi} if self.hanging else {}
+        changes |= dict(_rule(text) for text in self.rule)
+        noise = CHEAP_NOISE if self.sensor_noise is None else self.sensor_noise
+        return rules_for(self.mounting_on, noise=noise, changes=changes)
+
+
+@group
+class GravityOptions(RuleOptions):
+    """Options that say where gravity comes from; nominal gravity without any."""
+
+    gravity: str | None = option(
+        "TOPIC",
+        "With --ros: gravity of `catenary gravity-node`, as /gravity.",
+        goes_with="ros",
+        not_with="imu",
+    )
+    imu: str | None = option(
+        "TOPIC", "With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw.", goes_with="ros"
+    )
+    mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu")
+
+    def source(self) -> "ImuTopic | None":
+        """Return the topic that gravity comes from; None for nominal gravity."""
+        if self == GravityOptions():
+            return None
+        if self.imu is None and replace(self, gravity=None) != GravityOptions():
+            raise InputError(
+                "--mounting-on, --sensor-noise, --rule and --hanging go with --imu; a gravity node and a simulated "
+                "robot have their own"
+            )
+        from catenary.crtk.gravity_topic import ImuTopic, published_gravity
+        from catenary.sensing.mounting import Mounting, load_mounting
+
+        if self.gravity is not None:
+            return published_gravity(self.gravity)
+        mounting = Mounting() if self.mounting is None else load_mounting(self.mounting)
+        return ImuTopic(self.imu or "", mounting=mounting, rules=self.rules())
+
+
+@group
+class SensingOptions(RuleOptions):
+    """Options of every command that turns samples of a sensor into gravity."""
+
+    cutoff_hz: float | None = option("HZ", "Half power of the filter. [default: what suits --mounting-on]")
+    fallback: str = option("hold|fade|static|stop", "What gravity becomes when samples stop.", "fade")
+    stale_after: float = option("S", "Age from which the newest sample counts as held.", 0.05)
+    age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
+    attitude_time: float | None = option(
+        "S", "Average of the direction that fade goes to. [default: suits --mounting-on]"
+    )
+    start_limit: float = option("S", "Without a believed sample for so long, fallback stop stops.", 1.0)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return what was given, as plain data."""
+        defaults = SensingOptions()
+        return {name: value for name, value in vars(self).items() if value != getattr(defaults, name)}
+
+    def source(
+        self,
+        mailbox: "Mailbox",
+        mounting: "Mounting",
+        *,
+        angular: bool,
+        feed: Callable[[float], None] | None = None,
+    ) -> "SensedGravity":
+        """Return the source of gravity that reads a mailbox so."""
+        from catenary.sensing.imu import SensedGravity
+
+        return SensedGravity(
+            mailbox,
+            mounting,
+            mounted_on=self.mounting_on,
+            angular=angular,
+            fallback=self.fallback,
+            cutoff_hz=self.cutoff_hz,
+            stale_after=self.stale_after,
+            age_limit=self.age_limit,
+            attitude_time=self.attitude_time,
+            start_limit=self.start_limit,
+            rules=self.rules(),
+            feed=feed,
+        )
+
+
+def _rule(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError as error:
+        raise InputError(f'--rule "{text}": expected NAME=VALUE with a number, as max_push=4') from error
+    key = name.strip().replace("-", "_")
+    return key, int(number) if key in ("stuck_samples", "confirm") and number.is_integer() else number

@@ -1,1 +1,0 @@
-"""Commands that show a robot's model: as pictures, as formulas."""

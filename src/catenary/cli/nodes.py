@@ -1,0 +1,322 @@
+"""catenary serve, button, encoders, gravity-node: simulated robots and devices as topics."""
+
+import contextlib
+import logging
+import sys
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from catenary.cli.gravity_options import LEVEL_BASE, MOUNTING_FILE, SensingOptions, base_tilt
+from catenary.cli.options import (
+    AS_JSON,
+    LINES_AS_JSON,
+    REQUIRED,
+    Triple,
+    option,
+    require_one,
+    robots_beginning,
+)
+from catenary.cli.robot_choice import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
+from catenary.cli.terminal import announce, print_json, print_json_line, print_notes
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.crtk.serving.server import Server
+    from catenary.nodes.encoder_node import EncoderStatus
+    from catenary.nodes.gravity_node import GravityStatus
+    from catenary.nodes.serve import ServerStatus
+
+DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
+
+
+def serve(
+    robot: str = option("NAME", "Robot to simulate.", "raven2", completes=robots_beginning),
+    dialect: str | None = option(
+        "raven|crtk",
+        "Topics of the RAVEN-II, or the present CRTK. [default: the robot's own]",
+        choices=("raven", "crtk"),
+    ),
+    namespace: str | None = option("/NAME", "Of a dVRK PSM: in front of its topics. [default: /PSM1]"),
+    ros: str = CARRIER,
+    name: str = option("NAME", "Of the robot's node; two cannot have one.", "catenary_robot"),
+    rate: float = option("HZ", "Rate at which its state is published.", 1000.0),
+    seed: int | None = SIMULATED_SEED,
+    base_tilt_deg: tuple[float, float] = option(
+        "ROLL,PITCH", "Tilt of the base: roll about x, then pitch about y.", LEVEL_BASE, read=base_tilt
+    ),
+    payload: float = option("KG", "Mass at the tool's wrist.", 0.0),
+    green: bool = option(None, "Let the green arm move too; else it is parked.", False),
+    homed: bool = option(None, "Begin homed; homing takes half a minute.", False),
+    encoders: bool = option(
+        None,
+        "Dialect raven: publish external encoders at the gold arm's joints, /ext_jpos and /joint_enc; of a "
+        "PSM what a tracker sees, tracker/measured_js.",
+        True,
+        flag="--encoders/--no-encoders",
+    ),
+    start: bool = option(None, "Press the silver button at once; with crtk: enable and home.", False),
+    grav_dir: str | None = option(
+        "X,Y,Z",
+        "Gravity compensation of the robot's own, by this gravity in whole cm/s2, z down: 0,0,980 as on the "
+        "real one. [default: none]",
+    ),
+    torque_arm: str | None = option(
+        "gold|green",
+        "Dialect raven: this arm's servo_jp carries torques of its motors in mNm, as on the robot that the UW "
+        "changed for its torque controller. [default: none]",
+        choices=("gold", "green"),
+    ),
+    duration: float | None = DURATION,
+    as_json: bool = LINES_AS_JSON,
+) -> None:
+    """Serve a simulated robot over ROS, in real time.
+
+    Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state
+    command, or `grav-dir 0,0,980` and `grav-dir off` for the robot's own gravity compensation.
+
+    Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
+    """
+    from catenary.crtk.network import make_transport, node_name
+    from catenary.crtk.serving.server import whole_numbers
+    from catenary.nodes.serve import Serving, make_server, prepare
+    from catenary.nodes.serve import serve as run
+    from catenary.open_robot import Simulated, tilted_base
+
+    is_raven = robot == "raven2"
+    dialect = dialect or ("raven" if is_raven else "crtk")
+    by = None if grav_dir is None else whole_numbers(grav_dir)
+    # what it reports is in the status, which is shown; Python would print it a second time
+    logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
+    if is_raven and namespace is not None:
+        raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
+    where = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=by)
+    serving = Serving(
+        robot, dialect, where, green, encoders,  # type: ignore[arg-type]
+        torque_arm=torque_arm, namespace=namespace or "/PSM1",
+    )  # fmt: skip
+    with make_transport(ros, node_name("robot", name)) as transport:
+        server = make_server(serving, transport, rate_hz=rate)
+        commands = deque(["start"] if start else [])
+        announce("preparing the robot ...")
+        prepare(server)
+        print_notes([_greeting(server, dialect, ros)])
+        _listen(commands)
+        final = run(server, commands=commands, show=_show_json if as_json else _show, duration=duration)
+    arms = ", ".join(f"{name} {text}" for name, text in final.states.items())
+    print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
+    if as_json:
+        _show_json(final, final=True)
+    else:
+        print(
+            f"{final.seconds:.1f} s at {final.rate_hz:.0f} Hz, {100 * final.cpu:.0f} % of a core; ticks lost: "
+            f"{final.lost_ticks}; messages that clients missed: {final.overflowed}"
+        )
+
+
+def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_JSON) -> None:
+    """Press the silver button of a served RAVEN-II: it homes."""
+    from catenary.crtk.network import make_transport, node_name
+    from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
+
+    with make_transport(ros, node_name("button", name)) as transport:
+        answer = transport.call(BUTTON, BUTTON_TYPE)
+    if as_json:
+        print_json({"success": answer.success, "message": answer.message})
+    else:
+        print(answer.message)
+    if not answer.success:
+        raise typer.Exit(1)
+
+
+def _greeting(server: "Server", dialect: str, ros: str) -> str:
+    where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}
+    text = f"serving {server.published} topics in dialect {dialect} {where[ros]}; Ctrl-C ends it"
+    if server.button is not None:
+        text += "; `button` and Enter, or `catenary button`, presses the silver button"
+    return text
+
+
+def _listen(commands: deque[str]) -> None:
+    """Take lines from standard input, in a thread that ends with the program."""
+    import threading
+
+    if sys.stdin is None or sys.stdin.closed:
+        return
+
+    def read() -> None:
+        # a standard input that nobody can read, or that is closed
+        with contextlib.suppress(OSError, ValueError):
+            for line in sys.stdin:
+                if line.strip():
+                    commands.append(line.strip())
+
+    threading.Thread(target=read, name="keyboard", daemon=True).start()
+
+
+def _show(status: "ServerStatus") -> None:
+    arms = ", ".join(f"{name} {text}" for name, text in status.states.items())
+    line = (
+        f"{status.seconds:7.0f} s  {status.rate_hz:5.0f} Hz  {100 * status.cpu:3.0f} % cpu  {arms}  "
+        f"{status.commands_hz:.0f} commands/s of {status.clients} programs"
+    )
+    if status.lost_ticks:
+        line += f"  {status.lost_ticks} ticks lost"
+    if not status.is_up:
+        line += "  NO MASTER"
+    print(line, flush=True)
+    print_notes(status.warnings)
+
+
+def _show_json(status: "ServerStatus", *, final: bool = False) -> None:
+    print_json_line(status._asdict() | {"final": final})
+
+
+def encoders(
+    port: str = option("PORT", "Serial port, as /dev/ttyUSB0.", REQUIRED),
+    ros: str = CARRIER,
+    name: str | None = NODE_NAME,
+    bits: int = option("16|24|32", "Width of the board's counters.", 32),
+    direction: Triple = option("D,D,D", "-1 for an encoder that counts against its joint.", (1.0, 1.0, 1.0)),
+    state: str = option("TOPIC", "Topic of the homing robot's operating state.", "/arm1/operating_state"),
+    baud: int = BAUD,
+    duration: float | None = DURATION,
+    as_json: bool = LINES_AS_JSON,
+) -> None:
+    """Publish the counts and positions of joint encoders.
+
+    Topics: joint_enc (counts) and, once registered, ext_jpos (rad, rad, m). Home the robot while this runs: its
+    stops register the encoders.
+
+    The exit code is 1 when positions were not valid at the end.
+
+    Example: catenary encoders --port /dev/ttyUSB0 --ros 1
+    """
+    import numpy as np
+
+    from catenary.crtk.network import make_transport, node_name
+    from catenary.devices.encoder_board import EncoderBoard
+    from catenary.devices.encoder_rig import EncoderRig
+    from catenary.nodes.encoder_node import EncoderNode, publish_encoders
+
+    rig = EncoderRig(bits=bits, direction=np.array(direction))
+    with (
+        make_transport(ros, node_name("encoders", name)) as transport,
+        EncoderBoard(port, rig, baud=baud) as board,
+    ):
+        board.wait_ready()
+        node = EncoderNode(board, transport, state_topic=state)
+        print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
+        show = _shown(_encoder_line, as_json)
+        final = publish_encoders(node, duration=duration, show=show)
+    show(final, final=True)
+    if not final.reading.is_valid:
+        raise typer.Exit(1)
+
+
+def gravity_node(
+    sensing: SensingOptions,
+    imu: str | None = option("TOPIC", "A sensor_msgs/Imu, as /imu/data_raw."),
+    accel: str | None = option("TOPIC", "A geometry_msgs/AccelStamped."),
+    vector: str | None = option("TOPIC", "A geometry_msgs/Vector3Stamped."),
+    port: str | None = option("PORT", "Serial port of an accelerometer board."),
+    mounting: Path | None = MOUNTING_FILE,
+    ros: str = CARRIER,
+    name: str | None = NODE_NAME,
+    rate: float = option("HZ", "Rate at which gravity is published.", 100.0),
+    topic: str = option("TOPIC", "Topic that gravity is published on.", "/gravity"),
+    frame: str = option("NAME", "frame_id of the published gravity.", "base"),
+    points_down: bool = option(
+        None, "The topic's vectors are gravity, not specific force.", False, not_with="port"
+    ),
+    no_gyroscope: bool = option(None, "Ignore the Imu's angular rates.", False),
+    baud: int = replace(BAUD, goes_with="port"),
+    duration: float | None = DURATION,
+    as_json: bool = LINES_AS_JSON,
+) -> None:
+    """Publish gravity as a sensor on the base measures it.
+
+    The exit code is 1 when nothing that can be believed was measured.
+
+    Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
+    """
+    from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
+    from catenary.crtk.network import make_transport, node_name
+    from catenary.devices.accelerometer import SerialAccelerometer
+    from catenary.nodes.gravity_node import GravityNode, publish_gravity
+    from catenary.sensing.mounting import Mounting, load_mounting
+    from catenary.sensing.vector import Mailbox
+
+    require_one(imu=imu, accel=accel, vector=vector, port=port)
+    told, mailbox = Mounting() if mounting is None else load_mounting(mounting), Mailbox()
+    with ExitStack() as stack:
+        transport = stack.enter_context(make_transport(ros, node_name("gravity", name)))
+        feed: Callable[[float], None] | None = None
+        counts: Any
+        if port is not None:
+            device = stack.enter_context(
+                SerialAccelerometer(port, mailbox, baud=baud, clock=lambda: now_of(transport))
+            )
+            hello = device.wait_ready()
+            print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
+            told, angular, counts = device.with_ranges(told), hello.has_gyroscope, device.counts
+        else:
+            given = zip((imu, accel, vector), TYPES, strict=True)
+            name, kind = next((name, kind) for name, kind in given if name is not None)
+            heard = GravityTopic(transport, name, kind, mailbox, points_down=points_down)
+            print_notes([f"{heard.topic}: waiting for {kind}"])
+            feed, angular, counts = heard.feed, imu is not None, heard.tally
+        angular = angular and not no_gyroscope
+        source = sensing.source(mailbox, told, angular=angular, feed=feed)
+        node = GravityNode(transport, source, topic=topic, frame_id=frame)
+        show = _shown(_gravity_line, as_json)
+        final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)
+    show(final, final=True)
+    if "live" not in node.tally.report().ticks:
+        raise typer.Exit(1)
+
+
+def _shown(line: Callable[[Any], tuple[str, Sequence[str]]], as_json: bool) -> Callable[..., None]:
+    """Return what prints a status: as JSON, or as a line to read and those remarks that are new."""
+    said: list[str] = []
+
+    def show(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
+        if as_json:
+            print_json_line({"final": status.as_data()} if final else status.as_data())
+            return
+        text, remarks = line(status)
+        master = "" if status.is_up else "  NO MASTER"
+        print(f"{text}  {status.subscribers} programs listen{master}", flush=True)
+        if list(remarks) != said:
+            said[:] = remarks
+            print_notes(said)
+
+    return show
+
+
+def _encoder_line(status: "EncoderStatus") -> tuple[str, Sequence[str]]:
+    import numpy as np
+
+    reading = status.reading
+    counts = " ".join(f"{value:.0f}" for value in reading.counts)
+    place = reading.reason
+    if reading.is_valid:
+        a, b, c = reading.q_encoder * [180.0 / np.pi, 180.0 / np.pi, 1e3]
+        place = f"{a:.3f} deg {b:.3f} deg {c:.3f} mm"
+    robot = f"  robot {status.robot}" if status.robot else ""
+    text = f"{status.seconds:7.0f} s  {reading.rate_hz:4.0f} Hz  {counts} counts  {place}{robot}"
+    return text, [reading.complaint] if reading.complaint else []
+
+
+def _gravity_line(status: "GravityStatus") -> tuple[str, Sequence[str]]:
+    x, y, z = status.reading.gravity
+    tilt, state = status.as_data()["tilt_deg"], status.reading.status.value
+    text = (
+        f"{status.seconds:7.0f} s  gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, tilt {tilt:.2f} deg, {state}"
+    )
+    return text, status.warnings

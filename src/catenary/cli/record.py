@@ -1,0 +1,258 @@
+"""catenary home, excite, record: a robot finds its joints; a project's moves, or others move it, and is recorded."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from catenary.cli.options import AS_JSON, argument, option, robots_beginning
+from catenary.cli.projects import (
+    ARM_KIND,
+    ARM_NAMESPACE,
+    FOLDER,
+    HOURS,
+    ArmOptions,
+    ExcitationOptions,
+    RobotAccess,
+    open_project,
+    require_project,
+    robot_of,
+    say_step,
+    step_progress,
+)
+from catenary.cli.robot_choice import PacedRobot, TerminalGuide, open_robot, ros_transport
+from catenary.cli.signals import exit_code
+from catenary.cli.terminal import announce, print_json, print_notes
+from catenary.errors import InputError
+from catenary.units import in_words
+
+if TYPE_CHECKING:
+    from catenary.workflows.project.folder import Project
+    from catenary.workflows.robot.homing import Homing
+    from catenary.workflows.robot.topic_recorder import RecordedTopics
+
+
+def home(
+    arm: ArmOptions,
+    access: RobotAccess,
+    project: Path | None = argument(
+        "PROJECT", "Folder of the robot's project; made if it is not there.", None
+    ),
+    robot: str | None = option(
+        "ROBOT", "Which one; of a project raven2 or dvrk_psm. [default: raven2]", completes=robots_beginning
+    ),
+    dialect: str | None = option(
+        None,
+        "Without a project, with --ros: raven or crtk. [default: raven]",
+        goes_with="ros",
+        not_with="project",
+    ),
+    namespace: str | None = option(
+        "/NAME", "With --dialect crtk, or of a dVRK PSM: in front of its verbs.", goes_with=("ros", "project")
+    ),
+    as_json: bool = AS_JSON,
+) -> None:
+    """Home a robot.
+
+    Every axis runs into its stop, which registers its encoder. A robot on ROS is homed after somebody has
+    said that its workspace is clear; Ctrl-C disables it. With a project the result is kept there.
+
+    Example: catenary home --ros 1
+    """
+    if project is not None:
+        opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
+        _home_project(opened, access, as_json)
+        return
+    if arm.payload is not None or arm.side is not None:
+        raise InputError("--payload and --side go with a project; without one give --robot raven2_right")
+    if access.ros is None and (access.yes or access.simulated):
+        raise InputError("--yes and --simulated go with --ros; this robot is simulated here")
+    if access.ros is not None and (arm.seed is not None or arm.base_tilt_deg is not None):
+        raise InputError("--seed and --base-tilt-deg go with a simulated robot, not with --ros")
+    from catenary.workflows.robot.homing import AnswerYes, home_operated
+
+    chosen = PacedRobot(
+        robot=robot or "raven2",
+        ros=access.ros,
+        dialect=dialect or "raven",
+        namespace=namespace,
+        simulated=access.simulated,
+        base_tilt_deg=arm.base_tilt_deg,
+        robot_seed=arm.seed,
+        yes=access.yes,
+        fast=access.ros is None,
+    )
+    with open_robot(chosen, "home", moves=False, homed=False) as moved:
+        guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
+        announce("homing ...")
+        found = home_operated(moved, guide)
+    _say(found, as_json)
+
+
+def _home_project(opened: "Project", access: RobotAccess, as_json: bool) -> None:
+    with opened, robot_of(opened, access, "home") as robot:
+        announce("homing ...")
+        was_run = robot.home(opened)
+    from catenary.workflows.project.state import HomeFile, read_state
+
+    remedy = "delete it, and `catenary home PROJECT` makes it again"
+    content = read_state(opened.folder / "robot" / "home.json", HomeFile, remedy) if as_json else {}
+    say_step(opened, "homed", was_run, as_json, content)
+
+
+def _say(found: "Homing", as_json: bool) -> None:
+    if as_json:
+        print_json(found.as_data())
+        return
+    from catenary.reports.page import Table
+
+    how = f"homed in {found.seconds:.1f} s" if found.was_run else "homed before; nothing has moved"
+    print(f"{found.robot}: {how}; {found.state.state}\n")
+    columns = {"now": found.believed}
+    if found.external_encoders is not None:
+        columns["external encoder"] = found.external_encoders
+    rows = [
+        [name, *("" if q is None else in_words(q, unit, 2) for q in seen)]
+        for name, unit, *seen in zip_longest(found.joint_names, found.joint_units, *columns.values())
+    ]
+    print(Table(["joint", *columns], rows, "Joints").text())
+
+
+def excite(
+    arm: ExcitationOptions,
+    access: RobotAccess,
+    project: Path = FOLDER,
+    robot: str | None = ARM_KIND,
+    namespace: str | None = ARM_NAMESPACE,
+    as_json: bool = AS_JSON,
+) -> None:
+    """Drive the robot along its calibration motion and record it.
+
+    A RAVEN-II's is a zig-zag. Writes recordings/train; homes first if needed.
+    """
+    from catenary.workflows.project.calibrate import TRAIN, excitation
+
+    opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
+    motion, what = excitation(opened)
+    with opened, robot_of(opened, access, "excite") as moved:
+        with step_progress("homing", opened):
+            moved.home(opened)
+        with step_progress("excite", opened) as progress:
+            was_run = moved.record(opened, TRAIN, motion, what, after="home", progress=progress)
+    said = f"recorded {motion.duration:.0f} s as {TRAIN}"
+    say_step(opened, said, was_run, as_json, {"seconds": motion.duration})
+
+
+def record(
+    access: RobotAccess,
+    project: Path = FOLDER,
+    hours: float | None = HOURS,
+    name: str = option(None, "Name of the recording.", "test"),
+    no_motion: bool = option(
+        None, "With --ros: record the robot while somebody else moves it; Ctrl-C ends it.", False
+    ),
+    robot: str | None = replace(ARM_KIND, goes_with="no_motion"),
+    namespace: str | None = replace(ARM_NAMESPACE, goes_with="no_motion"),
+    as_json: bool = AS_JSON,
+) -> None:
+    """Drive the robot along a random motion and record it.
+
+    Writes recordings/NAME; after `catenary excite`.
+    """
+    from catenary.workflows.project.calibrate import TRAIN, random_motion
+
+    if not name.isidentifier() or name == TRAIN:
+        raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
+    if no_motion:
+        begun = _begun_by_others(project, access, robot, namespace)
+        _record_others(begun, access, hours, name, as_json)
+        return
+    require_project(project)
+    with open_project(project, hours=hours, ros=access.ros) as opened:
+        seconds = 60.0 * opened.settings.test_minutes
+        motion, what = random_motion(opened, seconds)
+        with robot_of(opened, access, "record") as moved, step_progress("record", opened) as progress:
+            was_run = moved.record(opened, name, motion, what, after=TRAIN, progress=progress)
+        say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+
+
+def _begun_by_others(
+    project: Path, access: RobotAccess, robot: str | None, namespace: str | None
+) -> "Project":
+    """Open or begin a project whose robot somebody else moves; the settings of one that was begun stay as they are."""
+    from catenary.workflows.project.folder import is_project
+
+    if not is_project(project):
+        return open_project(project, ros=access.ros, robot=robot, namespace=namespace)
+    if robot is not None or namespace is not None:
+        raise InputError(f"--robot and --namespace begin a project, and {project} was begun")
+    return open_project(project)
+
+
+def _record_others(
+    project: "Project", access: RobotAccess, hours: float | None, name: str, as_json: bool
+) -> None:
+    """Record a robot that somebody else moves."""
+    with project as opened:
+        connection = opened.settings.connection if access.ros is None else f"ros{access.ros}"
+        if connection == "simulation":
+            raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
+        seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
+        if not 0.0 < seconds < float("inf"):
+            raise InputError(f"--hours: expected more than 0, got {hours}")
+        with step_progress("record") as progress:
+            recorded = record_others(
+                opened, name, seconds, ros=int(connection.removeprefix("ros")), simulated=access.simulated,
+                progress=progress,
+            )  # fmt: skip
+        ended_by = recorded.ended_by
+        what = f"recorded {recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
+        content = {"seconds": recorded.seconds, "ended_by": ended_by or None}
+        say_step(
+            opened, what, True, as_json, {**content, "topics": [vars(count) for count in recorded.counts]}
+        )
+    if ended_by and hours is not None:  # it was to last as long
+        raise typer.Exit(exit_code(ended_by))
+
+
+def record_others(
+    project: "Project",
+    name: str,
+    seconds: float,
+    *,
+    ros: int,
+    simulated: bool,
+    progress: Callable[[float], None],
+) -> "RecordedTopics":
+    """Record a robot that somebody else moves."""
+    from catenary.crtk.network import node_name
+    from catenary.recording.journal import About
+    from catenary.workflows.project.kinds import kind_of
+    from catenary.workflows.robot.topic_recorder import record_topics
+
+    kind = kind_of(project.settings)
+    topics = kind.topics
+    folder = project.folder / "recordings" / name
+    recorded: list[RecordedTopics] = []
+    if any(folder.glob("*")):
+        raise InputError(f"{folder}: holds a recording already; give this one another --name")
+    about = About(robot=kind.recorded_as, simulated=simulated, configuration={"motion": "not ours"})
+
+    def work() -> None:
+        with ros_transport(ros, node_name("record")) as transport:
+            recorded.append(
+                record_topics(
+                    transport, folder, topics, seconds, about=about, progress=progress,
+                    required=[topic.name for topic in kind.required],
+                )
+            )  # fmt: skip
+
+    motion = {"motion": "not ours", "seconds": seconds, "begun_ns": time.time_ns()}
+    project.run(f"record {name}", motion, [folder], work)
+    (ended,) = recorded
+    print_notes([note for count in ended.counts if (note := count.note()) is not None])
+    return ended

@@ -1,0 +1,110 @@
+"""Robots and their joints as they are typed: descriptions, --q in rad and m, --q-deg in deg and mm."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from catenary.cli.options import Names, Numbers, argument, group, option, robots_beginning
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.arrays import Floats
+    from catenary.plant import Jointed
+    from catenary.robots.model import Massless, RobotModel
+
+ROBOT = argument(
+    "ROBOT",
+    "Catalogue name (see catenary robots), a URDF, MJCF or TOML file, or an identified .npz.",
+    completes=robots_beginning,
+)
+Q = option("Q,Q,...", "Joint coordinates in rad and m.")
+Q_DEG = option("Q,Q,...", "Joint coordinates in deg and mm.")
+SAME_IN_DEG = option("Q,Q,...", "The same in deg and mm.")
+
+
+@group
+class DescriptionOptions:
+    """Options of a robot's description that is not complete, or not possible."""
+
+    massless: Names | None = option(
+        "LINK,...", "These links have no mass, though the description gives them none: names, or all."
+    )
+    strict: bool = option(None, "Refuse inertias that no body has, instead of a warning.", False)
+
+    def declared(self) -> "Massless":
+        """Return which links are declared massless."""
+        return "all" if self.massless == ("all",) else self.massless or ()
+
+    def load(self, robot: str) -> "RobotModel":
+        """Return the robot of a name or a file."""
+        from catenary.robots.catalog import load_robot
+
+        return load_robot(robot, massless=self.declared(), strict=self.strict)
+
+
+def one_or_each(values: Numbers) -> float | Numbers:
+    """Return the one number for all joints, or the numbers of each."""
+    return values[0] if len(values) == 1 else values
+
+
+def joint_values(model: "RobotModel", q: Numbers | None, q_deg: Numbers | None) -> "Floats":
+    """Return all joints of a robot from one of the two options, (n,) in rad and m."""
+    if (q is None) == (q_deg is None):
+        raise InputError(
+            f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): "
+            f"{_names_and_units(model)}"
+        )
+    return some_joint_values(model, q, q_deg, model.joint_names)[0]
+
+
+def given_joints(model: "RobotModel", q: Numbers | None, q_deg: Numbers | None) -> "Floats | None":
+    """Return all joints of a robot from one of the two options, (n,) in rad and m; None when neither is given."""
+    return None if q is None and q_deg is None else joint_values(model, q, q_deg)
+
+
+def some_joint_values(
+    robot: "Jointed", q: Numbers | None, q_deg: Numbers | None, names: Sequence[str] | None
+) -> "tuple[Floats, Names]":
+    """Return some joints from the option that was given, (k,) in rad and m, and their names.
+
+    Args:
+        robot: Whose joints.
+        q: [rad|m].
+        q_deg: [deg|mm].
+        names: Which joints; as many of the first as there are numbers when None.
+    """
+    import numpy as np
+
+    option, values = ("--q", np.array(q)) if q_deg is None else ("--q-deg", np.array(q_deg))
+    chosen = robot.joint_names[: len(values)] if names is None else tuple(names)
+    unknown = [name for name in chosen if name not in robot.joint_names]
+    if unknown:
+        raise InputError(f"--joints: {', '.join(unknown)}: expected some of {_names_and_units(robot)}")
+    if len(chosen) != len(values) or not np.isfinite(values).all():
+        raise InputError(
+            f"{option}: expected {len(chosen)} finite numbers for {_names_and_units(robot, chosen)}, "
+            f"got {values.tolist()}"
+        )
+    if q_deg is not None:
+        units = np.array([robot.joint_units[robot.joint_names.index(name)] for name in chosen])
+        values = np.where(units == "rad", np.deg2rad(values), values / 1000.0)
+    return values, chosen
+
+
+def _names_and_units(robot: "Jointed", names: Sequence[str] | None = None) -> str:
+    return ", ".join(
+        f"{name} [{unit}]"
+        for name, unit in zip(robot.joint_names, robot.joint_units, strict=True)
+        if names is None or name in names
+    )
+
+
+def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
+    """Return a remark on each joint that is beyond its limits, or on one."""
+    return [
+        f"{name}: {value:g} {unit} is {'on a limit' if low <= value <= high else 'outside its limits'}, "
+        f"{low:g} to {high:g} {unit}"
+        for name, unit, value, low, high in zip(
+            model.joint_names, model.joint_units, values, model.lower, model.upper, strict=True
+        )
+        if not low < value < high
+    ]

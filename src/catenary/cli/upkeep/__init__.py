@@ -1,1 +1,0 @@
-"""Commands for a model after the day of its fit."""

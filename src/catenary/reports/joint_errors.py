@@ -1,0 +1,356 @@
+"""Errors of a calibration's joints: tables per joint, over time and within intervals, and a picture of each joint."""
+
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.conformal import coverage_verdicts
+from catenary.calibration.evaluate import Evaluation, Spread, Window
+from catenary.calibration.model import CalibrationModel
+from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, joint_columns, picture
+from catenary.units import DISPLAY
+from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_WINDOWS = 200  # rows of a page's table
+MOST_COLUMNS = 8  # joints side by side on a page
+RAW, OFFSET, MODEL, INTERVAL = "#8a94a3", "#4b6b94", "#d9622b", "#2a7f4f"
+MOST_POINTS = 2_000  # drawn one by one; more lines would hide each other
+STRETCHES = 300  # of a longer recording, each drawn as the range and the median of its errors
+LONGEST_STEP = 5.0  # times the median step of a recording: beyond it rows are missing
+SHOWN_SHARE = 0.998  # of the errors, that a picture's range is made for
+LONGEST_LABEL = 32  # characters in a line of a legend
+
+
+def in_units(units: Iterable[str]) -> str:
+    """Return the units of a column: [deg], [mm], or [deg|mm] where each row names its own."""
+    return f"[{'|'.join(sorted(set(units)))}]"
+
+
+def error_table(
+    evaluation: Evaluation, name: str = "model", *, title: str = "RMSE and largest error per joint"
+) -> Table:
+    """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range."""
+    unit = in_units(joint.unit for joint in evaluation.joints)
+    columns = [
+        Column("joint", "name"),
+        Column("unit", "unit"),
+        Column(f"raw RMSE {unit}", "raw_rmse", ".3f"),
+        Column(f"fixed offset RMSE {unit}", "offset_rmse", ".3f"),
+        Column(f"{name} RMSE {unit}", "rmse", ".3f"),
+        Column("of fixed offset [%]", lambda joint: percent(joint.percent_of_offset, 1)),
+        Column(f"largest raw {unit}", "raw_max", ".2f"),
+        Column(f"largest {name} {unit}", "max", ".2f"),
+        Column("outside [% of rows]", lambda joint: 100.0 * joint.outside_valid_range, ".1f", " %"),
+    ]
+    return Table(columns, evaluation.joints, title)
+
+
+def error_blocks(evaluation: Evaluation, name: str) -> list[Block]:
+    """Return what a page says of the errors of every joint."""
+    return [
+        Heading("Error per joint"),
+        error_table(evaluation, name),
+        Text(
+            "Raw: as the robot reports. Fixed offset: after the mean error of the training data is taken off, the "
+            f"baseline of Peng et al. (2024), table I. {name[:1].upper()}{name[1:]}: after the correction; per cent of "
+            "the fixed offset's. Outside: share of rows whose inputs lie beyond what the model was trained on (its "
+            "valid range); there it gives the fixed offset, and a wider interval."
+        ),
+        Heading("Bias, spread and outliers"),
+        bias_table(evaluation, name),
+        Text(
+            "Bias: the mean error, that a new zero would take away. Spread: its standard deviation, that a zero "
+            "cannot; RMSE² = bias² + spread². Outliers: rows whose error lies more than "
+            f"{OUTLIER_SPREADS:g} robust standard deviations (1.4826 times the median absolute deviation) from the "
+            "median, likely measurement failures; they count in every number here."
+        ),
+    ]
+
+
+def bias_table(evaluation: Evaluation, name: str = "model") -> Table:
+    """Return bias, spread and outliers of the errors per joint, raw and after the model."""
+    scale = np.array([DISPLAY[unit][1] for unit in evaluation.data.joint_units])
+    unit = in_units(joint.unit for joint in evaluation.joints)
+    both = (("raw", scale * evaluation.raw), (name, scale * evaluation.after_model))
+    columns = [
+        Column("joint", lambda j: evaluation.joints[j].name),
+        Column("unit", lambda j: evaluation.joints[j].unit),
+    ]
+    for kind, errors in both:
+        mean, sd = errors.mean(axis=0), errors.std(axis=0)
+        columns.append(Column(f"bias {kind} {unit}", mean.__getitem__, "+.3f"))
+        columns.append(Column(f"spread {kind} {unit}", sd.__getitem__, ".3f"))
+    for kind, errors in both:
+        columns.append(Column(f"outliers {kind} [rows]", outliers(errors)[0].__getitem__, ","))
+    return Table(columns, range(len(evaluation.joints)))
+
+
+def percent(value: float, digits: int) -> str:
+    """Return a percentage as text; a dash for NaN, a percentage of nothing."""
+    return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
+
+
+def window_table(evaluation: Evaluation) -> Table:
+    """Return the RMSE after the model per window of time."""
+    return _windows(evaluation, range(len(evaluation.joints)), evaluation.windows)
+
+
+def window_blocks(evaluation: Evaluation, name: str) -> list[Block]:
+    """Return what a page says of the errors over time: tables of so many joints that a sheet of paper holds them."""
+    joints, shown = range(len(evaluation.joints)), evaluation.windows[:MOST_WINDOWS]
+    found: list[Block] = [
+        Heading(f"RMSE of {name} over time"),
+        *(_windows(evaluation, joints[k : k + MOST_COLUMNS], shown) for k in joints[::MOST_COLUMNS]),
+    ]
+    if len(evaluation.windows) > MOST_WINDOWS:
+        found.append(Text(f"The first {MOST_WINDOWS} of {len(evaluation.windows):,} windows."))
+    return found
+
+
+def _windows(evaluation: Evaluation, joints: Sequence[int], windows: Sequence[Window]) -> Table:
+    unit = evaluation.window_unit
+    first = [
+        Column("recording", "recording"),
+        Column(f"from [{unit}]", "start", ".0f"),
+        Column(f"to [{unit}]", "end", ".0f"),
+        Column("rows", "n"),
+    ]
+    shown = [(evaluation.joints[j].name, evaluation.joints[j].unit) for j in joints]
+    per_joint = joint_columns(shown, lambda window, k: window.rmse[joints[k]], ".3f")
+    return Table([*first, *per_joint], windows, "RMSE of the model over time")
+
+
+def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
+    """Return mean and standard deviation of the RMSE over the blocks of a cross-validation."""
+    unit = in_units(s.unit for s in spread)
+    columns = [
+        Column("joint", "joint"),
+        Column("unit", "unit"),
+        Column("blocks", "folds"),
+        Column(f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
+        Column(f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
+    ]
+    return Table(columns, spread, "RMSE on blocks of time that the fit did not see")
+
+
+def coverage_table(evaluation: Evaluation) -> Table:
+    """Return width and coverage of the intervals per joint, and whether they hold; for a model that has some."""
+    unit = in_units(joint.unit for joint in evaluation.joints)
+    columns = [
+        Column("joint", lambda row: row[0].name),
+        Column("unit", lambda row: row[0].unit),
+        Column(f"half-width {unit}", lambda row: row[0].half_width, ".3f"),
+        Column("held [% of rows]", lambda row: 100.0 * row[0].coverage, ".3g", " %"),
+        Column("verdict", 1),
+    ]
+    rows = list(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
+    asked = 100.0 * (evaluation.level or 0.0)
+    return Table(columns, rows, f"Errors within the model's intervals, which are to hold {asked:.3g} %")
+
+
+def coverage_blocks(evaluation: Evaluation) -> list[Block]:
+    """Return what a page says of a model's intervals."""
+    heading = Heading("Intervals")
+    if evaluation.level is None:
+        text = "The model has no intervals: they are estimated from a cross-validation of enough rows."
+        return [heading, Text(text)]
+    return [
+        heading,
+        coverage_table(evaluation),
+        Text(
+            f"Each corrected position comes with an interval that is to hold {100.0 * evaluation.level:.3g} % of "
+            "errors on later data of the same kind: median half-width, share of rows whose error lies within it. "
+            "Outside the model's valid range intervals are wider. Too narrow: so small a share is not laid to chance, "
+            "counting blocks of time, whose rows depend on each other."
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class ErrorSeries:
+    """Errors (N,) in deg or mm, and how they are drawn."""
+
+    label: str
+    color: str
+    values: Floats
+
+
+def joint_picture(
+    evaluation: Evaluation, model: CalibrationModel, j: int, *, name: str | None = None
+) -> Picture:
+    """Draw the error of one joint over time and as histograms: raw, after the fixed offset, after the model.
+
+    Lines end where rows are missing in time; far errors that would flatten the rest are counted in the caption, which
+    calls the model `name`, or by its kind.
+    """
+    from matplotlib.figure import Figure
+
+    shown = name if name is not None else model.kind
+    unit, scale = DISPLAY[model.joint_units[j]]
+    series = [
+        ErrorSeries("raw", RAW, scale * evaluation.raw[:, j]),
+        ErrorSeries("fixed offset", OFFSET, scale * evaluation.after_offset[:, j]),
+        ErrorSeries(shown, MODEL, scale * evaluation.after_model[:, j]),
+    ]
+    figure = Figure(figsize=(10, 3.1), layout="constrained")
+    over_time, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
+    _draw_over_time(over_time, evaluation, series)
+    if evaluation.level is not None:
+        _draw_interval(over_time, evaluation, scale * evaluation.interval[:, j])
+    over_time.set_ylabel(f"error [{unit}]")
+    beyond = _limit(over_time, series)
+    _draw_histograms(histogram, series[1:], unit)
+    handles, labels = over_time.get_legend_handles_labels()
+    legend = figure.legend(
+        handles,
+        [wrapped(label) for label in labels],
+        loc="outside upper right",
+        ncols=4,
+        frameon=False,
+        fontsize=9,
+    )
+    for handle in legend.get_lines():
+        handle.set_linewidth(3.0)
+    joint = evaluation.joints[j]
+    caption = (
+        f"{joint.name}: RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed "
+        f"offset, {joint.rmse:.3f} {unit} after {shown}. Left: over time, no line where rows are missing; "
+        "right: how often each error occurs."
+    )
+    if beyond:
+        caption += f" Rows that lie beyond the picture: {beyond:,}."
+    if len(evaluation.data) > MOST_POINTS:
+        caption += f" Lines: the median over each of about {STRETCHES} stretches; bands: all errors in them."
+    if evaluation.level is not None:
+        caption += (
+            f" Dashed: the interval of {shown}, which is to hold {100.0 * evaluation.level:g} % of its errors; "
+            f"it holds {100.0 * joint.coverage:.1f} %."
+        )
+    return picture(figure, caption, f"Errors of joint {joint.name} over time, and their histogram.")
+
+
+def wrapped(label: str) -> str:
+    """Return a legend's label in lines, none of it lost."""
+    return "\n".join(textwrap.wrap(label, LONGEST_LABEL)) or label
+
+
+def row_breaks(evaluation: Evaluation) -> np.ndarray:
+    """Return the rows before which rows are missing or another recording begins."""
+    data = evaluation.data
+    new = _new_recordings(evaluation)
+    size = np.array([source.rows for source in data.sources], dtype=float)[data.recording]
+    left_out = np.diff(np.rint(data.position * size)) > 1.0
+    step = np.diff(data.time)
+    usual = np.median(step[~new]) if (~new).any() else 0.0
+    return np.flatnonzero(new | left_out | (step > LONGEST_STEP * usual)) + 1
+
+
+def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
+    """Show nearly all errors of a picture; return how many rows of any series lie beyond it."""
+    tails = (0.5 * (1.0 - SHOWN_SHARE), 0.5 * (1.0 + SHOWN_SHARE))
+    low, high = np.array([np.quantile(line.values, tails) for line in series]).T
+    bottom, top = min(0.0, low.min()), max(0.0, high.max())
+    margin = 0.25 * (top - bottom)
+    lower, upper = axes.get_ylim()
+    if bottom == top or (lower >= bottom - margin and upper <= top + margin):
+        return 0
+    axes.set_ylim(max(lower, bottom - margin), min(upper, top + margin))
+    lower, upper = axes.get_ylim()
+    return int(np.any([(line.values < lower) | (line.values > upper) for line in series], axis=0).sum())
+
+
+def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[ErrorSeries]) -> None:
+    x, recordings = _running_time(evaluation)
+    stretches, gaps = _stretches(x, row_breaks(evaluation))
+    first = np.array([rows[0] for rows in stretches])
+
+    def parted(values: Floats) -> Floats:
+        return np.insert(values, gaps, np.nan)
+
+    at = parted(x[first])
+    alone = _alone(len(stretches), gaps)
+    for line in series:
+        if len(stretches) == len(x):
+            middle = line.values
+        else:
+            middle = np.array([np.median(line.values[rows]) for rows in stretches])
+            low = np.array([line.values[rows].min() for rows in stretches])
+            high = np.array([line.values[rows].max() for rows in stretches])
+            axes.fill_between(at, parted(low), parted(high), color=line.color, alpha=0.3, linewidth=0.0)
+        axes.plot(at, parted(middle), color=line.color, linewidth=0.9, label=line.label)
+        axes.plot(x[first][alone], middle[alone], ".", color=line.color, markersize=2.0)
+    for row in recordings:
+        axes.axvline(x[row], color=RAW, linewidth=0.8, linestyle=":")
+    axes.axhline(0.0, color="#1c2430", linewidth=0.6)
+    unit = "time [s]" if evaluation.window_unit == "s" else "row"
+    axes.set_xlabel(
+        f"{unit}, {len(recordings) + 1} recordings one after the other" if len(recordings) else unit
+    )
+    axes.margins(x=0.01)
+
+
+def _draw_interval(axes: "Axes", evaluation: Evaluation, half_width: Floats) -> None:
+    """Draw the interval about zero error as a band; of a stretch of rows the median."""
+    x, _ = _running_time(evaluation)
+    stretches, gaps = _stretches(x, row_breaks(evaluation))
+    middle = np.array([np.median(half_width[rows]) for rows in stretches])
+    first = np.array([rows[0] for rows in stretches])
+    at, width = (np.insert(values, gaps, np.nan) for values in (x[first], middle))
+    axes.fill_between(at, -width, width, color=INTERVAL, alpha=0.12, linewidth=0.0, zorder=0)
+    for edge, label in ((width, f"interval, {100.0 * (evaluation.level or 0.0):g} %"), (-width, None)):
+        axes.plot(at, edge, color=INTERVAL, linewidth=0.9, linestyle="--", label=label)
+
+
+def _stretches(x: Floats, breaks: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+    """Rows to draw as one, and before which of these no line goes on.
+
+    Each row by itself, or about STRETCHES parts of a longer recording; then a break is a gap longer than a part, which
+    shorter ones vanish in.
+    """
+    rows = len(x)
+    if rows <= MOST_POINTS:
+        return [np.array([row]) for row in range(rows)], breaks
+    shortest = max(float(x[-1] - x[0]) / STRETCHES, 1e-12)
+    wide = breaks[(x[breaks] - x[breaks - 1] > shortest) | (x[breaks] <= x[breaks - 1])]
+    parts = [
+        np.array_split(part, min(len(part), round(STRETCHES * len(part) / rows) or 1))
+        for part in np.split(np.arange(rows), wide)
+    ]
+    return [stretch for part in parts for stretch in part], np.cumsum([len(part) for part in parts])[:-1]
+
+
+def _alone(count: int, gaps: np.ndarray) -> np.ndarray:
+    """Return which of `count` points no line reaches: those between two gaps."""
+    edge = np.zeros(count + 1, dtype=bool)
+    edge[[0, count]] = True
+    edge[gaps] = True
+    return np.asarray(edge[:-1] & edge[1:])
+
+
+def _draw_histograms(axes: "Axes", series: Sequence[ErrorSeries], unit: str) -> None:
+    widest = max(float(np.quantile(np.abs(line.values), 0.995)) for line in series)
+    edges = np.linspace(-widest, widest, 61).tolist() if widest > 0.0 else 10
+    for line in series:
+        axes.hist(line.values, bins=edges, color=line.color, alpha=0.65)
+    axes.set_xlabel(f"error [{unit}]")
+    axes.set_ylabel("rows")
+
+
+def _new_recordings(evaluation: Evaluation) -> np.ndarray:
+    """Return between which rows another recording begins, (N - 1,)."""
+    data = evaluation.data
+    return np.asarray((np.diff(data.recording) != 0) | (np.diff(data.time) < 0.0))
+
+
+def _running_time(evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+    """Time that keeps rising where recordings follow each other, and the rows where another one begins."""
+    time, new = evaluation.data.time, _new_recordings(evaluation)
+    step = np.where(new, 0.0, np.diff(time))
+    return time[0] + np.concatenate([[0.0], np.cumsum(step)]), np.flatnonzero(new) + 1

@@ -1,0 +1,113 @@
+"""How an option is declared, read and refused."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from catenary.cli.options import Numbers, argument, as_typed, group, numbers, option, require_one, words
+from catenary.errors import InputError
+
+
+@group
+class Shared:
+    """Options of several commands."""
+
+    tilt: tuple[float, float] | None = option("R,P", "A pair of numbers.")
+    ros: int | None = option("1|2", "Few choices.", choices=(1, 2))
+    topic: str = option(None, "Nothing without --ros.", "/imu", goes_with="ros")
+    fast: bool = option(None, "Nothing beside --ros.", False, not_with="ros")
+
+
+def asked(command: Callable[..., None], *typed: str) -> None:
+    app = typer.Typer(pretty_exceptions_enable=False)
+    app.command()(as_typed(command))
+    result = CliRunner().invoke(app, typed)
+    if isinstance(result.exception, InputError):
+        raise result.exception
+    if result.exit_code:
+        raise typer.BadParameter(" ".join(result.output.replace("\u2502", " ").split()))
+
+
+def given(*typed: str) -> dict[str, Any]:
+    """What a command gets of what is typed."""
+    seen: dict[str, Any] = {}
+
+    def command(
+        shared: Shared,
+        files: Sequence[str] = argument("FILE", "Any.", None),
+        box: Sequence[tuple[float, float]] = option("X,Y", "Repeatable."),
+        q: Numbers = option("Q,Q,...", "As many as there are.", (1.0, 2.5)),
+    ) -> None:
+        seen.update(vars(shared), files=files, box=box, q=q)
+
+    asked(command, *typed)
+    return seen
+
+
+def test_what_is_not_typed_has_its_default() -> None:
+    assert given() == {
+        "tilt": None, "ros": None, "topic": "/imu", "fast": False, "files": (), "box": (), "q": (1.0, 2.5),
+    }  # fmt: skip
+
+
+def test_a_type_says_how_a_text_is_read() -> None:
+    seen = given(
+        "a",
+        "b",
+        "--tilt",
+        "1,-2e1",
+        "--box",
+        "1 2",
+        "--box",
+        "3,4",
+        "--q",
+        "7",
+        "--ros",
+        "2",
+        "--topic",
+        "/a",
+    )
+    assert seen == {
+        "tilt": (1.0, -20.0), "ros": 2, "topic": "/a", "fast": False,
+        "files": ("a", "b"), "box": ((1.0, 2.0), (3.0, 4.0)), "q": (7.0,),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    {
+        "--tilt 1": "expected 2 numbers separated by commas, got '1'",
+        "--q 1,two": "got 'two' in '1,two'",
+        "--ros 3": "--ros 3: expected 1 or 2",
+        "--topic /a": "--topic: goes with --ros",
+        "--fast --ros 1": "--fast: does not go with --ros",
+    }.items(),
+)
+def test_what_cannot_be_meant_is_refused(typed: str, said: str) -> None:
+    with pytest.raises((InputError, typer.BadParameter), match=said):
+        given(*typed.split())
+
+
+def test_one_of_several_must_be_given() -> None:
+    require_one(q_deg=None, q=(1.0,), is_rest=False)
+    for wrong in ({"q_deg": None, "q": None}, {"q_deg": 1, "q": 2}):
+        with pytest.raises(InputError, match="give one of --q-deg and --q"):
+            require_one(**wrong)
+
+
+@pytest.mark.parametrize("text", ["1,-2.5,3e-3", "1 -2.5 3e-3", " 1, -2.5 ,3e-3, "])
+def test_numbers_stand_between_commas_or_spaces(text: str) -> None:
+    assert numbers(text) == numbers(text, 3) == (1.0, -2.5, 3e-3)
+
+
+@pytest.mark.parametrize("text", ["", " ", ",", "1,two", "1;2"])
+def test_what_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(typer.BadParameter, match="expected numbers separated by commas"):
+        numbers(text)
+
+
+def test_words_stand_between_commas() -> None:
+    assert words(" rad,, m ,") == ("rad", "m")

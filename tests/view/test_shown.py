@@ -1,0 +1,43 @@
+"""What a control may be given."""
+
+import numpy as np
+import pytest
+
+from catenary.view.shown import (
+    ButtonsControl,
+    ChoiceControl,
+    Control,
+    HeldControl,
+    SliderControl,
+    ToggleControl,
+    accepted,
+)
+
+SLIDER = SliderControl("s", "s", -2.0, 3.0, 0.1, 0.0)
+CHOICE, BUTTONS = ChoiceControl("c", "c", ("a", "b"), "a"), ButtonsControl("b", "b", ("a", "b"))
+SWITCHES = (ToggleControl("t", "t", False), HeldControl("h", "h"))
+
+
+@pytest.mark.parametrize(("value", "expected"), [(1, 1.0), (-2.0, -2.0), (1e9, 3.0), (-1e300, -2.0)])
+def test_number_is_kept_within_a_sliders_ends(value: float, expected: float) -> None:
+    taken = accepted(SLIDER, value)
+    assert isinstance(taken, float)
+    assert taken == expected
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, "1", "", None, [1.0], {}, b"1", 1j])
+@pytest.mark.parametrize("control", [SLIDER, CHOICE, BUTTONS, *SWITCHES])
+def test_what_no_control_has_is_refused(control: Control, value: object) -> None:
+    assert accepted(control, value) is None
+
+
+@pytest.mark.parametrize("control", [CHOICE, BUTTONS])
+def test_one_of_its_options_is_taken_and_nothing_else(control: Control) -> None:
+    assert [accepted(control, option) for option in ("a", "b")] == ["a", "b"]
+    assert [accepted(control, option) for option in ("c", "A", "a ", 0, True)] == [None] * 5
+
+
+@pytest.mark.parametrize("control", SWITCHES)
+def test_switch_is_on_or_off(control: Control) -> None:
+    assert [accepted(control, value) for value in (True, False)] == [True, False]
+    assert [accepted(control, value) for value in (1, 0.0, "on")] == [None] * 3
