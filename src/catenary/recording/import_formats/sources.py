@@ -19,7 +19,7 @@ from catenary.recording.source import bags_in
 BAG_ENDINGS = (".bag", ".mcap", ".db3", ".journal")
 
 
-class Extraction:
+class ExtractedTopics:
     """What `extract` wrote: a Parquet file for each topic, its columns called as in the topic's messages."""
 
     def __init__(self, path: Path) -> None:
@@ -90,7 +90,7 @@ class Sources:
             if not path.exists():
                 raise FileFormatError(f"{path}: no such file")
             if is_extraction(path):
-                self._bags.append(Extraction(path))
+                self._bags.append(ExtractedTopics(path))
             elif is_bag(path):
                 bags += [Bag(part) for part in bags_in(path)]
             else:
