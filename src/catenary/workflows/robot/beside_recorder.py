@@ -14,11 +14,11 @@ from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
 from catenary.recording.topics import Arm, raven_topics
 from catenary.robots.catalog import RAVEN_SIDES
-from catenary.simulation.cable_plant import CONTROL_FIELDS
+from catenary.simulation.cable_plant import REPORTED
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.topic_recorder import TopicRecorder
 
-_PER_AXIS = tuple(CONTROL_FIELDS)
+_PER_AXIS = tuple(REPORTED)
 _ENCODERS = ("joint_enc", "ext_jpos")
 _MEASURED = ("measured_js", "measured_js_velocity", "measured_js_effort")
 COLLECT = 0.02  # [s] between two looks at what came over the wire
