@@ -17,6 +17,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.errors import InputError
 from catenary.identification.base_parameters import BaseParameters
+from catenary.robots.link_inertia import symmetric
 
 LENGTH = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
 LEAST = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
@@ -151,9 +152,7 @@ def _prior_rows(base: BaseParameters, prior: Floats, scale: Floats) -> tuple[Flo
 def pseudo_inertia(phi: Floats) -> Floats:
     """Return J (4, 4) of one link's parameters (10,) [kg, kg m, kg m2]."""
     mass, moment, six = phi[0], phi[1:4], phi[4:]
-    tensor = np.zeros((3, 3))
-    tensor[np.triu_indices(3)] = six
-    tensor = tensor + np.triu(tensor, 1).T
+    tensor = symmetric(six)
     J = np.zeros((4, 4))
     J[:3, :3] = 0.5 * np.trace(tensor) * np.eye(3) - tensor
     J[:3, 3] = J[3, :3] = moment

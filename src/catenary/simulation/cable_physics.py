@@ -160,13 +160,7 @@ def tree_dynamics(
         work.bias,
     )
     composite_body_recursion(
-        tree,
-        work.rotation,
-        work.position,
-        work.mass,
-        work.first_moment,
-        work.inertia,
-        work.matrix,
+        tree, work.rotation, work.position, work.mass, work.first_moment, work.inertia, work.matrix
     )
 
 
@@ -195,12 +189,7 @@ class Work(TreeWork):
 
 @inlined
 def physics_step(
-    cable: Cable,
-    state: ArmState,
-    shaft_torque: Floats,
-    braked: bool,
-    step: float,
-    work: Work,
+    cable: Cable, state: ArmState, shaft_torque: Floats, braked: bool, step: float, work: Work
 ) -> None:
     """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
 

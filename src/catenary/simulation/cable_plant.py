@@ -10,7 +10,7 @@ from catenary.errors import InputError
 from catenary.plant import Column
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.firmware import (
@@ -26,11 +26,9 @@ from catenary.simulation.firmware import (
 from catenary.simulation.firmware_plant import FirmwarePlant, columns_of
 from catenary.simulation.homing import ExternalEncoders, home
 from catenary.simulation.records import OFF, POSITIONING, TOOLS
-from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_coupling import winding_of
 from catenary.transmission.cable_elasticity import LARGEST_LOSS
 
-# name in telemetry: field of the firmware's state, unit
 REPORTED = {  # name in telemetry: field of the firmware's state, unit
     "encVals": ("counts", "counts"),
     "mpos": ("motor", "rad"),
@@ -84,14 +82,12 @@ class CablePlant(FirmwarePlant[TickLog]):
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')
-        if substeps < 1:
-            raise InputError(f"substeps: expected at least 1, got {substeps}")
         rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_cable_arm() if arm is None else arm
         drawn = drawn if seed is None else varied(drawn, rng)
         self.arm = drawn if side == "left" else right_arm(drawn)
-        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
-        self.side, self.seed, self.substeps = side, seed, substeps
+        super().__init__(base, substeps)
+        self.side, self.seed = side, seed
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
         self._positioning = positioning
@@ -125,16 +121,6 @@ class CablePlant(FirmwarePlant[TickLog]):
     def rig(self) -> Rig:
         """The external encoders' numbers."""
         return self.encoders.rig
-
-    @property
-    def lower(self) -> Floats:
-        """Software limits below, (7,)."""
-        return self.firmware.lower.copy()
-
-    @property
-    def upper(self) -> Floats:
-        """Software limits above, (7,)."""
-        return self.firmware.upper.copy()
 
     @property
     def grav_dir(self) -> tuple[int, int, int] | None:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, NotReadyError
 from catenary.plant import Column, JointState
-from catenary.simulation.base_motion import BaseSamples, imu_reading
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.records import AXES, OFF, POSITION, POSITIONING, TORQUE, Record
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
@@ -27,11 +27,31 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     supports = SimulatedPlant.supports | {"servo_jf_of"}
     state: ArmState
+    firmware: Any  # a record of its parameters, with the setpoints' lower and upper limits and more
     control: Any  # a record with counts, motor, joint, setpoint, mode, braked, stopped, guarded and more
     log: type[Log]  # what a run keeps of each tick
     reported: Mapping[str, tuple[str, str]]  # column of telemetry: field of `control`, unit
     stops_when: str  # why the firmware stops by itself, in words
     _homing: Iterator[Floats] | None = None
+
+    def __init__(self, base: MovingBase | None, substeps: int) -> None:
+        """Stand on a base, a level one at rest when None, with so many physics steps in a tick of 1 ms."""
+        if substeps < 1:
+            raise InputError(f"substeps: expected at least 1, got {substeps}")
+        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
+        self.substeps = substeps
+
+    @property
+    def lower(self) -> Floats:
+        """Limits below of the setpoints, (n,) [rad|m]."""
+        limits: Floats = self.firmware.lower.copy()
+        return limits
+
+    @property
+    def upper(self) -> Floats:
+        """Limits above, (n,)."""
+        limits: Floats = self.firmware.upper.copy()
+        return limits
 
     def measured_js(self) -> JointState:
         """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
@@ -110,16 +130,6 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self._set_state("DISABLED")
 
     # what a subclass does
-
-    @property
-    @abstractmethod
-    def lower(self) -> Floats:
-        """Limits below of the setpoints, (n,) [rad|m]."""
-
-    @property
-    @abstractmethod
-    def upper(self) -> Floats:
-        """Limits above, (n,)."""
 
     @property
     @abstractmethod

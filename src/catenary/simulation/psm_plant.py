@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.errors import InputError
 from catenary.plant import Column
 from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.firmware_plant import FirmwarePlant, columns_of, half_cosine
 from catenary.simulation.psm_controller import (
     PsmControlState,
@@ -79,16 +78,14 @@ class PsmPlant(FirmwarePlant[PsmLog]):
             base: What it stands on; a level base at rest when None.
             substeps: Physics steps in 1 ms.
         """
-        if substeps < 1:
-            raise InputError(f"substeps: expected at least 1, got {substeps}")
         rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_psm() if arm is None else arm
         self.arm = drawn if seed is None else varied_psm(drawn, rng)
-        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
-        self.seed, self.substeps = seed, substeps
+        super().__init__(base, substeps)
+        self.seed = seed
         self.model: RobotModel = load_robot("dvrk_psm")
         # the arm's parameters and its controller's; others may be put in place of them
-        self.drive, self.controller = self.arm.drive.copy(), self.arm.controller.copy()
+        self.drive, self.firmware = self.arm.drive.copy(), self.arm.controller.copy()
         self.state = PsmState()
         self.control = PsmControlState(braked=True, guarded=True)
         self._work = PsmWork()
@@ -96,16 +93,6 @@ class PsmPlant(FirmwarePlant[PsmLog]):
             size=(NOISE_ROWS, ARM_JOINTS)
         )
         self._power_on(rng, start)
-
-    @property
-    def lower(self) -> Floats:
-        """Joint limits below, (7,)."""
-        return self.controller.lower.copy()
-
-    @property
-    def upper(self) -> Floats:
-        """Joint limits above, (7,)."""
-        return self.controller.upper.copy()
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
@@ -135,7 +122,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
             self.arm.links,
             self.arm.coupling,
             self.drive,
-            self.controller,
+            self.firmware,
             self.state,
             self.control,
             self._work,
@@ -155,8 +142,8 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
         The potentiometers sit at the actuators: play and stretch of the cables beyond are not registered away.
         """
-        control, home = self.control, self.controller.home_value
-        register_psm(self.controller, control, self.drive, self.state.rotor)
+        control, home = self.control, self.firmware.home_value
+        register_psm(self.firmware, control, self.drive, self.state.rotor)
         control.guarded = False  # it may stand beyond the joint limits
         control.mode[:] = POSITION
         start = control.joint.copy()
@@ -168,7 +155,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         state = self.state
         state.q = rng.uniform(*STARTS) if start is None else as_array("start", start, (AXES,))
         state.rotor = unstretched_motors(self.drive, state.q)
-        self._wake_encoders(rng, 2e4, lambda: read_psm_encoders(self.controller, state, self.control))
+        self._wake_encoders(rng, 2e4, lambda: read_psm_encoders(self.firmware, state, self.control))
 
 
 def psm_telemetry(plant: PsmPlant, log: PsmLog) -> dict[str, Floats]:
