@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.arrays import as_array, as_batch, frozen, refuse_non_finite
+from catenary.arrays import (
+    as_array,
+    as_batch,
+    as_not_negative,
+    as_positive,
+    frozen,
+    one_for_all,
+    refuse_non_finite,
+)
 from catenary.errors import InputError
 
 
@@ -41,6 +49,22 @@ def test_as_array_refuses_what_is_not_finite_numbers_of_that_shape(values, shape
 
 def test_as_array_lets_infinity_through_where_it_is_allowed():
     assert np.isinf(as_array("limit", [np.inf], (1,), finite=False)).all()
+
+
+@pytest.mark.parametrize(
+    ("check", "refused", "said"),
+    [
+        (as_not_negative, [-1e-300, np.nan], "expected zero or more"),
+        (as_positive, [0.0, -1.0], "expected more than 0"),
+    ],
+)
+def test_numbers_below_what_they_may_be_are_refused_of_one_joint_as_of_all(check, refused, said):
+    assert_array_equal(check("kp", one_for_all(2.0, 3), (3,)), [2.0, 2.0, 2.0])
+    for wrong in refused:
+        for values in (wrong, [1.0, wrong, 1.0]):
+            with pytest.raises(InputError, match=rf"kp.* is nan|kp: {said}"):
+                check("kp", one_for_all(values, 3), (3,))
+    assert np.isinf(as_not_negative("slew", np.inf, finite=False))
 
 
 @pytest.mark.parametrize(

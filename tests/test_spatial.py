@@ -73,9 +73,8 @@ def test_rotations_about_axes_are_the_exponentials_of_their_axes(angle):
 
 @given(vectors.filter(lambda v: np.linalg.norm(v) < 3.1))
 def test_rotation_vector_inverts_the_exponential(v):
-    assert_allclose(
-        spatial.rotation_vector(expm(cross_matrix(v))), v, atol=1e-8
-    )  # ill-conditioned close to pi
+    # ill-conditioned close to pi
+    assert_allclose(spatial.rotation_vector(expm(cross_matrix(v))), v, atol=1e-8)
 
 
 def test_a_zero_quaternion_is_refused():

@@ -84,6 +84,21 @@ def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()
     return array
 
 
+def as_not_negative(
+    name: str, values: ArrayLike, shape: tuple[int | None, ...] = (), *, finite: bool = True
+) -> Floats:
+    """Return `as_array` of numbers that are all zero or more."""
+    array = as_array(name, values, shape, finite=finite)
+    if not (array >= 0.0).all():
+        raise InputError(f"{name}: expected zero or more, got {array.tolist()}")
+    return array
+
+
+def one_for_all(values: ArrayLike, n: int) -> ArrayLike:
+    """Return a single number as (n,), and anything else as it is."""
+    return np.full(n, values) if np.ndim(values) == 0 else values
+
+
 def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
     """Return `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row."""
     array = _as_floats(name, values, (width,))

@@ -83,9 +83,8 @@ def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
             json.dumps(content, ensure_ascii=False).encode()
     except FileFormatError:
         raise
-    except (
-        ValueError
-    ) as error:  # no JSON, an integer of thousands of digits, half a character (a lone surrogate)
+    # no JSON, an integer of thousands of digits, half a character (a lone surrogate)
+    except ValueError as error:
         raise FileFormatError(f"{where}: cannot be read as JSON: {error}") from error
     except RecursionError as error:
         raise FileFormatError(f"{where}: {_TOO_DEEP}") from error

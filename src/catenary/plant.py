@@ -234,9 +234,8 @@ class MotionLog:
     ok: NDArray[np.bool_]  # (N,) rows whose q_encoder can be trusted
     q_encoder: Floats | None = None  # (N, n)
     time: Floats | None = None  # (N,) [s]
-    began: float = (
-        0.0  # [s] what the recording's own clock said at time zero: since 1970 where it is a calendar's
-    )
+    # [s] what the recording's own clock said at time zero: since 1970 where it is a calendar's
+    began: float = 0.0
     qd: Floats | None = None  # (N, n) [rad/s or m/s]
     tau: Floats | None = None  # (N, n) [Nm or N]
     signals: Mapping[str, Floats] = field(default_factory=dict)  # further columns, each (N,)

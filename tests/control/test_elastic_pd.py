@@ -90,8 +90,8 @@ def test_the_ravens_own_springs_and_gains_hold() -> None:
     ("options", "message"),
     [
         ({"stiffness": [1.0]}, "stiffness: expected shape"),
-        ({"stiffness": [0.0, 1.0]}, "stiffness: expected more than zero"),
-        ({"kp": [0.0, 1.0]}, "kp: expected more than zero"),
+        ({"stiffness": [0.0, 1.0]}, "stiffness: expected more than 0"),
+        ({"kp": [0.0, 1.0]}, "kp: expected more than 0"),
         ({"compensation": "none"}, "expected one of constant, online, biased"),
         # 10 and 300, 5 and 120 in series
         ({"stiffness": [10.0, 5.0]}, r"gravity changes by .* times the joints' stiffness.*\[9.677, 4.8\]"),

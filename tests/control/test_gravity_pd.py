@@ -73,7 +73,7 @@ def test_arm_without_inertia_is_refused_by_its_links() -> None:
     ("options", "message"),
     [
         ({"kp": KP[:2]}, "kp: expected shape"),
-        ({"kd": -KD}, "kd: expected gains of zero or more"),
+        ({"kd": -KD}, "kd: expected zero or more"),
         ({"gravity": [0.0, 1.0]}, "gravity: expected shape"),
         ({"gravity": [0.0, np.nan, 1.0]}, "gravity"),
         ({"at": "nowhere"}, "expected one of measured, desired"),

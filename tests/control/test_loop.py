@@ -238,9 +238,8 @@ def positions_seen(start: float, corrector: Any, seconds: float = 2.0) -> tuple[
 def test_an_arm_at_rest_does_not_jump_by_its_own_calibration() -> None:
     q, nominal, widths = positions_seen(0.0, Shift(0.3))
     assert abs(q[0]) < 1e-12
-    assert (
-        np.abs(np.diff(nominal)).max() / 0.001 < 1.2 * 0.3 / FADE
-    )  # [rad/s]; it follows the fade, which lasts 1.5 s
+    # [rad/s]; it follows the fade, which lasts 1.5 s
+    assert np.abs(np.diff(nominal)).max() / 0.001 < 1.2 * 0.3 / FADE
     assert_allclose(nominal[-1], -0.3, atol=1e-2)
     assert_allclose(q - nominal, 0.3 - widths, atol=1e-12)  # what is left out is in the half-widths
     assert widths[-1] == 0.0

@@ -174,7 +174,7 @@ def test_it_homes_by_state_commands_and_moves_nowhere_before():
         client.state_command("enable")
         client.state_command("home")
         assert client.operating_state().is_homed
-        assert_allclose(client.setpoint_js().q, robot.plant.controller.home_value[:6], atol=1e-9)
+        assert_allclose(client.setpoint_js().q, robot.plant.firmware.home_value[:6], atol=1e-9)
 
 
 def test_the_client_moves_it_and_reads_the_tracker(robot):

@@ -75,9 +75,8 @@ def test_planar_arm_has_the_papers_values() -> None:
     assert_allclose(
         regressor.Z(q, UPRIGHT), 9.81 * np.array([[c1, c12, c123], [0, c12, c123], [0, 0, c123]]), atol=1e-14
     )
-    assert_allclose(
-        regressor.parameters(), [0.4 * 2.5 + 0.2 * 2.0, 0.3 + 0.15 * 1.5, 0.1], rtol=1e-14
-    )  # from the lengths and masses of its file
+    # from the lengths and masses of its file
+    assert_allclose(regressor.parameters(), [0.4 * 2.5 + 0.2 * 2.0, 0.3 + 0.15 * 1.5, 0.1], rtol=1e-14)
 
 
 def test_compact_form_holds_what_the_full_form_holds(random_robots, rng):
@@ -246,9 +245,8 @@ def assert_paper_gives_numbers(model, rng) -> str:
     for q in rng.uniform(-1.0, 1.0, size=(2, model.n)):
         named = values(lines, q)
         Z = [[named[cell] if cell in named else value(cell, q) for cell in row] for row in table]
-        assert_allclose(
-            Z, regressor.Z(q, [0.0, 0.0, -1.0]), atol=1e-4
-        )  # six digits a number, steps of shared terms
+        # six digits a number, steps of shared terms
+        assert_allclose(Z, regressor.Z(q, [0.0, 0.0, -1.0]), atol=1e-4)
     return text
 
 

@@ -153,7 +153,7 @@ def test_reset_begins_anew() -> None:
     ("options", "said"),
     [
         ({"kp": [1.0, 2.0]}, r"kp: expected shape \(3,\), got \(2,\)"),
-        ({"kp": [1.0, -2.0, 1.0]}, r"kp: expected gains of zero or more"),
+        ({"kp": [1.0, -2.0, 1.0]}, r"kp: expected zero or more"),
         ({"omega": [1.0, 2.0]}, r"omega: expected shape \(3,\), got \(2,\)"),
         ({"omega": -1.0}, "omega: expected a symmetric positive definite matrix"),
         ({"omega": [[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}, "omega: expected a symmetric"),

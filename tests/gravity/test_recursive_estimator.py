@@ -213,7 +213,7 @@ def test_state_gives_time_torque_and_gravity() -> None:
         ({"forgetting": 0.0}, "forgetting: expected more than 0 and at most 1, got 0"),
         ({"forgetting": 1.1}, "forgetting: expected more than 0 and at most 1, got 1.1"),
         ({"settle": -1.0}, "settle: expected zero or more"),
-        ({"interval": np.nan}, "interval: expected zero or more, got nan"),
+        ({"interval": np.nan}, "interval is nan"),
         ({"max_speed": [1.0]}, r"max_speed: expected shape \(3,\)"),
         ({"margin": [np.nan] * 3}, r"margin\[0\] is nan"),
     ],

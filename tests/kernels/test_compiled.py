@@ -300,9 +300,8 @@ def test_a_home_that_is_a_file_does_no_harm(tmp_path: Path) -> None:
 def test_the_folder_is_where_the_platform_keeps_caches(monkeypatch, tmp_path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder() == tmp_path / "catenary" / "kernels"
-    monkeypatch.setenv(
-        "XDG_CACHE_HOME", "relative"
-    )  # to be ignored, says the XDG base directory specification
+    # to be ignored, says the XDG base directory specification
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert cache_folder() == tmp_path / ".cache" / "catenary" / "kernels"
 

@@ -12,6 +12,7 @@ from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step, unstretched_rotors
 from catenary.simulation.cable_plant import CablePlant
+from catenary.transmission.cable_coupling import winding_of
 
 Floats = NDArray[np.float64]
 HOME = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
@@ -88,5 +89,5 @@ def take_steps(
 def resting_state(cable: Cable, q: Floats) -> ArmState:
     """At q, at rest, no cable stretched."""
     state = ArmState(q=q)
-    state.rotor[:3] = unstretched_rotors(cable, q)
+    state.rotor[:3] = unstretched_rotors(cable, q, np.array(winding_of(cable.coupling, q)))
     return state

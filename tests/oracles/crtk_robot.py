@@ -20,11 +20,12 @@ from catenary.workflows.robot.operated_robot import OperatedRobot, operated_robo
 from oracles.ticking_clock import TickingClock
 
 _DEGREES = 180.0 / np.pi  # the robot multiplies every position and velocity by it, metres too
+# factor, type
 _IN_RAVENSTATE = {
     **dict.fromkeys(("mpos", "mvel", "jpos", "jvel", "jpos_d", "mpos_d"), (_DEGREES, np.float32)),
     **dict.fromkeys(("tau", "encoffsets"), (1.0, np.float32)),
     **dict.fromkeys(("encVals", "dac_val"), (1.0, np.int32)),
-}  # factor, type
+}
 
 
 class CrtkRobot:

@@ -313,9 +313,8 @@ def test_a_mimic_on_a_fixed_joint_moves_nothing():
     assert parse_urdf(text).joint_names == ("j",)
 
 
-GAZEBO = (
-    "<gazebo><sensor:camera name='eye'><body:pose/></sensor:camera></gazebo>"  # as in the Fetch's own file
-)
+# as in the Fetch's own file
+GAZEBO = "<gazebo><sensor:camera name='eye'><body:pose/></sensor:camera></gazebo>"
 NAMESPACES = {
     "undeclared prefix": (urdf(ONE, GAZEBO, links=("root", "a")), "(sensor:camera, body:pose)"),
     "default namespace": (

@@ -55,9 +55,8 @@ def test_a_stamp_from_the_future_does_not_make_the_next_ones_old():
     assert check.fault(1.0, (0.0, 0.0, 9.8), 1.0) is Fault.NONE
 
 
-@pytest.mark.parametrize(
-    ("stuck_samples", "good"), [(3, 2), (0, 50)]
-)  # 0: a sensor without noise is believed
+# 0: a sensor without noise is believed
+@pytest.mark.parametrize(("stuck_samples", "good"), [(3, 2), (0, 50)])
 def test_a_reading_repeated_bit_for_bit_is_stuck_until_it_changes(stuck_samples, good):
     check = raw(stuck_samples=stuck_samples)
     faults = [check.fault(0.01 * k, (0.0, 0.0, 9.8), 1.0) for k in range(50)]

@@ -10,7 +10,7 @@ from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
 from catenary.simulation.cable_parameters import varied
-from catenary.simulation.cable_plant import COLUMNS, CONTROL_FIELDS, PAYLOAD_PLACE, CablePlant
+from catenary.simulation.cable_plant import PAYLOAD_PLACE, REPORTED, CablePlant
 from catenary.transmission.cable_coupling import tensions_for, winding_of
 from oracles.cable_arms import homed_plant, linear_arm, smooth_motion
 
@@ -39,13 +39,13 @@ def test_ticking_equals_running_bit_for_bit(base):
     for k, row in enumerate(rows):
         read = ticked.telemetry()
         for name in READ:
-            assert_array_equal(read[name], getattr(log, CONTROL_FIELDS[name])[k])
+            assert_array_equal(read[name], getattr(log, REPORTED[name][0])[k])
         assert_array_equal(read["q_true"], log.q[k])
         ticked.servo_jp(row)
         ticked.wait()
         sent = ticked.telemetry()
         for name in SENT:
-            assert_array_equal(sent[name], getattr(log, CONTROL_FIELDS[name])[k])
+            assert_array_equal(sent[name], getattr(log, REPORTED[name][0])[k])
     assert ticked.state == run.state
 
 
@@ -173,7 +173,7 @@ def test_measured_torque_is_the_one_that_was_commanded_and_the_column_is_at_the_
     torque = [1.0, -0.5, 10.0, 0.01, 0.0, 0.0, 0.0]
     plant = settle(homed_plant(), 0.001, torque)
     assert_allclose(plant.measured_js().tau, torque, atol=1e-12)
-    assert {c.name: c.unit for c in COLUMNS}["tau"].startswith("Nm at the gearbox")
+    assert {c.name: c.unit for c in CablePlant.columns}["tau"].startswith("Nm at the gearbox")
     assert_allclose(plant.telemetry()["tau"][2], 10.0 * 12.25 / 2158.59, rtol=1e-12)
 
 

@@ -87,9 +87,8 @@ def test_a_constant_speed_lags_by_damping_over_stiffness():
     log = plant.run(rows)
     behind = (log.setpoint - log.joint)[:, 0]
     lag = (behind[span // 2] - behind[2 * span - 1 - span // 2]) / (2.0 * speed)
-    assert_allclose(
-        lag, 26.7e-3, rtol=0.03
-    )  # an encoder step, the motor's own damping, cables that still swing
+    # an encoder step, the motor's own damping, cables that still swing
+    assert_allclose(lag, 26.7e-3, rtol=0.03)
 
 
 @given(st.floats(-2.0, 2.0))

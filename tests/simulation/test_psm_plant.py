@@ -36,7 +36,7 @@ def test_it_goes_home_and_reports_what_the_potentiometers_say():
     plant = PsmPlant()
     assert not plant.operating_state().is_homed
     plant.home()
-    controller = plant.controller
+    controller = plant.firmware
     assert_allclose(plant.setpoint_js().q, controller.home_value, atol=1e-12)
     # a PID without integral: gravity's torque over its gain is what it lacks
     assert_allclose(plant.measured_js().q[0], -plant.measured_js().tau[0] / controller.kp[0], atol=1e-3)

@@ -299,7 +299,7 @@ def test_friction_given_by_hand_is_in_the_feedforward(tmp_path: Path) -> None:
 
 def test_friction_that_would_be_lost_or_cannot_be_is_refused(tmp_path: Path) -> None:
     out = ("--c", tmp_path / "arm.h", "--friction")
-    assert "expected zero or more of every joint" in refusal("export", "two_link", *out, "0.1,-0.1")
+    assert "expected zero or more" in refusal("export", "two_link", *out, "0.1,-0.1")
     assert "friction: expected shape (2,)" in refusal("export", "two_link", *out, "1,2,3")
     arm = load_robot("two_link")
     with pytest.raises(MissingInertiaError, match="link2"):

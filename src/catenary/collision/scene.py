@@ -219,11 +219,7 @@ class CollisionScene:
 
 
 def scene_of(
-    model: RobotModel,
-    geometry: Geometry,
-    obstacles: Sequence[Shape] = (),
-    *,
-    ignored: Sequence[Names] = (),
+    model: RobotModel, geometry: Geometry, obstacles: Sequence[Shape] = (), *, ignored: Sequence[Names] = ()
 ) -> CollisionScene:
     """Return a robot among obstacles, with all pairs of its bodies that are not neighbours.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
 from catenary.errors import InputError
@@ -147,11 +147,7 @@ def stiffness_margin(
         stiffness: (n,) K [Nm/rad|N/m].
         gravity: (3,) in base axes [m/s2]; any direction of 9.81 m/s2 when None.
     """
-    gains = as_array("kp", kp, (model.n,))
-    springs = as_array("stiffness", stiffness, (model.n,))
-    for name, values in (("kp", gains), ("stiffness", springs)):
-        if not (values > 0.0).all():
-            raise InputError(f"{name}: expected more than zero, got {values.tolist()}")
+    gains, springs = as_positive("kp", kp, (model.n,)), as_positive("stiffness", stiffness, (model.n,))
     series = springs * gains / (springs + gains)
     lower, upper = _range(model)
     fixed, n = nominal_gravity(gravity), model.n

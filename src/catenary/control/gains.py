@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.control.limits import TorqueLimits
 from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.errors import InputError
@@ -100,8 +100,7 @@ def gains_from_mass(
     """
     given = (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio), ("rate_hz", rate_hz))
     for name, value in given:
-        if not 0.0 < value < np.inf:
-            raise InputError(f"{name}: expected more than 0, got {value}")
+        as_positive(name, value)
     half = np.where(np.array(model.joint_units) == "rad", np.pi, 0.5)
     lower = np.where(np.isfinite(model.lower), model.lower, -half)
     upper = np.where(np.isfinite(model.upper), model.upper, half)

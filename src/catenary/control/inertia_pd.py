@@ -7,7 +7,7 @@ the computed torque of Luh, Walker, Paul 1980.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, one_for_all
 from catenary.control.pd import JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.errors import InputError
@@ -54,8 +54,7 @@ class InertiaPD:
         """
         n = model.n
         self.model = model
-        kp, kv = (np.full(n, gain) if np.ndim(gain) == 0 else gain for gain in (kp, kv))
-        self.pd = JointPD(kp, kv, n=n)
+        self.pd = JointPD(one_for_all(kp, n), one_for_all(kv, n), n=n)
         self.gravity = nominal_gravity(gravity)
         motors = np.zeros((n, n)) if motor_inertia is None else motor_inertia
         self.motor_inertia = as_array("motor_inertia", motors, (n, n))

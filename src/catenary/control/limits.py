@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 
@@ -45,20 +45,18 @@ class TorqueLimits:
         Raises:
             InputError: Other shapes, negative limits, taper without joint limits.
         """
-        self.torque = as_array("torque", torque, (None,), finite=False)
+        self.torque = as_not_negative("torque", torque, (None,), finite=False)
         shape = self.torque.shape
         if taper is not None and (lower is None or upper is None):
             raise InputError("taper: expected the joint limits, lower and upper, too")
 
-        def given(name: str, values: ArrayLike | None, missing: float) -> Floats:
-            return as_array(name, np.full(shape, missing) if values is None else values, shape, finite=False)
+        def given(values: ArrayLike | None, missing: float) -> ArrayLike:
+            return np.full(shape, missing) if values is None else values
 
-        self.slew = given("slew", slew, np.inf)
-        self.taper = as_array("taper", given("taper", taper, 0.0), shape)
-        self.lower, self.upper = given("lower", lower, -np.inf), given("upper", upper, np.inf)
-        for name, values in (("torque", self.torque), ("slew", self.slew), ("taper", self.taper)):
-            if not (values >= 0.0).all():
-                raise InputError(f"{name}: expected zero or more, got {values.tolist()}")
+        self.slew = as_not_negative("slew", given(slew, np.inf), shape, finite=False)
+        self.taper = as_not_negative("taper", given(taper, 0.0), shape)
+        self.lower = as_array("lower", given(lower, -np.inf), shape, finite=False)
+        self.upper = as_array("upper", given(upper, np.inf), shape, finite=False)
         if not (self.lower <= self.upper).all():
             raise InputError(f"lower {self.lower.tolist()}: expected at most upper {self.upper.tolist()}")
         self._last = np.zeros(shape)

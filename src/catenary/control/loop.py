@@ -24,10 +24,8 @@ FADE = 1.5  # [s] from a leap until all of it has come on
 Flags = NDArray[np.bool_]
 # [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
 LEAP = {"rad": 0.02, "m": 0.002}
-SAG = {
-    "rad": 0.1,
-    "m": 0.01,
-}  # from where it is measured, with a controller: an arm may have sagged under another
+# from where it is measured, with a controller: an arm may have sagged under another
+SAG = {"rad": 0.1, "m": 0.01}
 
 
 class Fade:

@@ -53,9 +53,8 @@ class LoopReport:
     has_priority: bool  # real-time priority was granted
     outside_valid_range: tuple[float, ...] | None  # share of ticks, per joint; None without corrector
     tracking_nominal: tuple[float, ...]  # RMS of reference - q_nominal [rad|m]; NaN where never measured
-    tracking_calibrated: (
-        tuple[float, ...] | None
-    )  # RMS of reference - q_calibrated [rad|m]; None without corrector
+    # RMS of reference - q_calibrated [rad|m]; None without corrector
+    tracking_calibrated: tuple[float, ...] | None
     limited_ticks: int  # in which the limits changed a torque
     not_finite_ticks: int  # in which a torque or position was NaN or infinite, and no torque sent for it
     gravity: GravityReport | None = None  # None without a source of gravity

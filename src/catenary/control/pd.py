@@ -5,7 +5,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.errors import InputError
 from catenary.plant import AT_REST, JointState
 from catenary.trajectories.reference import Reference
@@ -81,11 +81,8 @@ class JointPD:
         Raises:
             InputError: Gains of other lengths, negative or not finite; or no such damping.
         """
-        self.kp = as_array("kp", kp, (n,))
-        self.kd = as_array("kd", kd, self.kp.shape)
-        for name, gains in (("kp", self.kp), ("kd", self.kd)):
-            if (gains < 0.0).any():
-                raise InputError(f"{name}: expected gains of zero or more, got {gains.tolist()}")
+        self.kp = as_not_negative("kp", kp, (n,))
+        self.kd = as_not_negative("kd", kd, self.kp.shape)
         if damping not in get_args(Damping):
             raise InputError(f'damping "{damping}": expected one of {", ".join(get_args(Damping))}')
         self.damping = damping

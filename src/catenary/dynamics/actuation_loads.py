@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_not_negative, one_for_all
 from catenary.errors import InputError
 from catenary.robots.actuation import (
     Actuation,
@@ -64,9 +64,7 @@ def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) ->
     """
     values = np.empty((model.n, 2))
     for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
-        values[:, column] = as_array(name, given, () if np.ndim(given) == 0 else (model.n,))
-        if (values[:, column] < 0.0).any():
-            raise InputError(f"{name}: expected zero or more of every joint, got {values[:, column]}")
+        values[:, column] = as_not_negative(name, one_for_all(given, model.n), (model.n,))
     rows = zip(model.joint_names, np.eye(model.n), strict=True)
     smooth = 0.0 if model.actuation is None else model.actuation.coulomb_velocity
     actuation = Actuation(

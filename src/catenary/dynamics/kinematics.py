@@ -142,13 +142,7 @@ def _place_rows(
 
 @compiled
 def _jacobian_rows(
-    tree: Tree,
-    coupling: Floats,
-    rotations: Floats,
-    positions: Floats,
-    link: int,
-    point: Floats,
-    out: Floats,
+    tree: Tree, coupling: Floats, rotations: Floats, positions: Floats, link: int, point: Floats, out: Floats
 ) -> None:
     """Write Jacobians of a link's point, row by row, where the links are placed."""
     columns = np.zeros((6, len(tree.parent)))  # stay zero for joints that do not carry the link

@@ -11,19 +11,10 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.inverse_dynamics import BaseMotion, felt_rows, motion_rows
 from catenary.dynamics.recursion import link_motion, place_tree, to_tree
-from catenary.dynamics.vectors import (
-    Numbers,
-    Vector,
-    add,
-    cross,
-    dot,
-    put,
-    row,
-    scale,
-    times,
-)
+from catenary.dynamics.vectors import Numbers, Vector, add, cross, dot, put, row, scale, times
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
+from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import RobotModel, Tree
 
 PER_LINK = 10
@@ -85,9 +76,7 @@ def tree_with_parameters(tree: Tree, phi: ArrayLike) -> Tree:
                 raise InputError(f"phi: link {i}: mass {mass:g} kg with other parameters: no body has these")
             continue
         com[i] = moment / mass
-        inertia[i][np.triu_indices(3)] = six
-        inertia[i] = inertia[i] + np.triu(inertia[i], 1).T
-        inertia[i] -= mass * (com[i] @ com[i] * np.eye(3) - np.outer(com[i], com[i]))
+        inertia[i] = symmetric(six) - mass * (com[i] @ com[i] * np.eye(3) - np.outer(com[i], com[i]))
     return tree._replace(mass=values[:, 0].copy(), com=com, inertia=inertia)
 
 
@@ -131,13 +120,7 @@ def regressor_recursion(
 
 
 @inlined
-def _link_wrenches(
-    w: Vector,
-    dw: Vector,
-    o: Vector,
-    force: Numbers,
-    moment: Numbers,
-) -> None:
+def _link_wrenches(w: Vector, dw: Vector, o: Vector, force: Numbers, moment: Numbers) -> None:
     """Write the force and the moment about the origin per unit of each parameter, (10, 3) both."""
     put(force, 0, o)
     put(moment, 0, (0.0, 0.0, 0.0))

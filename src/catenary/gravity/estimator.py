@@ -29,7 +29,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array, as_positive
+from catenary.arrays import Floats, as_array, as_not_negative, as_positive, one_for_all
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.gravity_regressor import FullRegressor, require_parameters
@@ -51,9 +51,8 @@ class Observed(Protocol):
     def tau(self) -> Floats | None: ...  # noqa: D102  (n,) [Nm|N] that was sent
 
 
-Form = Literal[
-    "compact", "full"
-]  # of the regressor: merged, or as the paper derives it, 3 n (n + 1) parameters
+# of the regressor: merged, or as the paper derives it, 3 n (n + 1) parameters
+Form = Literal["compact", "full"]
 
 
 class EstimatedGravity:
@@ -144,10 +143,7 @@ class GravityEstimator(EstimatedGravity):
         """
         super().__init__(model, s0, form)
         n = model.n
-        self.kp, self.kd = as_array("kp", kp, (n,)), as_array("kd", kd, (n,))
-        for name, gains in (("kp", self.kp), ("kd", self.kd)):
-            if (gains < 0.0).any():
-                raise InputError(f"{name}: expected gains of zero or more, got {gains.tolist()}")
+        self.kp, self.kd = as_not_negative("kp", kp, (n,)), as_not_negative("kd", kd, (n,))
         self.omega = _as_omega(omega, n)
         if not 0.0 < damping < np.inf:
             raise InputError(f"damping: expected a positive number, got {damping}")
@@ -201,11 +197,6 @@ class GravityEstimator(EstimatedGravity):
             self._s += dt * (Z.T @ (inverse @ (self.omega @ effort)))
 
 
-def one_for_all(values: ArrayLike, n: int) -> ArrayLike:
-    """Return a single number as (n,), and anything else as it is."""
-    return np.full(n, values) if np.ndim(values) == 0 else values
-
-
 def _as_omega(omega: ArrayLike, n: int) -> Floats:
     shape = np.shape(omega)
     if shape == ():
@@ -220,9 +211,8 @@ def _as_omega(omega: ArrayLike, n: int) -> Floats:
 
 
 SURPRISE = 3.0  # standard deviations of torque that say that the load has changed
-CHANGE = (
-    1e-3  # probability that a load changes between two torques taken: of many, some stand out by noise alone
-)
+# probability that a load changes between two torques taken: of many, some stand out by noise alone
+CHANGE = 1e-3
 LEAST_SPREAD = 1e-6  # [kg m, kg] of a parameter: beside a load, less than that is lost in rounding
 ANOTHER = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
 
@@ -288,8 +278,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
             raise InputError(f"spread: expected at least {LEAST_SPREAD} kg m, kg, got {deviations.min()}")
         self._prior = np.diag(1.0 / deviations**2)  # A_0
         for name, value in (("settle", settle), ("interval", interval), ("novelty", novelty)):
-            if not 0.0 <= value < np.inf:
-                raise InputError(f"{name}: expected zero or more, got {value}")
+            as_not_negative(name, value)
         if not 0.0 < forgetting <= 1.0:
             raise InputError(f"forgetting: expected more than 0 and at most 1, got {forgetting}")
         self._forgetting, self._settle, self._interval, self._novelty = forgetting, settle, interval, novelty

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_batch, as_positive
+from catenary.arrays import Floats, as_batch, as_positive, one_for_all
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import CompactRegressor, compact_regressor
@@ -163,7 +163,7 @@ def locate_load(
     torques, _ = as_batch("tau", tau, model.n)
     if torques.shape != rows.shape:
         raise InputError(f"tau: expected shape {rows.shape}, that of q, got {torques.shape}")
-    spread = as_positive("noise", np.full(model.n, noise) if np.ndim(noise) == 0 else noise, (model.n,))
+    spread = as_positive("noise", one_for_all(noise, model.n), (model.n,))
     regressor = compact_regressor(model)
     s = regressor.parameters()
     named = frames or [link for link in model.link_names if link not in model.massless]

@@ -25,6 +25,7 @@ from catenary.identification.base_parameters import BaseParameters, random_confi
 from catenary.identification.least_squares import joined, triangles
 from catenary.identification.parameters import FIRST_MOMENTS, Parameters
 from catenary.identification.samples import Samples, folds_of
+from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -154,9 +155,7 @@ def _prior_rows(base: BaseParameters, prior: Floats, scale: Floats) -> tuple[Flo
 def pseudo_inertia(phi: Floats) -> Floats:
     """Return J (4, 4) of one link's parameters (10,) [kg, kg m, kg m2]."""
     mass, moment, six = phi[0], phi[1:4], phi[4:]
-    tensor = np.zeros((3, 3))
-    tensor[np.triu_indices(3)] = six
-    tensor = tensor + np.triu(tensor, 1).T
+    tensor = symmetric(six)
     J = np.zeros((4, 4))
     J[:3, :3] = 0.5 * np.trace(tensor) * np.eye(3) - tensor
     J[:3, 3] = J[3, :3] = moment

@@ -39,11 +39,8 @@ class Kernel:
         self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
 
     def __reduce__(self) -> tuple[type["Kernel"], tuple[str, Line, tuple[int, ...]]]:
-        return Kernel, (
-            self.name,
-            self.line,
-            self.shape,
-        )  # machine code is made, or found, where it is unpickled
+        # machine code is made, or found, where it is unpickled
+        return Kernel, (self.name, self.line, self.shape)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Kernel":
         return self  # nothing of it ever changes

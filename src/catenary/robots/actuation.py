@@ -157,9 +157,8 @@ class Actuation:
     weighting: Weighting = "range"
     coulomb_velocity: Annotated[float, Field(ge=0.0)] = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); sign at 0
     effort_scale: Row | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
-    values: Row | None = (
-        None  # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
-    )
+    # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
+    values: Row | None = None
 
     def __post_init__(self) -> None:
         for key in ("effort_scale", "values"):

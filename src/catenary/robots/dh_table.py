@@ -16,7 +16,7 @@ from catenary.config import Settings, load_toml, parse_settings
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation
 from catenary.robots.assembly import Coordinate, Link, assemble
-from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.model import BASE, Massless, RobotModel
 from catenary.robots.plausible import FARTHEST, check_within
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
@@ -207,10 +207,7 @@ def _inertia(where: str, row: LinkTable) -> LinkInertia | None:
         raise ConfigError(f'{where}: link "{row.name}": is massless and has mass_kg; expected one of the two')
     if row.com_m is None:
         raise ConfigError(f'{where}: link "{row.name}": has mass_kg but no com_m; gravity needs both')
-    if row.inertia_kg_m2 is None:
-        return LinkInertia(row.mass_kg, np.array(row.com_m), None)
-    xx, xy, xz, yy, yz, zz = row.inertia_kg_m2
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    tensor = None if row.inertia_kg_m2 is None else symmetric(row.inertia_kg_m2)
     return LinkInertia(row.mass_kg, np.array(row.com_m), tensor)
 
 

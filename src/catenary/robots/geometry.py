@@ -14,9 +14,8 @@ from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
 from catenary.spatial import Pose
 
-_A_POINT = (
-    1e-12  # [m] length up to which a segment has no direction: squares of shorter ones lose their digits
-)
+# [m] length up to which a segment has no direction: squares of shorter ones lose their digits
+_A_POINT = 1e-12
 
 
 class Ball(NamedTuple):

@@ -1,5 +1,6 @@
 """LinkInertia: mass, centre of mass and inertia of one link, and what no body's inertia can be."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,12 @@ class LinkInertia:
             r = body.com - com
             inertia = inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
         return LinkInertia(mass, com, inertia)
+
+
+def symmetric(six: Sequence[float] | Floats) -> Floats:
+    """Return the tensor (3, 3) of its entries (xx, xy, xz, yy, yz, zz)."""
+    xx, xy, xz, yy, yz, zz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 NOTHING = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))

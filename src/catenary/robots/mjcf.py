@@ -196,10 +196,7 @@ def _joint_names(c: CompiledMjcf) -> dict[int, str]:
 
 
 def _body_links(
-    c: CompiledMjcf,
-    body: int,
-    joints: Mapping[int, str],
-    following: Mapping[str, Mimic],
+    c: CompiledMjcf, body: int, joints: Mapping[int, str], following: Mapping[str, Mimic]
 ) -> Iterator[Link]:
     """Return a body as one link per joint, each moving the next; a body without joints as one fixed link."""
     name, parent = c.name("body", body), c.name("body", int(c.model.body_parentid[body]))

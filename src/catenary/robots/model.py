@@ -49,9 +49,8 @@ class Unseen(NamedTuple):
     """A change of masses that no torque showed under the gravity in which a robot was identified."""
 
     name: str  # of the first moment or mass that it is counted in
-    change: Annotated[
-        Floats, Listed((None, 4))
-    ]  # (n_tree, 4) of each link's mass [kg] and first moment [kg m], per unit of it
+    # (n_tree, 4) of each link's mass [kg] and first moment [kg m], per unit of it
+    change: Annotated[Floats, Listed((None, 4))]
     low: float  # by how much bodies could have less of it [kg m or kg], zero or below
     high: float  # by how much more
 

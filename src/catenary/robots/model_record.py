@@ -26,10 +26,8 @@ from catenary.spatial import as_rotation
 
 REMEDY = "`catenary identify` makes it again"
 IDENTIFIED = "identified"  # array of the archive that holds the robot, as JSON
-UNSAVED = (
-    "axes_of_com",
-    "without_payload",
-)  # of what was declared or carried, an identified robot knows nothing
+# of what was declared or carried, an identified robot knows nothing
+UNSAVED = ("axes_of_com", "without_payload")
 BOUNDS = {  # by array of the tree: most that a robot can have
     "rotation": (2.0, ""), "origin": (FARTHEST, "m"), "axis": (2.0, ""), "mass": (MOST_MASS, "kg"),
     "com": (FARTHEST, "m"), "inertia": (MOST_INERTIA, "kg m2"),

@@ -48,11 +48,7 @@ Segment = tuple[Floats, Floats]
 
 
 def load_geometry(
-    source: str | Path,
-    model: RobotModel,
-    *,
-    packages: Sequence[Path] = (),
-    link_radius: float | None = None,
+    source: str | Path, model: RobotModel, *, packages: Sequence[Path] = (), link_radius: float | None = None
 ) -> Geometry | None:
     """Return the shapes of a robot's links; None where nothing tells them.
 

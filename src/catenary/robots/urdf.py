@@ -19,24 +19,16 @@ from catenary.robots.assembly import (
     left_out,
     naming_the_file,
 )
-from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
 from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
 XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
-_READ = {
-    "parent",
-    "child",
-    "axis",
-    "origin",
-    "limit",
-    "mimic",
-    "inertial",
-    "mass",
-    "inertia",
-}  # of these a model is made
+# of these a model is made
+_READ = {"parent", "child", "axis", "origin", "limit", "mimic", "inertial", "mass", "inertia"}
+_TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _KINDS: dict[str, JointKind] = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -290,17 +282,10 @@ def _inertia(what: str, link: Element) -> LinkInertia | None:
     mass, tensor = inertial.find("mass"), inertial.find("inertia")
     if mass is None:
         raise FileFormatError(f"{what}: no <mass>; expected one")
-    if tensor is None:
-        without = LinkInertia(number_of(f"{what}: <mass>", mass, "value"), np.zeros(3), None)
-        return without.moved(origin_of(what, inertial))
-    xx, xy, xz, yy, yz, zz = (
-        number_of(f"{what}: <inertia>", tensor, key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
-    about_com = LinkInertia(
-        number_of(f"{what}: <mass>", mass, "value"),
-        np.zeros(3),
-        np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
-    )
+    entries = None
+    if tensor is not None:
+        entries = symmetric([number_of(f"{what}: <inertia>", tensor, key) for key in _TENSOR])
+    about_com = LinkInertia(number_of(f"{what}: <mass>", mass, "value"), np.zeros(3), entries)
     return about_com.moved(origin_of(what, inertial))
 
 

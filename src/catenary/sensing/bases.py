@@ -8,9 +8,8 @@ from catenary.sensing.checks import GravityCheck, SensorRules
 from catenary.sensing.delay_free_filter import CUTOFF_BY_WINDOW
 from catenary.spatial import STANDARD_GRAVITY
 
-CHEAP_NOISE = (
-    0.04  # [m/s2] of a reading: 400 ug/sqrt(Hz) at 200 Hz, MPU-6050 specification rev. 3.4, table 6.2
-)
+# [m/s2] of a reading: 400 ug/sqrt(Hz) at 200 Hz, MPU-6050 specification rev. 3.4, table 6.2
+CHEAP_NOISE = 0.04
 UNCALIBRATED = 0.8  # [m/s2] by which a cheap sensor's length is off: 80 mg on its z axis, the same table
 LEFT = 0.5  # [m/s2] of slow accelerations that may be left in the mean
 SURE = 5.0  # standard deviations within which noise stays, of one axis

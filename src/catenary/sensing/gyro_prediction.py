@@ -54,9 +54,8 @@ class ForetoldSwing:
     give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
     """
 
-    LARGEST = (
-        3.0  # shares of `large` as far as it is followed: absurd rates are forgotten within half a second
-    )
+    # shares of `large` as far as it is followed: absurd rates are forgotten within half a second
+    LARGEST = 3.0
     LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
 
     def __init__(self, large: float = 0.3) -> None:
@@ -100,9 +99,8 @@ class ForetoldGravity:
     """
 
     START = 1.0  # [s] over which the first readings are averaged before any is judged
-    DRAW = (
-        10.0  # [s] over which gravity is drawn to readings, and their length and the rates at rest are taken
-    )
+    # [s] over which gravity is drawn to readings, and their length and the rates at rest are taken
+    DRAW = 10.0
     SHORTENING = 1.0  # [s] over which the length follows shorter readings: pushes lengthen them
     SMOOTH = 0.05  # [s] over which vibrations average out
     AFTER_TURNING = 0.5  # [s] for which accelerations of a turn may go on

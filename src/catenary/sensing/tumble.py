@@ -30,9 +30,8 @@ class Tumble:
 
     bias: Floats  # (3,) [m/s2]
     scale: Floats  # (3,)
-    residual: (
-        float  # [m/s2] RMS of corrected lengths less standard gravity; NaN of six readings: none is left
-    )
+    # [m/s2] RMS of corrected lengths less standard gravity; NaN of six readings: none is left
+    residual: float
     missing: tuple[str, ...]  # sides of the sensor that never were up
     faults: tuple[str, ...]  # why the numbers must not be used
 

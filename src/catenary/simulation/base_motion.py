@@ -193,11 +193,8 @@ class SteeredAngle:
     amplitude: float = 0.0  # [rad]
     frequency: float = 0.0  # [Hz]
     start: float = 0.0  # [s]
-    first: tuple[float, float, float] = (
-        0.0,
-        0.0,
-        0.0,
-    )  # the polynomial's angle, rate, acceleration at the start
+    # the polynomial's angle, rate, acceleration at the start
+    first: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def at(self, times: ArrayLike) -> AngleNow:
         """Return the angle at times (N,) [s]; before the start it is as at the start."""

@@ -1,7 +1,7 @@
 """One step of a cable-driven arm: rotors, gears, cables, links. Compiled; every array is the caller's."""
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.recursion import composite_body_recursion, newton_euler_recursion, place_joints
 from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
-from catenary.simulation.cable_parameters import Cable
+from catenary.simulation.cable_parameters import Cable, CableDrive
 from catenary.simulation.records import PerAxis, PerJoint, Record
 from catenary.transmission.cable_coupling import joint_forces, winding_of
 from catenary.transmission.cable_elasticity import (
@@ -21,9 +21,6 @@ from catenary.transmission.cable_elasticity import (
     tension_of,
 )
 from catenary.transmission.cable_friction import coulomb, coulomb_coupled
-
-if TYPE_CHECKING:
-    from catenary.simulation.cable_parameters import CableDrive
 
 _PerLink = Annotated[Floats, "f8", ("link",)]
 _Vectors = Annotated[Floats, "f8", ("node", 3)]
@@ -47,7 +44,7 @@ class ArmState(Record):
 
 @inlined
 def pull_cable(
-    cable: "CableDrive", state: "ArmState", j: int, winding: float, winding_rate: float, step: float
+    cable: CableDrive, state: ArmState, j: int, winding: float, winding_rate: float, step: float
 ) -> None:
     """Stretch cable j and write its tension; update its hysteresis, creep, set and wear.
 
@@ -96,9 +93,7 @@ def pull_cable(
 
 
 @inlined
-def turn_rotor(
-    cable: "CableDrive", state: "ArmState", j: int, torque: float, braked: bool, step: float
-) -> None:
+def turn_rotor(cable: CableDrive, state: ArmState, j: int, torque: float, braked: bool, step: float) -> None:
     """Turn motor j against its cable: torque [Nm] at its shaft, or held by its brake."""
     if braked:
         state.rotor_velocity[j] = 0.0
@@ -165,13 +160,7 @@ def tree_dynamics(
         work.bias,
     )
     composite_body_recursion(
-        tree,
-        work.rotation,
-        work.position,
-        work.mass,
-        work.first_moment,
-        work.inertia,
-        work.matrix,
+        tree, work.rotation, work.position, work.mass, work.first_moment, work.inertia, work.matrix
     )
 
 
@@ -200,12 +189,7 @@ class Work(TreeWork):
 
 @inlined
 def physics_step(
-    cable: Cable,
-    state: ArmState,
-    shaft_torque: Floats,
-    braked: bool,
-    step: float,
-    work: Work,
+    cable: Cable, state: ArmState, shaft_torque: Floats, braked: bool, step: float, work: Work
 ) -> None:
     """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
 
@@ -242,14 +226,15 @@ def physics_step(
         q[j] += step * qd[j]
 
 
-def unstretched_rotors(cable: Cable, q: Floats) -> Floats:
-    """Return the positioning motors' positions (3,) [rad] at which no cable is stretched at joint positions q (3,)."""
+def unstretched_rotors(cable: CableDrive, q: Floats, winding: Floats) -> Floats:
+    """Return the motors' positions [rad] at which no cable is stretched at joint positions q, (n,) as their winding."""
     true_ratio = cable.ratio * (1.0 + cable.ratio_error)
-    fixed = np.array(winding_of(cable.coupling, q)) - cable.pulley_runout * np.sin(q + cable.pulley_phase)
-    rotor = true_ratio * fixed
+    fixed = winding - cable.pulley_runout * np.sin(q + cable.pulley_phase)
+    rotor: Floats = true_ratio * fixed
     for _ in range(20):  # the capstan's run-out turns with the rotor; each round leaves 1/20 of the error
-        runout = cable.capstan_runout * np.sin(rotor / cable.gearbox + cable.capstan_phase)
-        rotor = true_ratio * (fixed - runout)
+        rotor = true_ratio * (
+            fixed - cable.capstan_runout * np.sin(rotor / cable.gearbox + cable.capstan_phase)
+        )
     return rotor
 
 

@@ -10,7 +10,7 @@ from catenary.errors import InputError
 from catenary.plant import Column
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
+from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.firmware import (
@@ -23,14 +23,13 @@ from catenary.simulation.firmware import (
     read_encoders,
     run_ticks,
 )
-from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.simulation.firmware_plant import FirmwarePlant, columns_of
 from catenary.simulation.homing import ExternalEncoders, home
-from catenary.simulation.records import AXES, OFF, POSITIONING, TOOLS
-from catenary.simulation.simulated_plant import PERIOD
+from catenary.simulation.records import OFF, POSITIONING, TOOLS
+from catenary.transmission.cable_coupling import winding_of
 from catenary.transmission.cable_elasticity import LARGEST_LOSS
 
-# name in telemetry: field of the firmware's state, unit
-_FROM_CONTROL = {
+REPORTED = {  # name in telemetry: field of the firmware's state, unit
     "encVals": ("counts", "counts"),
     "mpos": ("motor", "rad"),
     "mvel": ("motor_velocity", "rad/s"),
@@ -42,41 +41,11 @@ _FROM_CONTROL = {
     "dac_val": ("dac", "DAC"),
     "encoffsets": ("offset", "counts"),
 }
-CONTROL_FIELDS = {name: field for name, (field, _) in _FROM_CONTROL.items()}
-COLUMNS = (
-    *(Column(name, unit, AXES) for name, (_, unit) in _FROM_CONTROL.items()),
-    Column("joint_enc", "counts", POSITIONING),
-    Column("ext_jpos", "rad|m", POSITIONING),
-    Column("q_true", "rad|m", POSITIONING),
-    Column("accelerometer", "m/s2", 3),
-    Column("gyroscope", "rad/s", 3),
-)
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 # between which an arm stands at power-on [rad, rad, m]
 STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
-
-
-def sample(
-    control: ControlState, q: Floats, encoders: ExternalEncoders, base: BaseSamples
-) -> dict[str, Floats]:
-    """Return every column at one instant, as copies.
-
-    q (3,) is where the joints really are [rad, rad, m]; base is one row of its motion, whose ideal accelerometer and
-    gyroscope are at its origin, in base axes.
-    """
-    specific_force, rate = imu_reading(base)
-    counts = encoders.counts(q)
-    own = control.copy().view(np.ndarray)
-    return {
-        **{column: own[field] for column, field in CONTROL_FIELDS.items()},
-        "joint_enc": counts,
-        "ext_jpos": encoders.positions(counts),
-        "q_true": q.copy(),
-        "accelerometer": specific_force[0],
-        "gyroscope": rate[0].copy(),
-    }
 
 
 class CablePlant(FirmwarePlant[TickLog]):
@@ -113,14 +82,12 @@ class CablePlant(FirmwarePlant[TickLog]):
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')
-        if substeps < 1:
-            raise InputError(f"substeps: expected at least 1, got {substeps}")
         rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_cable_arm() if arm is None else arm
         drawn = drawn if seed is None else varied(drawn, rng)
         self.arm = drawn if side == "left" else right_arm(drawn)
-        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
-        self.side, self.seed, self.substeps = side, seed, substeps
+        super().__init__(base, substeps)
+        self.side, self.seed = side, seed
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
         self._positioning = positioning
@@ -140,7 +107,13 @@ class CablePlant(FirmwarePlant[TickLog]):
 
     joint_names: tuple[str, ...] = JOINTS
     joint_units: tuple[str, ...] = UNITS
-    columns = COLUMNS
+    reported = REPORTED
+    columns = columns_of(
+        REPORTED,
+        Column("joint_enc", "counts", POSITIONING),
+        Column("ext_jpos", "rad|m", POSITIONING),
+        Column("q_true", "rad|m", POSITIONING),
+    )
     log = TickLog
     stops_when = "the software e-stop tripped at {time}: a motor's command was too large"
 
@@ -148,16 +121,6 @@ class CablePlant(FirmwarePlant[TickLog]):
     def rig(self) -> Rig:
         """The external encoders' numbers."""
         return self.encoders.rig
-
-    @property
-    def lower(self) -> Floats:
-        """Software limits below, (7,)."""
-        return self.firmware.lower.copy()
-
-    @property
-    def upper(self) -> Floats:
-        """Software limits above, (7,)."""
-        return self.firmware.upper.copy()
 
     @property
     def grav_dir(self) -> tuple[int, int, int] | None:
@@ -190,7 +153,9 @@ class CablePlant(FirmwarePlant[TickLog]):
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
-        return sample(self.control, self.state.q, self.encoders, self._base_now())
+        counts = self.encoders.counts(self.state.q)
+        positions = self.encoders.positions(counts)
+        return self._sample(joint_enc=counts, ext_jpos=positions, q_true=self.state.q.copy())
 
     def external_encoders(self) -> Floats:
         """Return where the external encoders see the positioning joints, (3,) [rad, rad, m]."""
@@ -287,15 +252,12 @@ class CablePlant(FirmwarePlant[TickLog]):
             own.gravity = np.zeros(3) if self._written_gravity is None else self._written_gravity
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
-        state, control = self.state, self.control
+        state = self.state
         state.q = rng.uniform(*STARTS) if start is None else as_array("start", start, (POSITIONING,))
-        state.rotor[:POSITIONING] = unstretched_rotors(self.cable, state.q)
+        state.rotor[:POSITIONING] = unstretched_rotors(
+            self.cable, state.q, np.array(winding_of(self.cable.coupling, state.q))
+        )
         tools = rng.uniform(-0.5, 0.5, TOOLS)
         insertion = state.rotor[POSITIONING - 1]
         state.rotor[POSITIONING:] = self.cable.tool_ratio * tools + self.cable.tool_carried * insertion
-        # the encoders count from wherever they woke up
-        control.offset = np.round(rng.uniform(-2e5, 2e5, AXES))
-        read_encoders(self.firmware, state, control)
-        control.motor_velocity[:] = 0.0
-        control.joint_velocity[:] = 0.0
-        control.setpoint = control.joint
+        self._wake_encoders(rng, 2e5, lambda: read_encoders(self.firmware, state, self.control))

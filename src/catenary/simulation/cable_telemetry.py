@@ -8,13 +8,13 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.simulation.cable_plant import CONTROL_FIELDS, CablePlant
+from catenary.simulation.cable_plant import REPORTED, CablePlant
 from catenary.simulation.firmware import TickLog, joint_torques
 
 CHANNELS = np.array([0, 1, 2, 4, 5, 6, 7])
 RUNNING = 3  # run level: pedal down
 # name in telemetry: field of a tick's log, which has no offsets of the encoders
-PER_AXIS = {name: field for name, field in CONTROL_FIELDS.items() if name != "encoffsets"}
+PER_AXIS = {name: field for name, (field, _) in REPORTED.items() if name != "encoffsets"}
 COLUMNS = (
     *PER_AXIS,
     "encoffsets",

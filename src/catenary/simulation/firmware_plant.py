@@ -1,7 +1,7 @@
 """What simulated arms share whose own firmware runs within the physics' ticks: runs, homing, modes, states."""
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, NotReadyError
-from catenary.plant import JointState
-from catenary.simulation.base_motion import BaseSamples
+from catenary.plant import Column, JointState
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.cable_physics import ArmState
-from catenary.simulation.records import OFF, POSITION, POSITIONING, TORQUE, Record
-from catenary.simulation.simulated_plant import SimulatedPlant
+from catenary.simulation.records import AXES, OFF, POSITION, POSITIONING, TORQUE, Record
+from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 
 Log = TypeVar("Log", bound=Record)
 
@@ -27,10 +27,31 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     supports = SimulatedPlant.supports | {"servo_jf_of"}
     state: ArmState
+    firmware: Any  # a record of its parameters, with the setpoints' lower and upper limits and more
     control: Any  # a record with counts, motor, joint, setpoint, mode, braked, stopped, guarded and more
     log: type[Log]  # what a run keeps of each tick
+    reported: Mapping[str, tuple[str, str]]  # column of telemetry: field of `control`, unit
     stops_when: str  # why the firmware stops by itself, in words
     _homing: Iterator[Floats] | None = None
+
+    def __init__(self, base: MovingBase | None, substeps: int) -> None:
+        """Stand on a base, a level one at rest when None, with so many physics steps in a tick of 1 ms."""
+        if substeps < 1:
+            raise InputError(f"substeps: expected at least 1, got {substeps}")
+        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
+        self.substeps = substeps
+
+    @property
+    def lower(self) -> Floats:
+        """Limits below of the setpoints, (n,) [rad|m]."""
+        limits: Floats = self.firmware.lower.copy()
+        return limits
+
+    @property
+    def upper(self) -> Floats:
+        """Limits above, (n,)."""
+        limits: Floats = self.firmware.upper.copy()
+        return limits
 
     def measured_js(self) -> JointState:
         """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
@@ -112,16 +133,6 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     @property
     @abstractmethod
-    def lower(self) -> Floats:
-        """Limits below of the setpoints, (n,) [rad|m]."""
-
-    @property
-    @abstractmethod
-    def upper(self) -> Floats:
-        """Limits above, (n,)."""
-
-    @property
-    @abstractmethod
     def identity(self) -> dict[str, object]:
         """What makes this arm another one than others of its kind."""
 
@@ -133,6 +144,13 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     @abstractmethod
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
+
+    def _sample(self, **further: Floats) -> dict[str, Floats]:
+        """Return the columns of `columns_of` at this instant, as copies; the base's sensor is at its origin."""
+        own = self.control.copy().view(np.ndarray)
+        specific_force, rate = imu_reading(self._base_now())
+        columns = {name: own[field] for name, (field, _) in self.reported.items()}
+        return {**columns, **further, "accelerometer": specific_force[0], "gyroscope": rate[0].copy()}
 
     @abstractmethod
     def external_encoders(self) -> Floats:
@@ -160,6 +178,15 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         """Do what depends on both."""
 
     # what all of them do
+
+    def _wake_encoders(self, rng: np.random.Generator, most: float, read: Callable[[], None]) -> None:
+        """Read the encoders, which count from wherever they woke up, and hold the setpoint there."""
+        control = self.control
+        control.offset = np.round(rng.uniform(-most, most, AXES))
+        read()
+        control.motor_velocity[:] = 0.0
+        control.joint_velocity[:] = 0.0
+        control.setpoint = control.joint
 
     def _advance(self, rows: Floats, log: Log) -> None:
         """Run a tick for each row (T, n), until the firmware stops by itself."""
@@ -215,3 +242,16 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         if moves:  # no jump when control begins
             control.setpoint = control.joint
         self._state_or_homing_changed()
+
+
+def columns_of(reported: Mapping[str, tuple[str, str]], *further: Column) -> tuple[Column, ...]:
+    """Return the columns of a telemetry: those of the axes, others, and what a sensor on the base reads."""
+    axes = (Column(name, unit, AXES) for name, (_, unit) in reported.items())
+    return (*axes, *further, Column("accelerometer", "m/s2", 3), Column("gyroscope", "rad/s", 3))
+
+
+def half_cosine(start: Floats, goal: Floats, seconds: float) -> Iterator[Floats]:
+    """Go from start to goal along half a cosine, tick by tick."""
+    ticks = round(seconds / PERIOD)
+    for k in range(1, ticks + 1):
+        yield start + (goal - start) * 0.5 * (1.0 - np.cos(np.pi * k / ticks))

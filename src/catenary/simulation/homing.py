@@ -13,6 +13,7 @@ from catenary.arrays import Floats
 from catenary.errors import NotReadyError
 from catenary.simulation.cable_parameters import Firmware, Rig
 from catenary.simulation.firmware import FOUND, SEEKING, ControlState, register
+from catenary.simulation.firmware_plant import half_cosine
 from catenary.simulation.records import OFF, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 
@@ -98,12 +99,16 @@ def home(
         yield hold
     yield from _seek(control, TOOL_AXES, WAITED_FOR, joint_names)
     register(firmware, control, np.where(TOOL_AXES, firmware.stop_value, firmware.home_value))
-    yield from _move(control.joint.copy(), np.where(TOOL_AXES, firmware.home_value, control.joint))
+    yield from half_cosine(
+        control.joint.copy(), np.where(TOOL_AXES, firmware.home_value, control.joint), HOME_TIME
+    )
     encoders.watch_for_stops()
     yield from _seek(control, POSITIONING_AXES, POSITIONING_AXES, joint_names)
     encoders.register(stop_side)
     register(firmware, control, np.where(POSITIONING_AXES, firmware.stop_value, control.joint))
-    yield from _move(control.joint.copy(), np.where(POSITIONING_AXES, firmware.home_value, control.joint))
+    yield from half_cosine(
+        control.joint.copy(), np.where(POSITIONING_AXES, firmware.home_value, control.joint), HOME_TIME
+    )
 
 
 def _seek(
@@ -126,10 +131,3 @@ def _seek(
             lost = [joint_names[int(j)] for j in np.flatnonzero(waited_for & ~found)]
             raise NotReadyError(f"homing: {', '.join(lost)} met no stop in {LONGEST_SEEK:g} s")
     seek[:] = OFF
-
-
-def _move(start: Floats, goal: Floats) -> Iterator[Floats]:
-    """Go from start to goal along half a cosine."""
-    ticks = round(HOME_TIME / PERIOD)
-    for k in range(1, ticks + 1):
-        yield start + (goal - start) * 0.5 * (1.0 - np.cos(np.pi * k / ticks))

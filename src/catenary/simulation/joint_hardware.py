@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_not_negative, one_for_all
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 from catenary.simulation.records import Index, Number, Record
@@ -79,7 +79,8 @@ def drive_parameters(
     """Check an arm's hardware."""
     n = model.n
     friction, damping, armature, stiffness, spring_damping = (
-        _per_joint(name, values, n, finite=name != "stiffness") for name, values in vars(hardware).items()
+        as_not_negative(name, one_for_all(values, n), (n,), finite=name != "stiffness")
+        for name, values in vars(hardware).items()
     )
     elastic = np.flatnonzero(np.isfinite(stiffness))
     for j in elastic:
@@ -99,14 +100,6 @@ def drive_parameters(
     parts, driven = MovingPart.rows(n + len(elastic)), joints.drive
     parts.inertia[driven], parts.friction[driven], parts.damping[driven] = armature, friction, damping
     return DriveParameters(np.array(model.coupling), tree, joints, springs, parts)
-
-
-def _per_joint(name: str, values: ArrayLike, n: int, *, finite: bool) -> Floats:
-    one = np.ndim(values) == 0
-    array = as_array(name, values, () if one else (n,), finite=finite)
-    if not (array >= 0.0).all():
-        raise InputError(f"{name}: expected zero or more, got {array.tolist()}")
-    return np.full(n, float(array)) if one else array
 
 
 MOST = 2.0  # of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1

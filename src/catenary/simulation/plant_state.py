@@ -27,10 +27,7 @@ def save_plant(plant: AnyArm, path: Path) -> None:
     arrays |= {f"control.{name}": plant.control[name] for name in saved}
     arrays["control.flags"] = np.array([plant.control[name] for name in FLAGS], dtype=np.int64)
     arrays |= plant.registered
-    about = _robot(plant) | {
-        "tick": plant.ticks,
-        "is_homed": plant.operating_state().is_homed,
-    }
+    about = _robot(plant) | {"tick": plant.ticks, "is_homed": plant.operating_state().is_homed}
     with written_whole(path) as file:
         np.savez(file, about=np.array(json.dumps(about)), **arrays)
 

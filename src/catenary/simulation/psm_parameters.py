@@ -11,6 +11,7 @@ from catenary.arrays import Floats
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError
 from catenary.robots.catalog import load_robot
+from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.cable_parameters import CableDrive, Entry, Origin, parameters_of
 from catenary.simulation.records import AXES, POSITIONING, SIZES, PerAxis, PerTool, Record
@@ -75,8 +76,9 @@ class LinkEntry(Settings):
     """Mass of one link of the data file."""
 
     mass_kg: float
-    com_m: list[float]
-    inertia_kg_m2: list[float]  # xx xy xz yy yz zz about the centre of mass
+    com_m: tuple[float, float, float]
+    # xx xy xz yy yz zz about the centre of mass
+    inertia_kg_m2: tuple[float, float, float, float, float, float]
     origin: Origin
 
 
@@ -119,13 +121,10 @@ def load_psm(path: Path | None = None) -> PsmArm:
             f"{path}: [links]: expected {', '.join(model.link_names)}, got {', '.join(content.links)}"
         )
     links = [content.links[name] for name in model.link_names]
-    inertia = np.array(
-        [_symmetric(path, name, link) for name, link in zip(model.link_names, links, strict=True)]
-    )
     tree = model.tree._replace(
         mass=np.array([link.mass_kg for link in links]),
         com=np.array([link.com_m for link in links]),
-        inertia=inertia,
+        inertia=np.array([symmetric(link.inertia_kg_m2) for link in links]),
     )
     return PsmArm(
         content.name,
@@ -158,11 +157,3 @@ def varied_psm(arm: PsmArm, rng: np.random.Generator) -> PsmArm:
         pulley_phase=rng.uniform(-np.pi, np.pi, AXES),
     )
     return arm._replace(drive=drive, controller=c.replace(registration=by(c.registration, 0.3)))
-
-
-def _symmetric(path: Path, name: str, link: LinkEntry) -> Floats:
-    if len(link.com_m) != 3 or len(link.inertia_kg_m2) != 6:
-        raise ConfigError(f"{path}: [links.{name}]: expected 3 numbers of com_m and 6 of inertia_kg_m2")
-    inertia = np.zeros((3, 3))
-    inertia[np.triu_indices(3)] = link.inertia_kg_m2
-    return inertia + np.triu(inertia, 1).T

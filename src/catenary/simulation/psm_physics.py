@@ -15,6 +15,7 @@ from catenary.simulation.cable_physics import (
     pull_cable,
     tree_dynamics,
     turn_rotor,
+    unstretched_rotors,
 )
 from catenary.simulation.psm_parameters import PSM_SIZES, PsmDrive
 from catenary.simulation.records import AXES, POSITIONING
@@ -139,14 +140,6 @@ def psm_dynamics(
 
 def unstretched_motors(drive: PsmDrive, q: Floats) -> Floats:
     """Return the motors' positions (7,) [rad] at which no cable is stretched at joint positions q (7,)."""
-    true_ratio = drive.ratio * (1.0 + drive.ratio_error)
     winding = np.empty(AXES)
     wind(drive.coupling, q, winding)
-    fixed = winding - drive.pulley_runout * np.sin(q + drive.pulley_phase)
-    rotor = true_ratio * fixed
-    for _ in range(20):  # the run-out turns with the rotor
-        rotor = true_ratio * (
-            fixed - drive.capstan_runout * np.sin(rotor / drive.gearbox + drive.capstan_phase)
-        )
-    motors: Floats = rotor
-    return motors
+    return unstretched_rotors(drive, q, winding)

@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.errors import InputError
 from catenary.plant import Column
 from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
-from catenary.simulation.firmware_plant import FirmwarePlant
+from catenary.simulation.base_motion import BaseSamples, MovingBase
+from catenary.simulation.firmware_plant import FirmwarePlant, columns_of, half_cosine
 from catenary.simulation.psm_controller import (
     PsmControlState,
     PsmLog,
@@ -34,7 +33,7 @@ STARTS = (
     np.array([*np.deg2rad([-20.0, -20.0]), 0.06, *np.deg2rad([-30.0, -10.0, -10.0, 0.0])]),
     np.array([*np.deg2rad([20.0, 20.0]), 0.18, *np.deg2rad([30.0, 10.0, 10.0, 10.0])]),
 )
-_FROM_CONTROL = {
+REPORTED = {  # name in telemetry: field of the controller's state, unit
     "encVals": ("counts", "counts"),
     "mpos": ("motor", "rad"),
     "mvel": ("motor_velocity", "rad/s"),
@@ -52,13 +51,8 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
     joint_names = (*PSM_JOINTS, "jaw")
     joint_units = PSM_UNITS
-    columns = (
-        *(Column(name, unit, AXES) for name, (_, unit) in _FROM_CONTROL.items()),
-        Column("ext_jpos", "rad|m", ARM_JOINTS),
-        Column("q_true", "rad|m", AXES),
-        Column("accelerometer", "m/s2", 3),
-        Column("gyroscope", "rad/s", 3),
-    )
+    reported = REPORTED
+    columns = columns_of(REPORTED, Column("ext_jpos", "rad|m", ARM_JOINTS), Column("q_true", "rad|m", AXES))
     log = PsmLog
     state: PsmState
     stops_when = (
@@ -84,16 +78,14 @@ class PsmPlant(FirmwarePlant[PsmLog]):
             base: What it stands on; a level base at rest when None.
             substeps: Physics steps in 1 ms.
         """
-        if substeps < 1:
-            raise InputError(f"substeps: expected at least 1, got {substeps}")
         rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_psm() if arm is None else arm
         self.arm = drawn if seed is None else varied_psm(drawn, rng)
-        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
-        self.seed, self.substeps = seed, substeps
+        super().__init__(base, substeps)
+        self.seed = seed
         self.model: RobotModel = load_robot("dvrk_psm")
         # the arm's parameters and its controller's; others may be put in place of them
-        self.drive, self.controller = self.arm.drive.copy(), self.arm.controller.copy()
+        self.drive, self.firmware = self.arm.drive.copy(), self.arm.controller.copy()
         self.state = PsmState()
         self.control = PsmControlState(braked=True, guarded=True)
         self._work = PsmWork()
@@ -102,27 +94,9 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         )
         self._power_on(rng, start)
 
-    @property
-    def lower(self) -> Floats:
-        """Joint limits below, (7,)."""
-        return self.controller.lower.copy()
-
-    @property
-    def upper(self) -> Floats:
-        """Joint limits above, (7,)."""
-        return self.controller.upper.copy()
-
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
-        own = self.control.copy().view(np.ndarray)
-        specific_force, rate = imu_reading(self._base_now())
-        return {
-            **{column: own[field] for column, (field, _) in _FROM_CONTROL.items()},
-            "ext_jpos": self.external_encoders(),
-            "q_true": self.state.q.copy(),
-            "accelerometer": specific_force[0],
-            "gyroscope": rate[0].copy(),
-        }
+        return self._sample(ext_jpos=self.external_encoders(), q_true=self.state.q.copy())
 
     def external_encoders(self) -> Floats:
         """Return where a tracker sees the arm's joints, (6,) [rad, rad, m, rad, rad, rad]."""
@@ -148,7 +122,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
             self.arm.links,
             self.arm.coupling,
             self.drive,
-            self.controller,
+            self.firmware,
             self.state,
             self.control,
             self._work,
@@ -168,27 +142,20 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
         The potentiometers sit at the actuators: play and stretch of the cables beyond are not registered away.
         """
-        control, home = self.control, self.controller.home_value
-        register_psm(self.controller, control, self.drive, self.state.rotor)
+        control, home = self.control, self.firmware.home_value
+        register_psm(self.firmware, control, self.drive, self.state.rotor)
         control.guarded = False  # it may stand beyond the joint limits
         control.mode[:] = POSITION
         start = control.joint.copy()
         for _ in range(round(POWER_WAIT / PERIOD)):
             yield start
-        ticks = round(HOME_TIME / PERIOD)
-        for k in range(1, ticks + 1):
-            yield start + (home - start) * 0.5 * (1.0 - np.cos(np.pi * k / ticks))
+        yield from half_cosine(start, home, HOME_TIME)
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
-        state, control = self.state, self.control
+        state = self.state
         state.q = rng.uniform(*STARTS) if start is None else as_array("start", start, (AXES,))
         state.rotor = unstretched_motors(self.drive, state.q)
-        # the encoders count from wherever they woke up
-        control.offset = np.round(rng.uniform(-2e4, 2e4, AXES))
-        read_psm_encoders(self.controller, state, control)
-        control.motor_velocity[:] = 0.0
-        control.joint_velocity[:] = 0.0
-        control.setpoint = control.joint
+        self._wake_encoders(rng, 2e4, lambda: read_psm_encoders(self.firmware, state, self.control))
 
 
 def psm_telemetry(plant: PsmPlant, log: PsmLog) -> dict[str, Floats]:

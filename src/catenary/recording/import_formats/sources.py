@@ -83,7 +83,7 @@ class Sources:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
         self.notes: list[str] = []
-        self._bags: list[Bag | Extraction] = []
+        self._bags: list[Bag | ExtractedTopics] = []
         streams: list[Stream] = []
         bags: list[Bag] = []
         for path in paths:

@@ -27,7 +27,7 @@ from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWr
 from catenary.recording.recorder import Recorder
 from catenary.recording.topics import RAVENSTATE, RAVENSTATE_100HZ, Arm, Topic, raven_topics
 from catenary.robots.catalog import RAVEN_SIDES
-from catenary.simulation.cable_plant import CONTROL_FIELDS
+from catenary.simulation.cable_plant import REPORTED
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
 DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
@@ -251,7 +251,7 @@ def refuse_missing(counts: Sequence[TopicCount], required: Sequence[str]) -> Non
         )
 
 
-_PER_AXIS = tuple(CONTROL_FIELDS)
+_PER_AXIS = tuple(REPORTED)
 _ENCODERS = ("joint_enc", "ext_jpos")
 _MEASURED = ("measured_js", "measured_js_velocity", "measured_js_effort")
 COLLECT = 0.02  # [s] between two looks at what came over the wire
