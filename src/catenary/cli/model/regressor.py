@@ -10,7 +10,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.workflows.regressor import RegressorReport
+    from catenary.workflows.regressor_report import RegressorReport
 
 
 def regressor(
@@ -24,7 +24,7 @@ def regressor(
 
     Example: catenary regressor planar_3r --compact
     """
-    from catenary.workflows.regressor import describe_regressor
+    from catenary.workflows.regressor_report import describe_regressor
 
     if latex and as_json:
         raise InputError("regressor: give one of --latex and --json")
@@ -57,7 +57,7 @@ def _print_compact(report: "RegressorReport") -> None:
 
 def _print_identifiability(report: "RegressorReport") -> None:
     from catenary.gravity.regressor import standard_labels
-    from catenary.workflows.regressor import WORDS
+    from catenary.workflows.regressor_report import WORDS
 
     names = standard_labels(report.model)
     values, kinds = _texts(report.standard_values, len(names)), map(report.identifiable, ("level", "tilted"))
