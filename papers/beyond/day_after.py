@@ -22,7 +22,7 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.refresh import refresh_model
+from catenary.calibration.model_refresh import refresh_model
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS

@@ -9,7 +9,7 @@ import catenary
 from catenary.calibration.card import model_card
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
-from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.kind_choice import JointChoice, composed
 from catenary.calibration.model import Card
@@ -31,8 +31,7 @@ def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options
         model,
         early,
         asked,
-        robot="raven2",
-        command={"held_out": 0.2, "folds": folds, "max_error": None},
+        run=FitRun(robot="raven2", held_out=0.2, folds=folds),
         spread=spread,
         held_out=evaluate(model, late) if held_out else None,
         notes=("one thing was assumed",),
@@ -84,17 +83,12 @@ def test_card_names_robot_joints_inputs_and_data() -> None:
     names = [f"q:{joint}{lag}" for lag in ("", "[-1]") for joint in units]
     assert [(one["name"], one["unit"]) for one in card["inputs"]] == [(n, units[n[2:4]]) for n in names]
     source = card["data"][0]
-    assert (source["name"], source["sha256"], source["rows"], source["without_history"]) == (
-        "run",
-        "ab" * 32,
-        60,
-        1,
-    )
-    assert [card_of(replace(log, simulated=flag), folds=0)["simulated"] for flag in (True, False)] == [
-        True,
-        False,
-    ]
-    assert card["run"] == {"seed": 7, "held_out": 0.2, "folds": 3, "max_error": None}
+    told = (source["name"], source["sha256"], source["rows"], source["without_history"])
+    assert told == ("run", "ab" * 32, 60, 1)
+    for flag in (True, False):
+        assert card_of(replace(log, simulated=flag), folds=0)["simulated"] is flag
+    asked = {"held_out": 0.2, "folds": 3, "max_error": None, "accept": [], "coverage": 0.9}
+    assert card["run"] == {"seed": 7} | asked
     assert card["version"]["catenary"] == catenary.__version__
     assert card["version"]["numpy"] == np.__version__
     assert card_of(kind="polynomial", history=1)["settings"]["ridge"] == 10.0
@@ -130,9 +124,7 @@ def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> N
     model = composed(models, choices)
     data = calibration_data([log], model.features)
     asked = FitOptions(history=1)
-    card = model_card(
-        model, data, asked, robot=None, command={}, spread=(), held_out=None, choices=tuple(choices)
-    )
+    card = model_card(model, data, asked, run=FitRun(), spread=(), held_out=None, choices=tuple(choices))
     assert [joint["widened_by"] for joint in card["joints"]] == [0.1, 0.5, 0.5]
     for entry in card["inputs"]:
         column = model.features.names.index(entry["name"])

@@ -208,11 +208,3 @@ def test_number_of_folds_that_leaves_nothing_is_refused(rows: Any, folds: int, m
     logs = [off_by(np.zeros((40, 2)), ok=np.isin(np.arange(40), list(each))) for each in rows]
     with pytest.raises(InputError, match=message):
         cross_validate(data_of(*logs), offset_fit(logs[0]), folds=folds)
-
-
-def test_progress_of_the_folds_ends_at_one() -> None:
-    told: list[float] = []
-    log = off_by(np.zeros((40, 2)))
-    cross_validate(data_of(log), offset_fit(log), folds=4, progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0

@@ -23,7 +23,7 @@ from compiled_c import LANGUAGES, output_of, prefix_of, puts
 from oracles.calibration_models import MIXED, random_model, random_network
 from oracles.random_trees import random_robot
 
-STATES = 10_000
+STATES = 4_000
 ROBOTS = [*map(load_robot, ("raven2", "raven2_full_right")), *(random_robot(seed).model for seed in (8, 17))]
 
 

@@ -68,7 +68,7 @@ class Calibration(CalibrationModel):
 
         Args:
             q_nominal: (N, n) reported positions [rad|m], or recordings.
-            arrays: What else the model takes, where positions are an array.
+            arrays: `tau`, `qd` and `time` where the model takes them and positions are an array; see MotionArrays.
 
         Returns:
             (N, n) calibrated positions [rad|m]; outside the valid range the fixed offset is added.

@@ -1,5 +1,6 @@
 """The model card: everything a stranger must know before trusting a calibration, and what its readers rely on."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
@@ -10,7 +11,7 @@ from pydantic import JsonValue
 from catenary import __version__
 from catenary.calibration.dataset import CalibrationData, TrainingSource
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
-from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import extrapolation
 from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.kind_choice import JointChoice
@@ -27,8 +28,7 @@ def model_card(
     data: CalibrationData,
     options: FitOptions,
     *,
-    robot: str | None,
-    command: dict[str, Any],
+    run: FitRun,
     spread: tuple[Spread, ...],
     held_out: Evaluation | None,
     notes: tuple[str, ...] = (),
@@ -40,8 +40,7 @@ def model_card(
         model: The model.
         data: The rows that it was fitted to.
         options: What was asked for.
-        robot: Name of the robot, if known.
-        command: Further settings of the run (error limit, held-out share, folds).
+        run: Which rows it saw, and how it was tested.
         spread: Errors of the cross-validation over blocks of time, empty when it was not run.
         held_out: Evaluation on the recordings' last part, when one was held out.
         notes: What was decided on the way.
@@ -52,9 +51,13 @@ def model_card(
     of_joint = [choice.chosen for choice in choices] or [model.kind] * len(model.joint_names)
     kinds = set(of_joint)
     group_of = {j: group for group in model.groups for j in group.joints}
+    asked = {key: value for key, value in asdict(run).items() if key != "robot"}
+    # JSON has no infinity: null is no limit
+    asked["max_error"] = run.max_error and [e if math.isfinite(e) else None for e in run.max_error]
+    asked["accept"] = list(run.accept)
     mean, spread_of = data.X.mean(axis=0), data.X.std(axis=0)
     return {
-        "robot": robot,
+        "robot": run.robot if run.robot is not None else data.robot,
         "simulated": any(source.simulated for source in data.sources),
         "kind": model.kind,
         "preset": model.preset,
@@ -106,7 +109,7 @@ def model_card(
         "mends": {key: list(texts) for key, texts in model.mends.items()},
         "rows": len(data),
         "recorded": data.dates[1],
-        "run": {"seed": options.seed, **command},
+        "run": {"seed": options.seed, **asked},
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {
             "unit": {

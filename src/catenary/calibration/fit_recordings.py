@@ -160,15 +160,7 @@ def _concluded(
         model,
         data,
         options,
-        robot=run.robot if run.robot is not None else data.robot,
-        command={
-            "held_out": run.held_out,
-            "folds": run.folds,
-            "accept": list(run.accept),
-            "coverage": run.coverage,
-            # JSON has no infinity: null is no limit
-            "max_error": run.max_error and [e if math.isfinite(e) else None for e in run.max_error],
-        },
+        run=run,
         spread=spread,
         held_out=held_out,
         notes=notes,

@@ -15,7 +15,7 @@ from catenary.arrays import Floats
 from catenary.calibration.card import valid_inputs
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.refresh import NOTHING, JointChange, Refreshed, refresh_model
+from catenary.calibration.model_refresh import NOTHING, JointChange, Refreshed, refresh_model
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import AS_TRAINED, Mend

@@ -290,7 +290,7 @@ def drift(
 
     Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """
-    from catenary.calibration.drift import since_in_words
+    from catenary.calibration.model_drift import since_in_words
     from catenary.reports.drift import drift_table, write_drift_report
     from catenary.workflows.calibration_model import drift_of_model, drift_summary
 

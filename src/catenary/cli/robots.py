@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from catenary.reports.page import Table
     from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
-    from catenary.workflows.regressor import RegressorReport
+    from catenary.workflows.regressor_report import RegressorReport
 
 ROOM_FOR_NAMES = 30  # characters, so that a robot's line fits into a terminal of 80
 DOTS_PER_INCH = 150
@@ -289,7 +289,7 @@ def regressor(
 
     Example: catenary regressor planar_3r --compact
     """
-    from catenary.workflows.regressor import describe_regressor
+    from catenary.workflows.regressor_report import describe_regressor
 
     report = describe_regressor(description.load(robot))
     if as_json:
@@ -324,7 +324,7 @@ def _print_compact(report: "RegressorReport") -> None:
 def _print_identifiability(report: "RegressorReport") -> None:
     from catenary.gravity.gravity_regressor import standard_labels
     from catenary.reports.page import Column, Table
-    from catenary.workflows.regressor import WORDS
+    from catenary.workflows.regressor_report import WORDS
 
     columns = [
         Column("parameter"),

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation_loads import actuation_columns, known_torque
+from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
-from catenary.identification.base_parameters import CHUNK, Base, BaseParameters, base_parameters
+from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
 from catenary.identification.consistency import (
     LEAST_PRIOR,
     consistent_fit,
@@ -103,24 +103,10 @@ class Identification:
         return tau[0] if single else tau
 
     def predict_unknown(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        """Predict torques (N, n) without those that are known beforehand."""
-        parts = [slice(first, first + CHUNK) for first in range(0, max(len(q), 1), CHUNK)]
-        return np.concatenate([self._predict(q[p], qd[p], qdd[p], gravity) for p in parts])
-
-    def _predict(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        parameters = self.base.parameters
-        Y = self.base.regressor(q, qd, qdd, gravity)
-        predicted: Floats = Y @ self.beta
-        if any(term.kind == "load" for term in parameters.actuation):
-            kept = np.isin(self.base.columns, parameters.carrying)
-            carried = Y[:, :, kept] @ self.beta[kept] + known_torque(actuation_of(self.model), q)
-            smoothing = actuation_of(self.model).coulomb_velocity
-            columns = actuation_columns(parameters.actuation, q, qd, qdd, smoothing, carried)
-            first = len(parameters.names) - len(parameters.actuation)
-            for place, column in enumerate(self.base.columns):
-                if column >= first and parameters.actuation[column - first].kind == "load":
-                    predicted += columns[:, :, column - first] * self.beta[place]
-        return predicted
+        """Predict torques (N, n) without those that are known beforehand, friction as in steady sliding."""
+        known, down = known_torque(actuation_of(self.model), q), np.broadcast_to(gravity, (len(q), 3))
+        rows = np.arange(len(q), dtype=float)
+        return self.predict_samples(Samples("", q, qd, qdd, np.zeros_like(q), known, rows, 1.0, gravity=down))
 
     def test(self, samples: Sequence[Samples]) -> "Identification":
         """Return this identification with verdicts on recordings that were not fitted."""

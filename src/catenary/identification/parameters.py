@@ -152,11 +152,8 @@ class Parameters:
     def loads(self, samples: Samples) -> Floats:
         """Return the loads (N, t) of the actuation's terms on a recording's rows, as friction remembers its history."""
         smoothing = actuation_of(self.model).coulomb_velocity
-        return (
-            np.array([recorded_load(term, samples, smoothing) for term in self.actuation])
-            .reshape(-1, len(samples))
-            .T
-        )
+        each = [recorded_load(term, samples, smoothing) for term in self.actuation]
+        return np.column_stack(each) if each else np.zeros((len(samples), 0))
 
 
 def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float) -> Floats:

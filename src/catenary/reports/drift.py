@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.calibration.drift import DriftFound, Stretch, since_in_words
+from catenary.calibration.model_drift import DriftFound, Stretch, since_in_words
 from catenary.reports.page import (
     Block,
     Column,

@@ -13,7 +13,6 @@ from catenary.calibration.card import check_card
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.corrector import decimation_at
 from catenary.calibration.dataset import calibration_data, data_notes, error_limits
-from catenary.calibration.drift import BEYOND, DriftFound, find_drift, since_in_words
 from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, silent
 from catenary.calibration.fit_recordings import FitResult, fit_logs
@@ -25,6 +24,7 @@ from catenary.calibration.maintenance import (
     trained_limits,
 )
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model_drift import BEYOND, DriftFound, find_drift, since_in_words
 from catenary.calibration.model_file import load_model
 from catenary.calibration.onnx import OPSET, save_onnx
 from catenary.errors import InputError

@@ -135,7 +135,7 @@ STATES: dict[str, Any] = {
     "settings.json": {
         "robot": "raven2", "side": "left", "seed": None, "base_tilt_deg": [0.0, 1.0], "payload_kg": 0.0,
         "direction": "J2-J3", "sparsities": [0.5, 0.25], "test_minutes": 20.0, "state_rate_hz": 30.0,
-        "connection": "simulation",
+        "connection": "simulation", "form": "generator", "namespace": "/PSM1", "train_minutes": 20.0, "columns": [],
     },
     "steps.json": {
         "home": {

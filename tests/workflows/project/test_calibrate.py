@@ -10,7 +10,7 @@ from catenary.reports.project import with_inputs
 from catenary.workflows.project import calibrate
 from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
-from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
+from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
 
 FITS = tuple(f"fit {name}" for name in QUICK_MODELS)
@@ -43,10 +43,6 @@ def test_projects_from_before_the_form_are_recorded_anew_where_the_path_is_anoth
     project = Project(tmp_path, ProjectSettings(direction=direction, sparsities=(0.5,)))
     was = {"zigzag": direction, "sparsities": (0.5,)}
     assert (fingerprint(calibrate.excitation(project)[1]) != fingerprint(was)) == again
-    settings = json.loads((tmp_path / "settings.json").read_text())
-    del settings["form"]
-    (tmp_path / "settings.json").write_text(json.dumps(settings))
-    assert project_settings(tmp_path) == project.settings
 
 
 @pytest.mark.slow

@@ -201,15 +201,6 @@ def test_fit_without_rows_or_to_rows_of_other_features_is_refused() -> None:
         fit(data_of(log(), history=1), choose_inputs([log()], FitOptions("linear")), FitOptions("linear"))
 
 
-@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial"])  # of networks: test_neural.py
-def test_progress_ends_at_one(kind: str) -> None:
-    told: list[float] = []
-    inputs = choose_inputs([log(rows=40)], FitOptions(kind, inputs={"J1": ("q:J1",)}))
-    fit(calibration_data([log(rows=40)], inputs.features), inputs, FitOptions(kind), progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-
-
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("play", [None, (0.1,)])
 def test_recordings_of_different_joints_are_refused_before_their_inputs_are_chosen(

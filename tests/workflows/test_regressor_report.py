@@ -8,7 +8,7 @@ from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.spatial import identity_pose
-from catenary.workflows.regressor import describe_regressor
+from catenary.workflows.regressor_report import describe_regressor
 from oracles.random_trees import random_inertia, random_pose
 
 

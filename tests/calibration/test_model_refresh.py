@@ -12,7 +12,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.refresh import (
+from catenary.calibration.model_refresh import (
     LAYER,
     NOTHING,
     SCALE,
