@@ -23,7 +23,6 @@ class OtherCommanders:
     """Hears who else commands an arm, until its own client does; from then on what the robot says of it."""
 
     def __init__(self, transport: Transport, dialect: DialectName, arm: Arm, namespace: str | None) -> None:
-        """Begin to listen."""
         self._transport = transport
         self._heard: list[Subscription] = []
         self._last: tuple[str, str, int] | None = None  # program, topic, arrival [ns]

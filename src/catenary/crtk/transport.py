@@ -261,7 +261,6 @@ class Latest:
     """Keeps the newest message of a topic, for programs that look once a tick; older ones are dropped unread."""
 
     def __init__(self, transport: Transport, topic: str, type_name: str) -> None:
-        """Begin to receive."""
         self.topic = topic
         self._transport = transport
         self._subscription = transport.subscribe(topic, type_name, depth=1)

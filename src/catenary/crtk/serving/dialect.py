@@ -16,7 +16,6 @@ class LazyPublisher:
     """A topic that a server publishes, while somebody listens."""
 
     def __init__(self, transport: Transport, topic: CrtkTopic) -> None:
-        """Begin to publish."""
         self._transport = transport
         self.topic = topic
         self._latched = topic.verb == "operating_state"  # whoever comes later knows it at once
