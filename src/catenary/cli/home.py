@@ -35,7 +35,7 @@ def home(
         ),
     ] = None,
     dialect: Annotated[
-        str | None, Option(help="Without a project, with --ros: raven or crtk. [default: raven]")
+        str | None, Option(help="Without a project, with --ros: raven or crtk. [default: the robot's own]")
     ] = None,
     namespace: Annotated[
         str | None,
@@ -63,7 +63,7 @@ def home(
     chosen = PacedRobot(
         robot=robot or "raven2",
         ros=access.ros,
-        dialect=dialect or "raven",
+        dialect=dialect,
         namespace=namespace,
         simulated=access.simulated,
         base_tilt_deg=arm.base_tilt_deg,

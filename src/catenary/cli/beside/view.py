@@ -49,7 +49,9 @@ def view(
     ros: Annotated[
         int | None, Option(metavar="1|2", help="Beside a robot on ROS 1 or 2, which is only read.")
     ] = None,
-    dialect: Annotated[str, Option(help="With --ros: raven or crtk.")] = "raven",
+    dialect: Annotated[
+        str | None, Option(help="With --ros: raven or crtk. [default: the robot's own]")
+    ] = None,
     namespace: Annotated[
         str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None,
@@ -123,7 +125,7 @@ def view(
                 shown = _beside(stack, robot, model, gravity)
             else:
                 gravity.source(None)
-                if namespace is not None or name is not None or dialect != "raven":
+                if namespace is not None or name is not None or dialect is not None:
                     raise InputError("--dialect, --namespace and --name go with --ros")
                 announce(f"{page.url}: preparing the robot ...")
                 shown = _simulated(what or "raven2", model, robot_seed)
