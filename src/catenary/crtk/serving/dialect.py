@@ -49,14 +49,7 @@ class Dialect:
         published: Mapping[str, MakeMessage],
         obeyed: Mapping[str, Obey],
     ) -> None:
-        """Speak for arms, over topics.
-
-        Args:
-            arms: By name.
-            topics: Of the dialect, those that these arms have.
-            published: What each arm publishes in every tick, by verb.
-            obeyed: What each arm does on a command, by verb.
-        """
+        """Speak for arms, over topics."""
         self.arms, self.topics = arms, topics
         self._published, self._obeyed = published, obeyed
         self._publishers: list[tuple[LazyPublisher, MakeMessage, ServedArm]] = []  # none before `begin`
