@@ -17,6 +17,15 @@ STALE_GRAVITY = 0.1  # [s], as old as the gravity estimator lets a reading be be
 WINDOW = 1.0  # [s] over which rates are counted
 
 
+# of a snapshot's plain data, where they say more than its fields
+_KEYS = {
+    "joint_names": "joints", "joint_units": "units", "calibrated": "q_calibrated", "interval": "q_interval",
+    "inside": "inside_valid_range", "encoder": "q_encoder", "gravity_tau": "gravity_torque",
+    "gravity_age": "gravity_age_s", "operating": "state", "late": "late_ticks", "error": "true_error",
+    "calibrated_from_encoders": "calibrated_tip_from_encoders",
+}  # fmt: skip
+
+
 class Snapshot(NamedTuple):
     """A robot at one instant; None for what is not known."""
 
@@ -80,30 +89,13 @@ class Snapshot(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI; null for what is not known."""
-        return {
-            "time": self.time,
-            "joints": self.joint_names,
-            "units": self.joint_units,
-            "q": self.q,
-            "setpoint": self.setpoint,
-            "q_calibrated": self.calibrated,
-            "q_interval": self.interval,
-            "inside_valid_range": self.inside,
-            "q_encoder": self.encoder,
-            "tau": self.tau,
-            "gravity_torque": self.gravity_tau,
-            "gravity": self.gravity,
-            "gravity_age_s": self.gravity_age,
+        left_out = ("lower", "upper", "silent")  # of the robot, and a warning
+        data = {
+            _KEYS.get(name, name): value for name, value in self._asdict().items() if name not in left_out
+        }
+        return data | {
             "state": None if self.operating is None else self.operating._asdict(),
             "fault": self.fault or None,
-            "rate_hz": self.rate_hz,
-            "late_ticks": self.late,
-            "recording": self.recording,
-            "true_error": self.error,
-            "tip": self.tip,
-            "tip_error": self.tip_error,
-            "tip_from_encoders": self.tip_from_encoders,
-            "calibrated_tip_from_encoders": self.calibrated_from_encoders,
             "warnings": self.warnings(),
         }
 

@@ -47,7 +47,7 @@ def home(
     ),
     dialect: str | None = option(
         None,
-        "Without a project, with --ros: raven or crtk. [default: raven]",
+        "Without a project, with --ros: raven or crtk. [default: the robot's own]",
         goes_with="ros",
         not_with="project",
     ),
@@ -78,7 +78,7 @@ def home(
     chosen = PacedRobot(
         robot=robot or "raven2",
         ros=access.ros,
-        dialect=dialect or "raven",
+        dialect=dialect,
         namespace=namespace,
         simulated=access.simulated,
         base_tilt_deg=arm.base_tilt_deg,

@@ -39,8 +39,11 @@ class WatchedRobot:
     ros: int | None = option(
         "1|2", "The robot is on ROS 1 or 2. [default: simulated here]", choices=(1, 2), joins_ros=True
     )
-    dialect: str = option(
-        None, "With --ros: raven or crtk.", "raven", choices=("raven", "crtk"), goes_with="ros"
+    dialect: str | None = option(
+        None,
+        "With --ros: raven or crtk. [default: the robot's own]",
+        choices=("raven", "crtk"),
+        goes_with="ros",
     )
     namespace: str | None = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros")
     name: str | None = option(NODE_NAME.metavar, NODE_NAME.help, goes_with="ros")

@@ -44,8 +44,11 @@ def view(
     ros: int | None = option(
         "1|2", "Beside a robot on ROS 1 or 2, which is only read.", choices=(1, 2), joins_ros=True
     ),
-    dialect: str = option(
-        None, "With --ros: raven or crtk.", "raven", choices=("raven", "crtk"), goes_with="ros"
+    dialect: str | None = option(
+        None,
+        "With --ros: raven or crtk. [default: the robot's own]",
+        choices=("raven", "crtk"),
+        goes_with="ros",
     ),
     namespace: str | None = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros"),
     name: str | None = replace(NODE_NAME, goes_with="ros"),

@@ -15,7 +15,6 @@ class Clock:
     """The machine's own time, which is what transports keep to unless they are given another."""
 
     def __init__(self) -> None:
-        """Read both of the machine's clocks, once."""
         self._ahead = 0
         self._ahead = self.set_by()
 
@@ -77,7 +76,6 @@ class Rate:
     """
 
     def __init__(self, clock: Clock, hertz: float) -> None:
-        """Begin now."""
         if not 0.0 < hertz < float("inf"):
             raise InputError(f"rate: expected a positive number of Hz, got {hertz}")
         self._clock = clock

@@ -23,7 +23,6 @@ class OtherCommanders:
     """Hears who else commands an arm, until its own client does; from then on what the robot says of it."""
 
     def __init__(self, transport: Transport, dialect: DialectName, arm: Arm, namespace: str | None) -> None:
-        """Begin to listen."""
         self._transport = transport
         self._heard: list[Subscription] = []
         self._last: tuple[str, str, int] | None = None  # program, topic, arrival [ns]
@@ -152,12 +151,7 @@ class Commander:
         )
 
     def left(self, now: int, *, is_moving: bool) -> str | None:
-        """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second.
-
-        Args:
-            now: [ns].
-            is_moving: Whether a move of the arm's own is under way.
-        """
+        """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second."""
         stall, self._looked = now - self._looked - 2 * WATCH, now
         if stall > 0 and self._gone is None:
             self._stood = stall + (self._stood if self._heard <= self._went_on else 0)

@@ -53,7 +53,6 @@ class MeasuredGravity:
     """
 
     def __init__(self, transport: Transport, imu: ImuTopic) -> None:
-        """Begin to receive."""
         self.latest = Latest(transport, imu.topic, imu.type_name)
         self._mounting, self._kind, self._plausible = imu.mounting, imu.kind, imu.plausible
         self._transport = transport

@@ -390,11 +390,7 @@ def _is_counted(field: Field) -> bool:
 
 
 def _passed(field: Field, data: bytes, at: int, most: int) -> int:
-    """Return where the field after this one begins.
-
-    Raises:
-        _TooMany: There are more than `most` names or messages in an array.
-    """
+    """Return where the field after this one begins."""
     width = _width(field)
     if field.length is None:
         if width:

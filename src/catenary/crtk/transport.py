@@ -261,7 +261,6 @@ class Latest:
     """Keeps the newest message of a topic, for programs that look once a tick; older ones are dropped unread."""
 
     def __init__(self, transport: Transport, topic: str, type_name: str) -> None:
-        """Begin to receive."""
         self.topic = topic
         self._transport = transport
         self._subscription = transport.subscribe(topic, type_name, depth=1)
@@ -292,11 +291,7 @@ class Latest:
 def answer_of(
     name: str, waiting: Request, timeout: float, serve: Callable[[], object] | None = None
 ) -> Message:
-    """Return the answer of a service, waiting up to `timeout` [s] and calling `serve` meanwhile.
-
-    Raises:
-        TransportError: It failed, or did not come in time.
-    """
+    """Return the answer of a service, waiting up to `timeout` [s] and calling `serve` meanwhile."""
     if not waiting.wait(timeout, serve):
         raise TransportError(f"service {name}: no answer within {timeout} s")
     try:
@@ -333,11 +328,7 @@ class Spinner:
 
 
 def absolute(name: str) -> str:
-    """Return a topic's or service's name with its leading slash; ROS's namespaces and remapping do not apply.
-
-    Raises:
-        InputError: A topic or service cannot have this name.
-    """
+    """Return a topic's or service's name with its leading slash; ROS's namespaces and remapping do not apply."""
     if not _NAME.fullmatch(name):
         raise InputError(f'name "{name}": expected words of letters, digits and underscores between slashes')
     return "/" + name.strip("/")

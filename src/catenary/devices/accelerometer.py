@@ -161,7 +161,6 @@ class SerialAccelerometer(SerialBoard):
     def __init__(
         self, port: str, mailbox: Mailbox, *, baud: int = BAUD, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Open the port and begin to read."""
         self.mailbox, self.counts = mailbox, LinkCounts()
         self.hello: Hello | None = None
         self.complaint = ""  # why the last malformed line was refused

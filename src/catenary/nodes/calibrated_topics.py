@@ -150,20 +150,10 @@ class WireReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
-        same = (
-            "seconds",
-            "messages",
-            "published",
-            "rate_hz",
-            "late",
-            "missed",
-            "silences",
-            "not_homed",
-            "leaps",
-            "unreadable",
-            "stale",
-        )
-        return {name: getattr(self, name) for name in same} | {
+        told = dict(vars(self))
+        for name in ("latency", "longest_silence", "outside", "joint_names"):
+            del told[name]
+        return told | {
             "latency_us": None if self.latency is None else self.latency.in_us(),
             "longest_silence_s": self.longest_silence,
             "outside_valid_range": dict(zip(self.joint_names, self.outside, strict=True)),

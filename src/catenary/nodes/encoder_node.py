@@ -43,7 +43,6 @@ class EncoderNode:
     """
 
     def __init__(self, board: EncoderBoard, transport: Transport, *, state_topic: str = STATE_TOPIC) -> None:
-        """Begin to publish, and to listen to the robot."""
         self.board, self.transport = board, transport
         self.robot = ""
         self._joint_enc = transport.publisher(JOINT_ENC.name, JOINT_STATE)

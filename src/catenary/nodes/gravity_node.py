@@ -68,7 +68,6 @@ class GravityNode:
     def __init__(
         self, transport: Transport, source: SensedGravity, *, topic: str = TOPIC, frame_id: str = FRAME
     ) -> None:
-        """Begin to publish."""
         self.transport, self.source, self.frame_id = transport, source, frame_id
         self.tally, self.published = GravityTally(), 0
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")

@@ -72,7 +72,6 @@ class RawTerminal:
     """Standard input and output, while it is entered. Ctrl-C stays an interrupt, Ctrl-Z suspends and comes back."""
 
     def __init__(self) -> None:
-        """Take the terminal."""
         if not (sys.stdin.isatty() and sys.stdout.isatty()):
             raise InputError("teleop: needs a terminal for keys and screen; over SSH give it one with ssh -t")
         self._in, self._out = sys.stdin.fileno(), sys.stdout.fileno()

@@ -43,7 +43,6 @@ class ListenedTopic:
     """
 
     def __init__(self, program: Program, dds_name: str, type_name: str, steady: Callable[[], int]) -> None:
-        """Begin to receive."""
         self.type_name = current_name(type_name)
         self.dds_name = dds_name
         self._program, self._steady = program, steady

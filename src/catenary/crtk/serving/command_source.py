@@ -53,7 +53,6 @@ class CommandSource:
     def __init__(
         self, transport: Transport, topic: CrtkTopic, beginning: Beginning, reports: Reports
     ) -> None:
-        """Subscribe."""
         self.topic = topic
         self._transport = transport
         self._reports = reports

@@ -16,7 +16,6 @@ class LazyPublisher:
     """A topic that a server publishes, while somebody listens."""
 
     def __init__(self, transport: Transport, topic: CrtkTopic) -> None:
-        """Begin to publish."""
         self._transport = transport
         self.topic = topic
         self._latched = topic.verb == "operating_state"  # whoever comes later knows it at once
@@ -50,14 +49,7 @@ class Dialect:
         published: Mapping[str, MakeMessage],
         obeyed: Mapping[str, Obey],
     ) -> None:
-        """Speak for arms, over topics.
-
-        Args:
-            arms: By name.
-            topics: Of the dialect, those that these arms have.
-            published: What each arm publishes in every tick, by verb.
-            obeyed: What each arm does on a command, by verb.
-        """
+        """Speak for arms, over topics."""
         self.arms, self.topics = arms, topics
         self._published, self._obeyed = published, obeyed
         self._publishers: list[tuple[LazyPublisher, MakeMessage, ServedArm]] = []  # none before `begin`

@@ -44,7 +44,6 @@ class Diagnostics:
     """Publishes a status for each arm that moves."""
 
     def __init__(self, transport: Transport, arms: Mapping[str, ServedArm], reports: Reports) -> None:
-        """Begin to publish."""
         self._publisher = transport.publisher(DIAGNOSTICS, DIAGNOSTICS_TYPE, latch=True)
         self._arms = {name: arm for name, arm in arms.items() if arm.machine.can_change}
         self._reports = reports

@@ -24,7 +24,6 @@ class ToolPose:
     """
 
     def __init__(self, model: RobotModel, joint_names: tuple[str, ...]) -> None:
-        """Match model and robot."""
         n = len(joint_names)
         self.model = model
         # a da Vinci PSM's last joint is the opening itself, and its joint states leave it out

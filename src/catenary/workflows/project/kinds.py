@@ -47,7 +47,6 @@ class ProjectKind(ABC):
     encoders: ClassVar[str]  # what sees its joints, in a request to the person beside it
 
     def __init__(self, settings: ProjectSettings) -> None:
-        """Take a project's settings."""
         self.settings = settings
 
     @property

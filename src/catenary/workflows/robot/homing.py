@@ -52,11 +52,7 @@ class AnswerYes:
 
 
 def clear_workspace(guide: Guide) -> None:
-    """Ask a person to confirm that the robot may move.
-
-    Raises:
-        NotReadyError: Given up.
-    """
+    """Ask a person to confirm that the robot may move."""
     text = "clear the arm's workspace, and keep the e-stop at hand: it is going to move"
     if not guide.confirm(text):
         raise NotReadyError(f"{text}: given up; nothing has moved")

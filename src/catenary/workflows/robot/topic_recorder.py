@@ -83,11 +83,6 @@ class TopicRecorder:
             topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
             about: What the recording is of.
             max_bytes: Of a file, before the next one begins.
-
-        Raises:
-            InputError: The folder holds a recording, or topics do not differ.
-            RecordingError: The files cannot be made.
-            TransportError: A topic carries another type.
         """
         self.journal = JournalWriter(
             folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes
@@ -238,11 +233,7 @@ def record_topics(
 
 
 def refuse_missing(counts: Sequence[TopicCount], required: Sequence[str]) -> None:
-    """Refuse a recording that lacks a required topic.
-
-    Raises:
-        RecordingError: Nothing came of a required topic.
-    """
+    """Refuse a recording that lacks a required topic."""
     missing = [count.name for count in counts if count.name in required and count.kept == 0]
     if missing:
         raise RecordingError(

@@ -17,7 +17,7 @@ def _plain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("text", ["233", "-1", "1.5", "one", "٣"])
 def test_a_domain_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
-    from catenary.crtk.dds.domain import enter_domain
+    from catenary.crtk.dds.program import enter_domain
 
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     with pytest.raises(InputError, match=r"ROS_DOMAIN_ID .*: expected a whole number from 0 to 232"):
@@ -25,7 +25,7 @@ def test_a_domain_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, text:
 
 
 def test_the_domain_is_0_where_none_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    from catenary.crtk.dds.domain import domain_number
+    from catenary.crtk.dds.program import domain_number
 
     assert domain_number() == 0
     monkeypatch.setenv("ROS_DOMAIN_ID", " 42 ")
@@ -37,7 +37,7 @@ def test_the_domain_is_0_where_none_is_named(monkeypatch: pytest.MonkeyPatch) ->
     [("ROS_AUTOMATIC_DISCOVERY_RANGE", "PLANET"), ("ROS_STATIC_PEERS", "10.0.0.1;<Peer/>")],
 )
 def test_a_variable_that_has_no_such_value_is_refused(monkeypatch, name: str, value: str) -> None:
-    from catenary.crtk.dds.domain import enter_domain
+    from catenary.crtk.dds.program import enter_domain
 
     monkeypatch.setenv(name, value)
     with pytest.raises(InputError, match=name):
@@ -89,7 +89,7 @@ def test_a_program_that_is_off_is_found_by_nobody() -> None:
 
 
 def test_settings_of_cyclone_that_are_none_are_refused_by_name(tmp_path) -> None:
-    code = "from catenary.crtk.dds.domain import enter_domain; enter_domain()"
+    code = "from catenary.crtk.dds.program import enter_domain; enter_domain()"
     variables = {**environment(free_domain()), "CYCLONEDDS_URI": "<CycloneDDS><Nonsense/></CycloneDDS>"}
     ended = subprocess.run(
         [sys.executable, "-c", code], env=variables, capture_output=True, text=True, check=False
@@ -101,7 +101,7 @@ def test_settings_of_cyclone_that_are_none_are_refused_by_name(tmp_path) -> None
 @pytest.mark.parametrize("wide", ["SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT"])
 @pytest.mark.parametrize("own", ["", "<CycloneDDS><Domain><Id>any</Id></Domain></CycloneDDS>"])
 def test_types_of_fast_dds_are_not_compared_whatever_else_is_set(monkeypatch, wide: str, own: str) -> None:
-    from catenary.crtk.dds import domain
+    from catenary.crtk.dds import program as domain
 
     given: list[str] = []
     monkeypatch.setattr(domain, "Domain", lambda number, settings: given.append(settings))
