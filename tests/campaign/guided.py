@@ -75,7 +75,7 @@ def _journal() -> Reader:
     from tests.campaign.parts import byte_files
 
     return _of_files(
-        "0000.journal", [byte_files._journal()[0]], lambda path: list(JournalReader(path).messages())
+        "0000.mcap", [byte_files._journal()[0]], lambda path: list(JournalReader(path).messages())
     )
 
 

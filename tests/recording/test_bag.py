@@ -106,9 +106,10 @@ def test_a_long_recording_goes_into_several_bags(journal, sent, tmp_path, monkey
 
 
 def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(journal, tmp_path, caplog) -> None:
-    (tmp_path / "torn.journal").write_bytes((journal / "0000.journal").read_bytes()[:-300])
-    write_group_bags(JournalReader(tmp_path / "torn.journal"), tmp_path / "bags")
-    assert "no whole record" in caplog.text
+    (tmp_path / "torn").mkdir()
+    (tmp_path / "torn/0000.mcap").write_bytes((journal / "0000.mcap").read_bytes()[:-300])
+    write_group_bags(JournalReader(tmp_path / "torn/0000.mcap"), tmp_path / "bags")
+    assert "lacks its index" in caplog.text
 
 
 def test_a_bag_that_could_not_be_finished_keeps_another_name(journal: Path, tmp_path: Path) -> None:
@@ -249,5 +250,5 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="no such recording"):
         open_recording(tmp_path / "a.bag")
     (tmp_path / "notes.txt").write_text("hello")
-    with pytest.raises(FileFormatError, match=r"expected a folder of \.journal files"):
+    with pytest.raises(FileFormatError, match=r"expected a journal, a \.bag"):
         open_recording(tmp_path / "notes.txt")

@@ -66,7 +66,9 @@ def check(
 def recover(
     recording: Annotated[
         Path,
-        Argument(metavar="RECORDING", help="Journal (folder or .journal file), .bag, .mcap or its folder."),
+        Argument(
+            metavar="RECORDING", help="Journal (folder or one of its files), .bag, .mcap or its folder."
+        ),
     ],
     out: Annotated[
         Path | None,

@@ -31,7 +31,7 @@ _TOLD = {
         ".mjcf",
     ),
     *(".h", ".c", ".py", ".onnx", ".html", ".htm", ".pdf", ".png", ".svg", ".md"),
-    *(".bag", ".mcap", ".db3", ".journal", ".zip", ".gz", ".xlsx"),
+    *(".bag", ".mcap", ".db3", ".zip", ".gz", ".xlsx"),
 }
 _HEAD = 4096  # [B] of a file in which it says who wrote it
 

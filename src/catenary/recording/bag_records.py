@@ -3,7 +3,6 @@
 [wiki.ros.org/Bags/Format/2.0, mcap.dev/spec]
 """
 
-from collections.abc import Iterator
 from struct import Struct, error
 from typing import BinaryIO, Literal, cast
 
@@ -73,14 +72,6 @@ def chunk_of(values: dict[bytes, bytes], data: bytes, left: int) -> bytes:
     if len(chunk) != stated:
         raise ValueError(f"a chunk unpacks to {len(chunk)} bytes, and states {stated}")
     return chunk
-
-
-def mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
-    """Yield kind and data of every record, and whether it is whole: the last one may not be."""
-    while len(head := file.read(9)) == 9:
-        length = _U64.unpack_from(head, 1)[0]
-        data = file.read(min(length, size))
-        yield head[0], data, len(data) == length
 
 
 def text_at(data: bytes, position: int) -> tuple[str, int]:

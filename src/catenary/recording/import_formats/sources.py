@@ -16,7 +16,7 @@ from catenary.recording.import_formats.table_files import read_table_file
 from catenary.recording.journal import About, same_origin
 from catenary.recording.source import bags_in
 
-BAG_ENDINGS = (".bag", ".mcap", ".db3", ".journal")
+BAG_ENDINGS = (".bag", ".mcap", ".db3")
 
 
 class Extraction:
