@@ -72,6 +72,10 @@ def _table(
 
 def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bool = False) -> list[Stream]:
     """Return arrays by their number of rows, that of most numbers first; wide ones as `name[0]`, `name[1]`, ..."""
+    for name, a in arrays.items():
+        width = 0 if a.ndim != 2 else a.shape[1] if rows_first else min(a.shape)
+        if width > MOST_COLUMNS:  # before as many names are made
+            raise InputError(f"{path}: {cut(name)}: has {width} columns, expected {MOST_COLUMNS} at most")
     plain = {name: a for name, a in arrays.items() if a.dtype.kind in "biuf" and a.size}
     plain = plain if rows_first else {name: np.squeeze(a) for name, a in plain.items()}
     texts = {
