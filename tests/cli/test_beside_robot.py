@@ -13,8 +13,8 @@ from catenary.cli.beside_robot import TerminalGuide
 from catenary.errors import TransportError
 from catenary.nodes.deploy import CalibratedTopics
 from catenary.plant import MotionLog
+from catenary.recording.bag_reader import open_recording
 from catenary.recording.logs import read_log
-from catenary.recording.source import open_recording
 from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback

@@ -11,12 +11,12 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording import bag
-from catenary.recording.bag import write_group_bags
+from catenary.recording import bag_writer
+from catenary.recording.bag_reader import open_recording, open_recordings
 from catenary.recording.bag_stream import BagStream
+from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import full_definition, md5_sum, typestore
-from catenary.recording.source import open_recording, open_recordings
 from catenary.recording.topics import ABOUT_TOPIC
 from oracles.raven_recording import ABOUT, record, write_bag
 
@@ -98,7 +98,7 @@ def test_one_bag_per_topic_as_the_group_records(journal: Path, sent: list[Messag
 
 
 def test_a_long_recording_goes_into_several_bags(journal, sent, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(bag, "MAX_MESSAGES", 500)
+    monkeypatch.setattr(bag_writer, "MAX_MESSAGES", 500)
     written = write_group_bags(JournalReader(journal), tmp_path)
     names = [path.name for path in written if path.stem.startswith("record_ext_jenc")]
     assert names == [f"record_ext_jenc{number}.bag" for number in ("", "_1", "_2")]

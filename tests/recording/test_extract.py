@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
+from catenary.recording import bag_reader
 from catenary.recording import extract as extract_module
-from catenary.recording import source
-from catenary.recording.bag import write_group_bags
+from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
 from catenary.recording.import_formats.raven_columns import write_raven_csv
 from catenary.recording.journal import About, JournalTopic, JournalWriter
@@ -87,7 +87,7 @@ def test_every_kind_of_file_gives_the_same_numbers(journal, extracted, tmp_path,
 
 def test_memory_is_bounded_by_row_groups(journal, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(extract_module, "ROW_GROUP", 100)
-    monkeypatch.setattr(source, "AT_ONCE", 100)
+    monkeypatch.setattr(bag_reader, "AT_ONCE", 100)
     extract([journal], tmp_path / "x")
     file = topic_file(tmp_path / "x", EXT_JPOS)
     assert file.row_groups > 3  # of 64 kB of messages of all topics, or of 100 rows

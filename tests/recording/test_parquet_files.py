@@ -8,8 +8,7 @@ import pytest
 
 from catenary.errors import FileFormatError
 from catenary.recording import parquet_files
-from catenary.recording.logs import read_log
-from catenary.recording.motion_log_file import FORMAT
+from catenary.recording.logs import FORMAT, read_log
 from catenary.recording.parquet_files import open_parquet, read_table
 
 ABOUT = {"format": FORMAT, "joint_names": ["a"], "joint_units": ["rad"]}

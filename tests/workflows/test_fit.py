@@ -11,7 +11,7 @@ from catenary.calibration.files import save_model
 from catenary.calibration.fit import FitOptions
 from catenary.calibration.fitting import FitRun
 from catenary.errors import InputError
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import write_parquet
 from catenary.workflows.fit import evaluate_calibration, evaluation_summary, fit_calibration
 from recordings import recording
 

@@ -21,9 +21,8 @@ from catenary.identification.files import save_identification
 from catenary.identification.options import IdentifyOptions
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import mapping_of
-from catenary.recording.logs import Reading, read_log
+from catenary.recording.logs import Reading, read_log, write_parquet
 from catenary.recording.mend import Mend
-from catenary.recording.motion_log_file import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.view.recorded import recorded_arm
 from catenary.workflows.drift import drift_of_model

@@ -27,16 +27,18 @@ from catenary.recording.bag_chunks import (
     mcap_chunk_records,
     rows_of,
 )
-from catenary.recording.bag_records import (
+from catenary.recording.bag_search import (
     DAMAGE,
     bag_record,
     chunk_of,
     field_of,
     header_fields,
+    next_chunk,
+    next_mcap_chunk,
+    next_message,
     sized,
     text_at,
 )
-from catenary.recording.bag_search import next_chunk, next_mcap_chunk, next_message
 from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole

@@ -13,13 +13,13 @@ from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag import ROS2_VERSION
+from catenary.recording.bag_reader import METADATA, McapReader, SplitBag, open_ros2
 from catenary.recording.bag_stream import BagStream
+from catenary.recording.bag_writer import ROS2_VERSION
 from catenary.recording.journal import JournalWriter
 from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.layout import blank_messages
 from catenary.recording.losses import Rescue
-from catenary.recording.source import METADATA, McapReader, SplitBag, open_ros2
 from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines

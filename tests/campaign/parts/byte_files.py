@@ -27,9 +27,9 @@ def _whole(source: object) -> None:
 def _read_recording(rng: random.Random, path: Path, folder: Path, *, salvage: bool) -> None:
     """Read all messages; of every third file also extract them."""
     from catenary.errors import CatenaryError
+    from catenary.recording.bag_reader import open_recording
     from catenary.recording.bag_stream import BagStream
     from catenary.recording.extract import extract
-    from catenary.recording.source import open_recording
 
     try:
         _whole(open_recording(path))
@@ -213,7 +213,7 @@ def _parquet(checked: bool) -> bytes:
     import pyarrow.parquet as pq
 
     from catenary.recording.import_formats.known_layouts import read_raven
-    from catenary.recording.motion_log_file import write_parquet
+    from catenary.recording.logs import write_parquet
 
     path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "log.parquet"
     write_parquet(read_raven([_csv_file()]).log, path)

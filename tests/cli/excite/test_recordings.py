@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.recording.source import open_recording
+from catenary.recording.bag_reader import open_recording
 from catenary.workflows.project.folder import project_settings
 from command_line import catenary
 

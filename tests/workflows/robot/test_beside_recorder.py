@@ -5,8 +5,8 @@ import pytest
 
 from catenary.crtk.client import CrtkClient
 from catenary.errors import InputError, RecordingError
+from catenary.recording.bag_reader import open_recording
 from catenary.recording.extract import extract
-from catenary.recording.source import open_recording
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.workflows.robot.beside_recorder import BesideRecorder

@@ -12,11 +12,11 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.loopback import Loopback
 from catenary.errors import RecordingError, TransportError
-from catenary.recording.bag import write_group_bags
+from catenary.recording.bag_reader import open_recording
+from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import extract, topic_file
 from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.journal import About
-from catenary.recording.source import open_recording
 from catenary.recording.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics, topic_named
 from catenary.workflows.robot import topic_recorder
 from catenary.workflows.robot.topic_recorder import TopicRecorder, record_topics

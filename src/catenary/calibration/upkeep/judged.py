@@ -11,7 +11,7 @@ from catenary.errors import DataError
 from catenary.plant import MotionLog
 from catenary.recording.mend import AS_TRAINED, NOTHING, Mend
 from catenary.verdict.check import robot_of, verdict
-from catenary.verdict.trained import trained_findings
+from catenary.verdict.units_and_scale import trained_findings
 
 
 def judge_recordings(

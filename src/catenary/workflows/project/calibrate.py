@@ -19,8 +19,7 @@ from catenary.recording.logs import Reading, read_logs
 from catenary.reports.error_tables import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
-from catenary.verdict.check import robot_of, verdict
-from catenary.verdict.shared import require_apart
+from catenary.verdict.check import require_apart, robot_of, verdict
 from catenary.workflows.fit import evaluate_calibration, fit_calibration, warnings_of
 from catenary.workflows.model_recordings import recordings_for
 from catenary.workflows.project.folder import Project, write

@@ -9,8 +9,7 @@ from catenary.errors import InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.logs import Reading, read_log, read_recording
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
 from catenary.workflows.project.folder import Project
 
 
