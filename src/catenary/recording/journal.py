@@ -25,7 +25,7 @@ from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.recording.messages import fields, full_definition
 
 LIBRARY = "catenary journal 2"  # by which a file is known as a journal's
-ABOUT, NOTE, ENDED = "catenary.about", "catenary.note", "catenary.end"  # names of metadata
+ABOUT, NOTE, ENDED = "catenary_about", "catenary_note", "catenary_end"  # names of metadata
 MAGIC = b"\x89MCAP0\r\n"
 # kinds of records [mcap.dev/spec]
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6

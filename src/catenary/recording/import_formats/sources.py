@@ -19,7 +19,7 @@ from catenary.recording.journal import About, same_origin
 BAG_ENDINGS = (".bag", ".mcap", ".db3")
 
 
-class Extraction:
+class ExtractedTopics:
     """What `extract` wrote: a Parquet file for each topic, its columns called as in the topic's messages."""
 
     def __init__(self, path: Path) -> None:
@@ -83,14 +83,14 @@ class Sources:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
         self.notes: list[str] = []
-        self._bags: list[Bag | Extraction] = []
+        self._bags: list[Bag | ExtractedTopics] = []
         streams: list[Stream] = []
         bags: list[Bag] = []
         for path in paths:
             if not path.exists():
                 raise FileFormatError(f"{path}: no such file")
             if is_extraction(path):
-                self._bags.append(Extraction(path))
+                self._bags.append(ExtractedTopics(path))
             elif is_bag(path):
                 bags += [Bag(part) for part in bags_in(path)]
             else:
