@@ -40,7 +40,7 @@ from catenary.identification.payload import estimate_payload as estimate_payload
 from catenary.plant import JointState as JointState
 from catenary.plant import MotionLog as MotionLog
 from catenary.recording.logs import read_log as read_log
-from catenary.recording.motion_log_file import write_parquet as write_parquet
+from catenary.recording.logs import write_parquet as write_parquet
 from catenary.reports.robot_plot import plot as plot
 from catenary.robots.catalog import load_robot as load_robot
 from catenary.robots.model import RobotModel as RobotModel

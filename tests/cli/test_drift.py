@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from catenary.plant import MotionLog
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import write_parquet
 from command_line import catenary
 
 MAY_14, DAY = 1778716800.0, 86400.0  # [s since 1970] midnight of 14 May 2026, UTC

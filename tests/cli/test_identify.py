@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from catenary.identification.identification_file import load_identification
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf
 from command_line import catenary, refusal

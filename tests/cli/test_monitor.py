@@ -8,7 +8,7 @@ import simulated_arm
 from catenary.calibration.model_file import load_model
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.plant import MotionLog
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
 from command_line import catenary, refusal
 

@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 
 from catenary.cli.robot_choice import TerminalGuide
+from catenary.recording.bag_reader import open_recording
 from catenary.recording.logs import read_log
-from catenary.recording.source import open_recording
 from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback

@@ -9,8 +9,7 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.model_file import load_model
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_log
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import read_log, write_parquet
 from command_line import catenary
 
 MAY_14, MAY_15 = 1778716800.0, 1778803200.0  # [s since 1970] midnight of these days of 2026, UTC

@@ -19,7 +19,7 @@ from catenary.calibration.model_file import save_model
 from catenary.crtk import network
 from catenary.crtk.message_values import joint_values, pose_of
 from catenary.crtk.topic_names import find_topic
-from catenary.recording.source import open_recording
+from catenary.recording.bag_reader import open_recording
 from catenary.recording.topics import topic_named
 from command_line import Outcome, catenary
 from meeting import Meeting

@@ -11,9 +11,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from catenary.errors import CatenaryError, FileFormatError
 from catenary.recording.bag_checks import MOST_TOPICS, MOST_UNPACKED
+from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.messages import typestore
-from catenary.recording.source import open_recording
 
 TEXT = typestore(2).serialize_cdr(typestore(2).types["std_msgs/msg/String"](data="a"), "std_msgs/msg/String")
 

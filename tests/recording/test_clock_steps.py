@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.recording.clock_steps import SECOND, ClockStep, without_steps
+from catenary.recording.series import SECOND, ClockStep, without_steps
 
 START = 1_700_000_000 * SECOND
 ROWS, PERIOD, DELAY = 600, SECOND // 100, 2_000_000  # [ns]

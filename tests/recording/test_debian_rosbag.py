@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from catenary.recording.bag import write_group_bags
+from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import md5_sum

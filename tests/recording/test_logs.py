@@ -12,8 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_log, read_torque_log
-from catenary.recording.motion_log_file import FORMAT, write_parquet
+from catenary.recording.logs import FORMAT, read_log, read_torque_log, write_parquet
 from catenary.robots.catalog import load_robot
 from recordings import recording
 

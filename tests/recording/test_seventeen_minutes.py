@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.recording.bag import write_group_bags
+from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import extract
 from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.journal_reader import JournalReader

@@ -12,7 +12,7 @@ from rosbags.rosbag2 import Reader
 
 from catenary.errors import FileFormatError
 from catenary.plant import MotionLog
-from catenary.recording.source import open_recording, open_recordings
+from catenary.recording.bag_reader import open_recording, open_recordings
 from catenary.workflows.import_recording import import_recording
 from catenary.workflows.recover import recover
 from command_line import catenary

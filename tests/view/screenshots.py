@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import write_parquet
 from view.browser import LookedAtPage, looked_at
 from view.command import model_of_positions, recorded_motion, view
 

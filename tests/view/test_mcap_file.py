@@ -20,7 +20,7 @@ import own_base
 from catenary.calibration import calibration
 from catenary.errors import FileFormatError
 from catenary.plant import MotionLog
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
 from catenary.view.mcap_file import McapSummary, write_mcap

@@ -22,9 +22,8 @@ from catenary.identification.identification_file import save_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import mapping_of
-from catenary.recording.logs import Reading, read_log
+from catenary.recording.logs import Reading, read_log, write_parquet
 from catenary.recording.mend import Mend
-from catenary.recording.motion_log_file import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.view.replay import recorded_arm
 from catenary.workflows.calibration_model import (

@@ -21,7 +21,7 @@ from catenary.plant import MotionLog
 from catenary.recording.mend import AS_TRAINED, Mend
 from catenary.recording.mend import NOTHING as NO_MEND
 from catenary.verdict.check import robot_of, verdict
-from catenary.verdict.trained import trained_findings
+from catenary.verdict.units_and_scale import trained_findings
 
 
 def judge_recordings(

@@ -47,7 +47,9 @@ def check(
 
 
 def recover(
-    recording: Path = argument("RECORDING", "Journal (folder or .journal file), .bag, .mcap or its folder."),
+    recording: Path = argument(
+        "RECORDING", "Journal (folder or one of its files), .bag, .mcap or its folder."
+    ),
     out: Path | None = option(
         "PATH", "What to write, named as typed. [default: NAME.recovered beside it]", read=out_path
     ),

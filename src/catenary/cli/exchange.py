@@ -201,7 +201,7 @@ def import_recording(
     if out is None:
         raise InputError("--out: where does the log go? expected --out LOG.parquet")
     log = read(sources, mapping, units=units, robot=robot, accept_proposal=yes)
-    from catenary.recording.motion_log_file import write_parquet
+    from catenary.recording.logs import write_parquet
 
     write_parquet(log, out)
     seconds = None if log.time is None else float(log.time.max() - log.time.min())

@@ -16,10 +16,23 @@ from catenary.files import card_path
 
 # endings that say what a file is, to catenary, to other programs or to people
 _TOLD = {
-    *(".npz", ".npy", ".mat", ".parquet", ".csv", ".txt", ".toml", ".json", ".yaml", ".urdf", ".xml", ".mjcf"),
+    *(
+        ".npz",
+        ".npy",
+        ".mat",
+        ".parquet",
+        ".csv",
+        ".txt",
+        ".toml",
+        ".json",
+        ".yaml",
+        ".urdf",
+        ".xml",
+        ".mjcf",
+    ),
     *(".h", ".c", ".py", ".onnx", ".html", ".htm", ".pdf", ".png", ".svg", ".md"),
-    *(".bag", ".mcap", ".db3", ".journal", ".zip", ".gz", ".xlsx"),
-}  # fmt: skip
+    *(".bag", ".mcap", ".db3", ".zip", ".gz", ".xlsx"),
+}
 _HEAD = 4096  # [B] of a file in which it says who wrote it
 
 

@@ -1,6 +1,6 @@
-"""The records of a ROS 1 bag's chunk, found and gathered by compiled code: no Python object per message.
+"""The records of a chunk of a ROS 1 bag or of MCAP, found and gathered by compiled code: no Python object per message.
 
-[wiki.ros.org/Bags/Format/2.0]
+[wiki.ros.org/Bags/Format/2.0, mcap.dev/spec]
 """
 
 from collections.abc import Iterator, Sequence
@@ -58,6 +58,16 @@ def chunk_records(chunk: bytes) -> Records:
     data = np.frombuffer(chunk, dtype=np.uint8)
     records = np.empty((_count(data), 6), dtype=np.int64)
     return records[: _walk(data, records)]
+
+
+def mcap_chunk_records(chunk: bytes) -> Records:
+    """Return the records of a chunk of MCAP up to its last whole one, (N, 6); columns as of `chunk_records`.
+
+    Of messages, connection is their channel; of others they tell but the kind, and where it begins and ends.
+    """
+    data = np.frombuffer(chunk, dtype=np.uint8)
+    records = np.empty((len(data) // 9, 6), dtype=np.int64)
+    return records[: _walk_mcap(data, records)]
 
 
 def rows_of(records: Records) -> Iterator[list[int]]:
@@ -134,6 +144,28 @@ def _walk(data: NDArray[np.uint8], records: Records) -> int:
             field = stop
         count += 1
         position = end
+    return count
+
+
+@compiled
+def _walk_mcap(data: NDArray[np.uint8], records: Records) -> int:
+    size, position, count = len(data), 0, 0
+    while position + 9 <= size:
+        begin = position + 9
+        length = _u32(data, position + 1) | _u32(data, position + 5) << 32
+        if length < 0 or length > size - begin:
+            break
+        row = records[count]
+        row[0], row[1], row[2], row[3], row[4], row[5] = data[position], -1, -1, begin, begin, begin + length
+        if row[0] == 5:
+            if length < 22:
+                row[0] = -1
+            else:
+                row[1] = np.int64(data[begin]) | np.int64(data[begin + 1]) << 8
+                row[2] = _u32(data, begin + 6) | _u32(data, begin + 10) << 32
+                row[4] = begin + 22
+        count += 1
+        position = begin + length
     return count
 
 

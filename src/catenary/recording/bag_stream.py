@@ -2,7 +2,6 @@
 
 import contextlib
 from collections.abc import Callable, Collection, Iterator, Mapping
-from io import BytesIO
 from pathlib import Path
 from struct import Struct
 from typing import BinaryIO, NamedTuple, TypeVar
@@ -25,23 +24,25 @@ from catenary.recording.bag_chunks import (
     Records,
     chunk_records,
     gather,
+    mcap_chunk_records,
     rows_of,
 )
-from catenary.recording.bag_records import (
+from catenary.recording.bag_search import (
     DAMAGE,
     bag_record,
     chunk_of,
     field_of,
     header_fields,
-    mcap_records,
+    next_chunk,
+    next_mcap_chunk,
+    next_message,
     sized,
     text_at,
 )
-from catenary.recording.bag_search import next_chunk, next_mcap_chunk, next_message
-from catenary.recording.journal import About, JournalTopic
+from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
-from catenary.recording.messages import check_ros1_type, check_ros2_type, current_name
+from catenary.recording.messages import check_ros1_type, check_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -49,7 +50,17 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 # of MCAP [mcap.dev/spec]
-_FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 2, 3, 4, 5, 6, 15
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _METADATA, _DATA_END = (
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    12,
+    15,
+)
+LONGEST_REMARK = 500  # characters
 _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS, _MOST_PIECES = 1000, 100  # that are told one by one; that a chunk is read in
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
@@ -92,17 +103,24 @@ class BagStream:
                 begin = file.read(len(ROS1_MAGIC))
         except OSError as problem:
             raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
-        self.has_blocks = begin == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
-        if not self.has_blocks and not begin.startswith(MCAP_MAGIC):
+        self.is_journal = self.is_last = (
+            False  # messages are numbered; it says that it is the last file of its recording
+        )
+        self.lost = 0  # numbered messages that are missing
+        self.remarks: list[str] = []  # of the recorder
+        self._following: dict[str, int] = {}  # number of the next message, by topic
+        self._shared: dict[str, int] | None = None  # the same of all files of a journal
+        self._before: int | None = None  # [ns] arrival of the last message of the file before
+        self.is_ros1 = begin == ROS1_MAGIC
+        if not self.is_ros1 and not begin.startswith(MCAP_MAGIC) and not is_journal_name(path):
             raise FileFormatError(
                 f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; nothing in it can be saved"
             )
-        self.encoding: Encoding = "ros1" if self.has_blocks else "cdr"
+        self.encoding: Encoding = "ros1" if self.is_ros1 else "cdr"
         self.about: About | None = None
         self._types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
-        found = self._guarded(self._bag_counts) if self.has_blocks else self._guarded(self._mcap_counts)
-        for name, number, first in found:
+        for name, number, first in self._guarded(self._counts):
             if name == ABOUT_TOPIC:
                 self.about = about_of(path, first, self.encoding)
             else:
@@ -112,27 +130,38 @@ class BagStream:
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
         require_topics(self.path, topics, self._types)
-        for message in self._guarded(self._bag_messages if self.has_blocks else self._mcap):
+        for message in self._guarded(self._messages):
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
 
     def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        """Yield topic, arrival stamps [ns] (N,) and messages of every chunk of a ROS 1 bag, no object for each.
+        """Yield topic, arrival stamps [ns] (N,) and messages of every chunk, no object for each.
 
         Within a topic messages keep their order.
         """
-        for chunk, name, records in self._guarded(self._bag_topics):
+        for chunk, name, records in self._guarded(self._by_topic):
             if name in topics:
                 yield name, records[:, TIME], gather(chunk, records)
+
+    @property
+    def last(self) -> int | None:
+        """Arrival of the last message that was read [ns]."""
+        return self._last
+
+    def follow(self, following: dict[str, int], last: int | None) -> None:
+        """Go on behind another file of a journal: with numbers of the next messages by topic, and the last arrival."""
+        self._shared, self._before = following, last
 
     def _guarded(self, read: Callable[[BinaryIO, int], Iterator[Read]]) -> Iterator[Read]:
         """Read up to what is damaged beyond help, which becomes a problem."""
         self.problems.clear()
         self.holes.clear()
-        self.ends_early, self._last = False, None
+        self.remarks.clear()
+        self._following = {} if self._shared is None else self._shared
+        self.ends_early, self._last, self.lost, self.is_last = False, self._before, 0, False
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
-            file.seek(len(ROS1_MAGIC) if self.has_blocks else len(MCAP_MAGIC))
+            file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MCAP_MAGIC))
             try:
                 yield from read(file, size)
             except DAMAGE as problem:
@@ -236,23 +265,28 @@ class BagStream:
             self.holes[-1] = self.holes[-1][0], first
         self._last, self.first = last, first if self.first is None else self.first
 
-    def _bag_messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
-        for chunk, records in self._bag_chunks(file, size):
+    def _chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
+        return (self._bag_chunks if self.is_ros1 else self._mcap_chunks)(file, size)
+
+    def _messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
+        for chunk, records in self._chunks(file, size):
             for row in rows_of(records):
                 yield self._names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
 
-    def _bag_topics(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, str, Records]]:
+    def _by_topic(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, str, Records]]:
         """Yield every chunk with each topic that it has messages of, and their records."""
-        for chunk, records in self._bag_chunks(file, size):
+        for chunk, records in self._chunks(file, size):
             numbers = records[:, CONNECTION]
             topics = {number: self._names[number] for number in dict.fromkeys(numbers.tolist())}
             for name in dict.fromkeys(topics.values()):
                 own = [number for number, topic in topics.items() if topic == name]
                 yield chunk, name, records if len(own) == len(topics) else records[np.isin(numbers, own)]
 
-    def _bag_counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
-        for chunk, name, records in self._bag_topics(file, size):
+    def _counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
+        for chunk, name, records in self._by_topic(file, size):
             yield name, len(records), chunk[records[0, DATA] : records[0, END]]
+            if self.is_journal:  # whose topics all stand before its first message; it is not read twice
+                return
 
     def _bag_connection(self, chunk: bytes, row: list[int], file: BinaryIO) -> None:
         """Keep a connection's topic."""
@@ -290,11 +324,8 @@ class BagStream:
         self._names[number] = name
         self.connections.setdefault(name, connection)
 
-    def _mcap_counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
-        for name, _, data in self._mcap(file, size):
-            yield name, 1, data
-
-    def _mcap(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
+    def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
+        """Yield every chunk of MCAP with the records of its messages."""
         schemas: dict[int, tuple[str, str]] = {}
         is_over = is_closed = False  # what follows the data says again which topics there are
         while len(head := file.read(9)) == 9:
@@ -312,12 +343,20 @@ class BagStream:
             is_closed |= kind == _FOOTER and is_whole
             if kind == _MCAP_CHUNK and len(data) > _CHUNK_HEAD:
                 with self._damage_told(start):
-                    for inner, content in self._mcap_contents(data, is_whole=is_whole):
+                    is_hit = following is not None and self.is_journal
+                    inside = self._mcap_contents(data, is_whole=is_whole, is_hit=is_hit)
+                    records = mcap_chunk_records(inside)
+                    for row in records[records[:, KIND] != _MCAP_MESSAGE].tolist():
                         with self._damage_told(start):
-                            yield from self._mcap_record(inner, content, schemas)
+                            self._mcap_record(row[KIND], inside[row[HEADER] : row[END]], schemas)
+                    yield inside, self._numbered(inside, records[records[:, KIND] == _MCAP_MESSAGE])
+                    if is_whole and (not len(records) or records[-1, END] != len(inside)):
+                        raise ValueError("its records do not fill it")
+            elif kind == _MCAP_MESSAGE and is_whole and not is_over:
+                yield head + data, self._numbered(head + data, mcap_chunk_records(head + data))
             elif is_whole and (not is_over or kind in (_SCHEMA, _CHANNEL)):
                 with self._damage_told(start):
-                    yield from self._mcap_record(kind, data, schemas)
+                    self._mcap_record(kind, data, schemas)
             if following is not None:
                 self._damaged(f"from byte {start} to {following}")
                 file.seek(following)
@@ -327,19 +366,40 @@ class BagStream:
         if not is_closed:
             self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
-    def _mcap_contents(self, data: bytes, *, is_whole: bool) -> Iterator[tuple[int, bytes]]:
-        """Yield the whole records of a chunk; then raise what is damaged in it."""
+    def _mcap_contents(self, data: bytes, *, is_whole: bool, is_hit: bool) -> bytes:
+        """Return the records of a chunk.
+
+        Of a chunk that is hit in its middle, and not cut off at its end, nothing is read unless its checksum is right.
+        """
         compression, position = text_at(data, 28)
         if compression and is_whole:
             raise ValueError(f"chunks compressed by {compression} are not read here")
         inside = b"" if compression else data[position + 8 :]
-        whole = False
-        for kind, content, whole in mcap_records(BytesIO(inside), len(inside)):
-            if whole:
-                yield kind, content
         checksum = _U32.unpack_from(data, 24)[0]
-        if is_whole and (not whole or (checksum and crc32(inside) != checksum)):
-            raise ValueError("its records do not fill it, or its checksum is another")
+        inside = inside[: _U64.unpack_from(data, 16)[0]] if is_hit else inside
+        if (is_hit or (is_whole and checksum)) and crc32(inside) != checksum:
+            raise ValueError("its checksum is another: none of it is read")
+        return inside
+
+    def _numbered(self, chunk: bytes, messages: Records) -> Records:
+        """Return messages of known topics; notice numbers that are missing, or come again, and when they arrived."""
+        known = np.isin(messages[:, CONNECTION], list(self._names))
+        if not known.all():
+            self._damaged(f"{(~known).sum()} messages of no known topic")
+            messages = messages[known]
+        if self.is_journal:
+            for channel in dict.fromkeys(messages[:, CONNECTION].tolist()):
+                own, name = messages[messages[:, CONNECTION] == channel], self._names[channel]
+                places = own[:, HEADER, None] + np.arange(2, 6)
+                numbers = np.frombuffer(chunk, dtype=np.uint8)[places].view("<u4")[:, 0].astype(np.int64)
+                if numbers[0] == self._following.get(name, 0) and (np.diff(numbers) == 1).all():
+                    self._following[name] = int(numbers[-1]) + 1
+                    continue
+                for number, arrival in zip(numbers.tolist(), own[:, TIME].tolist(), strict=True):
+                    self._count(name, number, arrival)
+        if len(messages):
+            self._heard(int(messages[0, TIME]), int(messages[-1, TIME]))
+        return messages
 
     @contextlib.contextmanager
     def _damage_told(self, start: int) -> Iterator[None]:
@@ -350,24 +410,62 @@ class BagStream:
         except DAMAGE as problem:
             self._damaged(f"in the record that begins at byte {start}: {problem!r}")
 
-    def _mcap_record(
-        self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]]
-    ) -> Iterator[tuple[str, int, bytes]]:
-        number = _U16.unpack_from(data)[0] if kind in (_SCHEMA, _CHANNEL, _MCAP_MESSAGE) else 0
+    def _mcap_record(self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]]) -> None:
+        """Take in what a record tells of topics and of the recording."""
+        number = _U16.unpack_from(data)[0] if kind in (_SCHEMA, _CHANNEL) else 0
         if kind == _SCHEMA:
             name, position = text_at(data, 2)
             _, position = text_at(data, position)
             schemas[number] = name, text_at(data, position)[0]
         elif kind == _CHANNEL:
-            name, _ = text_at(data, 4)
+            name, position = text_at(data, 4)
+            encoding, _ = text_at(data, position)
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
+            found = BagConnection(name, schema, "", text)
+            if self._names.get(number) == name and self.connections.get(name) == found:
+                return  # again, as before each chunk of a journal
+            if encoding == "ros1":
+                self.encoding = "ros1"
             if not self._any_types:
-                check_ros2_type(self.path, name, schema, text)
-            self._keep(number, BagConnection(name, schema, "", text))
-        elif kind == _MCAP_MESSAGE:
-            name, arrival = self._names[number], _U64.unpack_from(data, 6)[0]
-            self._heard(arrival, arrival)
-            yield name, arrival, data[22:]
+                check_type(self.path, name, schema, text, ros=1 if encoding == "ros1" else 2)
+            self._keep(number, found)
+        elif kind == _HEADER:
+            self.is_journal = text_at(data, text_at(data, 0)[1])[0] == LIBRARY
+        elif kind == _METADATA:
+            self._told(data)
+
+    def _told(self, data: bytes) -> None:
+        """Keep what a journal's metadata say."""
+        name, position = text_at(data, 0)
+        if name not in (ABOUT, NOTE, ENDED):
+            return
+        key, position = text_at(data, position + 4)
+        value = text_at(data, position)[0]
+        if (name, key) == (ABOUT, "about") and self.about is None:
+            where = f"{self.path}: what it is of"
+            self.about = About.from_mapping(json_table(value.encode(), where, finite=False), where)
+        elif name == NOTE and len(self.remarks) < _MOST_PROBLEMS:
+            self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
+        elif name == ENDED:
+            self.is_last = value == "true"
+
+    def _count(self, name: str, number: int, arrival: int) -> None:
+        """Notice numbers that are missing, or come again."""
+        expected = self._following.get(name)
+        self._following[name] = number + 1
+        if expected is None and number:
+            self.problems.append(
+                f"{self.path}: {number} messages of {name} before it are in files that are not there"
+            )
+        elif expected is not None and number > expected:
+            self.lost += number - expected
+            if not self.holes or self.holes[-1][1] is not None:
+                self.holes.append((self._last, arrival))
+            self.problems.append(
+                f"{self.path}: {number - expected} message(s) of {name} are missing before {number}"
+            )
+        elif expected is not None and number < expected:
+            self.problems.append(f"{self.path}: message {number} of {name} comes out of order, or again")
 
 
 def whole_text(counts: Mapping[str, int]) -> str:

@@ -16,12 +16,12 @@ from catenary.documents import json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording.bag_chunks import Block
+from catenary.recording.bag_reader import Source, blocks_of, open_recordings
 from catenary.recording.journal import About, same_origin
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Rescue
 from catenary.recording.messages import current_name, md5_sum
 from catenary.recording.parquet_files import open_parquet, read_table
-from catenary.recording.source import Source, blocks_of, open_recordings
 from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
 
 FORMAT = "catenary.topic.1"

@@ -1,17 +1,17 @@
-"""A recording while it grows: an append-only file that survives a crash, a kill and a full disk.
+"""A recording while it grows: MCAP that survives a crash, a kill and a full disk.
 
-A recording is a folder of `0000.journal`, `0001.journal`, ...: each at most about `max_bytes` long and readable by
-itself. A file is magic, then records of 32 bytes of head (`HEAD`) and data: first the header (JSON), then messages,
-last a footer (JSON), which only a file that was closed has; a note (JSON) is for people. The header comes again each
-second, so that a damaged one costs no message. Every record has a checksum and a number that counts through all files,
-so that whatever is missing is noticed and counted.
+A recording is a folder of `0000.mcap`, `0001.mcap`, ...: each at most about `max_bytes` long and readable by itself, by
+any program that reads MCAP. What was appended becomes a chunk every half second, with its checksum; in front of it
+stands what the recording is of, in it the topics with their types, so that a damaged chunk costs no other. Messages are
+ROS 1's bytes, numbered by topic through all files, so that whatever is missing is noticed and counted. A file that was
+closed has MCAP's index at its end. [mcap.dev/spec]
 """
 
 import json
 import logging
 import os
 import threading
-import time
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,21 +22,22 @@ from zlib import crc32
 
 from catenary.documents import shortened
 from catenary.errors import FileFormatError, InputError, RecordingError
-from catenary.recording.messages import fields, full_definition, md5_sum
+from catenary.recording.messages import fields, full_definition
 
-FORMAT = "catenary.journal.1"
-MAGIC = b"catenary journal 1\n"
-# marker, checksum of all that follows, bytes of data, topic, 0, number, stamp [ns]
-HEAD = Struct("<4sIIHHQq")
-MARKER = b"\xc7REC"
-HEADER, FOOTER, NOTE = 0xFFFF, 0xFFFE, 0xFFFD  # in place of a topic's index
+LIBRARY = "catenary journal 2"  # by which a file is known as a journal's
+ABOUT, NOTE, ENDED = "catenary_about", "catenary_note", "catenary_end"  # names of metadata
+MAGIC = b"\x89MCAP0\r\n"
+# kinds of records [mcap.dev/spec]
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
+_MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA, _DATA_END = 7, 8, 11, 12, 15
 FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
-HEADER_INTERVAL = 1.0  # [s] between headers of a file, while messages come
-MAX_HEADER = 2**20  # [B] of JSON; a recording of all topics has some 10 kB
-MAX_BYTES = 64 * 2**20  # of a file; reading one maps it into memory
+MAX_HEADER = 2**20  # [B] of what stands before each chunk; a recording of all topics has some 10 kB
+CHUNK = 2**16  # [B] from which on the next message begins another chunk: damage costs one
+MAX_BYTES = 64 * 2**20  # of a file
 MAX_PENDING = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
-MAX_RECORD = 64 * 2**20  # [B]; a longer one is taken for damage
-_REST = Struct("<IHHQq")  # of the head, from behind the checksum
+MAX_RECORD = 64 * 2**20  # [B]; a longer message is refused
+_RECORD, _U32, _TIMES = Struct("<BQ"), Struct("<I"), Struct("<QQ")
+_MESSAGE_HEAD = Struct("<BQHIQQ")  # kind, length, channel, number, arrival, publication
 
 log = logging.getLogger(__name__)
 
@@ -86,17 +87,70 @@ def same_origin(stated: Sequence[About | None]) -> About | None:
     return said[0] if said else None
 
 
-def record_bytes(topic: int, number: int, stamp: int, data: bytes) -> bytes:
-    """Return the bytes of one record."""
-    rest = _REST.pack(len(data), topic, 0, number, stamp)
-    return b"".join((MARKER, crc32(data, crc32(rest)).to_bytes(4, "little"), rest, data))
+def is_journal_name(path: Path) -> bool:
+    """Return whether a file bears a name as a journal's files do."""
+    return path.suffix == ".mcap" and len(path.stem) >= 4 and path.stem.isdigit()
+
+
+def _text(text: str) -> bytes:
+    data = text.encode()
+    return _U32.pack(len(data)) + data
+
+
+def _record(kind: int, *parts: bytes) -> bytes:
+    data = b"".join(parts)
+    return _RECORD.pack(kind, len(data)) + data
+
+
+def metadata_record(name: str, **values: str) -> bytes:
+    """Return a record of texts for whoever reads the file."""
+    pairs = b"".join(_text(key) + _text(value) for key, value in values.items())
+    return _record(_METADATA, _text(name), _U32.pack(len(pairs)), pairs)
+
+
+class _Chunk:
+    """Messages that wait for the disk."""
+
+    def __init__(self, topics: bytes) -> None:
+        self.data = bytearray(topics)
+        self.ends: list[int] = []  # in the data, of each message
+        self.stamps: list[int] = []
+        self.places: dict[int, list[tuple[int, int]]] = {}  # stamp and place of messages, by channel
+
+    def append(self, channel: int, number: int, stamp: int, data: bytes) -> None:
+        self.places.setdefault(channel, []).append((stamp, len(self.data)))
+        self.data += _MESSAGE_HEAD.pack(_MESSAGE, 22 + len(data), channel, number, stamp, stamp)
+        self.data += data
+        self.ends.append(len(self.data))
+        self.stamps.append(stamp)
+
+    def records(self, at: int) -> tuple[bytes, bytes, bytes]:
+        """Return the chunk's record, those of its messages' places, and its entry in a file's index; it begins `at`."""
+        first, last, size = min(self.stamps), max(self.stamps), len(self.data)
+        head = _TIMES.pack(first, last) + Struct("<QI").pack(size, crc32(self.data)) + _text("")
+        chunk = _record(_CHUNK, head, size.to_bytes(8, "little"), bytes(self.data))
+        indices, offsets = b"", b""
+        for channel, places in self.places.items():
+            offsets += Struct("<HQ").pack(channel, at + len(chunk) + len(indices))
+            pairs = b"".join(_TIMES.pack(*each) for each in places)
+            indices += _record(_MESSAGE_INDEX, channel.to_bytes(2, "little"), _U32.pack(len(pairs)), pairs)
+        entry = _record(
+            _CHUNK_INDEX,
+            Struct("<QQQQ").pack(first, last, at, len(chunk)),
+            _U32.pack(len(offsets)),
+            offsets,
+            len(indices).to_bytes(8, "little"),
+            _text(""),
+            _TIMES.pack(size, size),
+        )
+        return chunk, indices, entry
 
 
 class JournalWriter:
     """Writes a recording. Appending copies bytes; a thread brings them to the disk every half second.
 
-    Raises RecordingError at the next append, or when closed, if the disk is full or fails: the file then ends
-    with its last whole record and the error says which message that was.
+    Raises RecordingError at the next append, or when closed, if the disk is full or fails: the file then ends behind
+    its last whole message and the error says which that was.
     """
 
     def __init__(
@@ -109,57 +163,43 @@ class JournalWriter:
         flush_interval: float = FLUSH_INTERVAL,
     ) -> None:
         """Begin a recording."""
-        if not 0 < len(topics) < NOTE or len({t.name for t in topics}) != len(topics):
+        if not 0 < len(topics) < 2**16 or len({t.name for t in topics}) != len(topics):
             raise InputError(f"{folder}: expected topics that differ, got {[t.name for t in topics]}")
         for topic in topics:
             fields(topic.type)  # an unknown type is refused before anything is written
-        if any(folder.glob("*.journal")):
+        if any(folder.glob("*.mcap")):
             raise InputError(f"{folder}: holds a recording already, which is never overwritten")
         self.folder = folder
-        self._topics = tuple(topics)
         self._index = {topic.name: i for i, topic in enumerate(topics)}
-        self._about = about if about is not None else About()
+        self._about = metadata_record(ABOUT, about=(about if about is not None else About()).as_json())
+        self._topics = b"".join(_topic_records(i, topic) for i, topic in enumerate(topics))
+        head = len(self._begin())
+        if head > MAX_HEADER:
+            raise InputError(
+                f"{folder}: topics and configuration take {head} bytes, expected {MAX_HEADER} at most"
+            )
+        if max_bytes < 2 * head:
+            raise InputError(f"{folder}: files of {max_bytes} bytes, but each begins with {head}; allow more")
         self._max_bytes = max_bytes
-        self._number = 0  # of the next record
         self._part = 0
-        self._pending = bytearray()
+        self._numbers = [0] * len(topics)  # of the next message, by channel
+        self._waiting: list[_Chunk] = []
+        self._pending = 0  # [B] of the messages that wait
+        self._notes = b""
         self._messages = 0
-        self._safe_bytes = 0  # of the present file, on the disk
         self._safe_messages = 0  # on the disk, in all files
-        self._last_stamp = 0
         self._error: OSError | None = None
         self._closed = False
         self._append_lock = threading.RLock()  # guards what waits
         self._disk_lock = threading.RLock()  # guards the file; taken before the other one
         self._fd = -1
         self._stop = threading.Event()
-        self._header = json.dumps(
-            {
-                "format": FORMAT,
-                "topics": [
-                    t._asdict() | {"md5": md5_sum(t.type), "definition": full_definition(t.type)}
-                    for t in topics
-                ],
-                **json.loads(self._about.as_json()),
-            }
-        ).encode()
-        if len(self._header) > MAX_HEADER:
-            raise InputError(
-                f"{folder}: topics and configuration take {len(self._header)} bytes of header, expected {MAX_HEADER} "
-                "at most"
-            )
-        self._header_at = 0.0  # [s] when the last header was set aside, by the monotonic clock
-        self._pending += self._begin()
-        if max_bytes < 2 * len(self._pending):
-            raise InputError(
-                f"{folder}: files of {max_bytes} bytes, but each begins with {len(self._pending)}; allow more"
-            )
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from error
         self._open_file()
-        self.flush()
+        self._raise_error()
         self._thread = threading.Thread(target=self._flush_often, args=(flush_interval,), daemon=True)
         self._thread.start()
 
@@ -168,30 +208,33 @@ class JournalWriter:
         self._raise_error()
         if self._closed:
             raise InputError(f"{self.folder}: is closed")
-        index = self._index.get(topic)
-        if index is None:
+        channel = self._index.get(topic)
+        if channel is None:
             raise InputError(f'topic "{topic}": not in this recording, which has {", ".join(self._index)}')
-        if len(data) > MAX_RECORD:
-            raise InputError(f'topic "{topic}": {len(data)} bytes, expected {MAX_RECORD} at most')
+        if len(data) > MAX_RECORD or not 0 <= stamp < 2**63:
+            raise InputError(
+                f'topic "{topic}": {len(data)} bytes at {stamp} ns, expected {MAX_RECORD} bytes at most, since 1970'
+            )
         with self._append_lock:
-            record = record_bytes(index, self._number, stamp, data)
-            self._number += 1
+            if not self._waiting or len(self._waiting[-1].data) > CHUNK:
+                self._waiting.append(_Chunk(self._topics))
+            self._waiting[-1].append(channel, self._numbers[channel] % 2**32, stamp, data)
+            self._numbers[channel] += 1
             self._messages += 1
-            self._last_stamp = stamp
-            self._pending += record
-            waiting = len(self._pending)
+            self._pending += len(data) + _MESSAGE_HEAD.size
+            waiting = self._pending
         if waiting > min(MAX_PENDING, self._max_bytes // 4):
             self.flush()
 
     def note(self, text: str) -> None:
-        """Add a remark for whoever reads the recording; older versions pass over it."""
+        """Add a remark for whoever reads the recording."""
         with self._append_lock:
-            self._pending += self._record(NOTE, json.dumps({"note": text}).encode())
+            self._notes += metadata_record(NOTE, note=text)
 
     def flush(self) -> None:
         """Write everything to the disk."""
         with self._disk_lock:
-            self._write_pending()
+            self._write_waiting()
         self._raise_error()
 
     def close(self) -> None:
@@ -201,7 +244,7 @@ class JournalWriter:
         self._stop.set()
         self._thread.join()
         with self._disk_lock:
-            self._write_pending(end="last")
+            self._write_waiting(end="last")
             self._closed = True
         self._raise_error()
 
@@ -225,21 +268,15 @@ class JournalWriter:
 
     def _begin(self) -> bytes:
         """Return how a file begins."""
-        return MAGIC + self._header_record()
-
-    def _header_record(self) -> bytes:
-        self._header_at = time.monotonic()
-        return self._record(HEADER, self._header)
-
-    def _record(self, kind: int, content: bytes) -> bytes:
-        """Return the next record: a file's header or footer, which count as messages do."""
-        self._number += 1
-        return record_bytes(kind, self._number - 1, self._last_stamp, content)
+        return MAGIC + _record(_HEADER, _text("ros1"), _text(LIBRARY)) + self._about + self._topics
 
     def _open_file(self) -> None:
-        """Make the present part's file; keeps an error for the next append. Needs the disk."""
-        path = self.folder / f"{self._part:04d}.journal"
-        self._safe_bytes = 0
+        """Begin the present part's file; keeps an error for the next append. Needs the disk."""
+        path = self.folder / f"{self._part:04d}.mcap"
+        self._size = 0  # [B] of the file
+        self._chunks: list[bytes] = []  # entries of its index
+        self._first, self._last = 2**63, 0  # [ns] arrivals in it
+        self._counts = [0] * len(self._numbers)
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
             folder = os.open(self.folder, os.O_RDONLY)
@@ -249,67 +286,83 @@ class JournalWriter:
                 os.close(folder)
         except OSError as error:
             self._error = error
+            return
+        self._write(self._begin())
 
     def _flush_often(self, interval: float) -> None:
         while not self._stop.wait(interval):
             with self._disk_lock:
-                self._write_pending()
+                self._write_waiting()
             if self._error is not None:
                 return
 
-    def _write_pending(self, *, end: Literal["last", "if full"] = "if full") -> None:
+    def _write_waiting(self, *, end: Literal["last", "if full"] = "if full") -> None:
         """Bring what waits onto the disk, and go on in another file if this one is full. Needs the disk.
 
-        Whoever appends meanwhile waits only while bytes are set aside, not for the disk. An error is kept for the
+        Whoever appends meanwhile waits only while the chunk is set aside, not for the disk. An error is kept for the
         next append.
         """
         with self._append_lock:
-            full = end == "if full" and self._safe_bytes + len(self._pending) >= self._max_bytes
-            if end == "last" or full:
-                self._pending += self._record(FOOTER, json.dumps({"last": not full}).encode())
-            elif self._pending and time.monotonic() - self._header_at >= HEADER_INTERVAL:
-                self._pending += self._header_record()
-            block, self._pending = self._pending, bytearray(self._begin() if full else b"")
-            messages = self._messages
-        if self._error is not None or not block:
+            chunks, self._waiting, self._pending = self._waiting, [], 0
+            block, self._notes = bytearray(self._notes), b""
+        if self._error is not None:
             return
+        begins = []  # of the chunks' data in the block
+        for chunk in chunks:
+            block += self._about
+            data, indices, entry = chunk.records(self._size + len(block))
+            begins.append(len(block) + len(data) - len(chunk.data))
+            block += data
+            block += indices
+            self._chunks.append(entry)
+            self._first = min(self._first, min(chunk.stamps))
+            self._last = max(self._last, max(chunk.stamps))
+            for channel, places in chunk.places.items():
+                self._counts[channel] += len(places)
+        written = self._write(block) if block else 0
+        for begin, chunk in zip(begins, chunks, strict=True):
+            self._safe_messages += bisect_right(chunk.ends, written - begin)
+        full = end == "if full" and self._size >= self._max_bytes
+        if self._error is None and (full or end == "last"):
+            self._write(self._ending(is_last=not full))
+            if self._error is None:
+                os.close(self._fd)
+                self._fd = -1
+        if full and self._error is None:
+            self._part += 1
+            self._open_file()
+
+    def _write(self, block: bytes | bytearray) -> int:
+        """Write bytes at the end of the file, and return how many are there; keeps an error for the next append."""
         written = 0
         try:
             while written < len(block):
                 written += os.write(self._fd, memoryview(block)[written:])
         except OSError as error:
-            self._cut(bytes(block[:written]))
             self._error = error
-            return
         try:
             os.fsync(self._fd)
-        except OSError as error:
-            self._error = error  # nobody knows what of this block is on the disk: it does not count as safe
-            return
-        self._safe_bytes += len(block)
-        self._safe_messages = messages
-        if full or end == "last":
-            os.close(self._fd)
-            self._fd = -1
-        if full:
-            self._part += 1
-            self._open_file()
-            self._write_pending()
+        except OSError as error:  # nobody knows what of this block is on the disk: it does not count as safe
+            self._error, written = self._error or error, 0
+        self._size += written
+        return written
 
-    def _cut(self, written: bytes) -> None:
-        """Cut the file behind its last whole record, so that no torn one follows it."""
-        position = len(MAGIC) if self._safe_bytes == 0 else 0
-        while position + HEAD.size <= len(written):
-            _, _, length, topic, *_ = HEAD.unpack_from(written, position)
-            if position + HEAD.size + length > len(written):
-                break
-            position += HEAD.size + length
-            self._safe_messages += topic < NOTE
-        try:
-            os.ftruncate(self._fd, self._safe_bytes + min(position, len(written)))
-            os.fsync(self._fd)
-        except OSError:
-            log.exception("%s: could not be cut behind its last whole record", self.folder)
+    def _ending(self, *, is_last: bool) -> bytes:
+        """Return the end of a file: the index by which others read it."""
+        data = metadata_record(ENDED, last="true" if is_last else "false") + _record(_DATA_END, bytes(4))
+        counts = b"".join(Struct("<HQ").pack(i, n) for i, n in enumerate(self._counts) if n)
+        statistics = _record(
+            _STATISTICS,
+            Struct("<QHIIII").pack(
+                sum(self._counts), len(self._counts), len(self._counts), 0, 0, len(self._chunks)
+            ),
+            _TIMES.pack(min(self._first, self._last), self._last),
+            _U32.pack(len(counts)),
+            counts,
+        )
+        summary = self._topics + b"".join(self._chunks) + statistics
+        footer = _record(_FOOTER, _TIMES.pack(self._size + len(data), 0), bytes(4))
+        return data + summary + footer + MAGIC
 
     def _raise_error(self) -> None:
         """Close and say what is safe, if the disk was full or failed."""
@@ -325,3 +378,10 @@ class JournalWriter:
             f"{self.folder}: recording stopped: {self._error.strerror}. Safe are the first {self._safe_messages} of "
             f"{self._messages} messages, in {self._part + 1} file(s); {self._messages - self._safe_messages} are lost"
         ) from self._error
+
+
+def _topic_records(number: int, topic: JournalTopic) -> bytes:
+    """Return the schema and the channel of a topic."""
+    schema = Struct("<H").pack(number + 1) + _text(topic.type) + _text("ros1msg")
+    channel = Struct("<HH").pack(number, number + 1) + _text(topic.name) + _text("ros1") + bytes(4)
+    return _record(_SCHEMA, schema, _text(full_definition(topic.type))) + _record(_CHANNEL, channel)

@@ -178,7 +178,7 @@ def check_ros1_type(path: Path, topic: str, name: str, found: str, definition: s
         )
 
 
-def check_ros2_type(path: Path, topic: str, name: str, definition: str) -> None:
+def check_type(path: Path, topic: str, name: str, definition: str, *, ros: int = 2) -> None:
     """Check a type by its definition and those that it contains."""
     if current_name(name) not in MESSAGES or not definition:
         return
@@ -186,7 +186,7 @@ def check_ros2_type(path: Path, topic: str, name: str, definition: str) -> None:
         raise FileFormatError(
             f"{path}: topic {topic}: {name} is defined in IDL, expected ROS's .msg language"
         )
-    difference = _difference(path, topic, name, definition, ros=2)
+    difference = _difference(path, topic, name, definition, ros=ros)
     if difference:
         raise FileFormatError(
             f"{path}: topic {topic}: {name} differs from the type that catenary knows: {difference}"

@@ -18,10 +18,10 @@ from catenary.verdict.levels import leap_findings, turn_findings
 from catenary.verdict.pairs import Pairs, pairs_of
 from catenary.verdict.sensors import outlier_findings, sensor_findings, zero_findings
 from catenary.verdict.stamps import stamp_findings
-from catenary.verdict.trained import trained_findings
-from catenary.verdict.units_and_scale import offset_findings, range_findings, slope_findings
+from catenary.verdict.units_and_scale import offset_findings, range_findings, slope_findings, trained_findings
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
+MOST_SHARED = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
 
 
 def findings_of(
@@ -115,3 +115,35 @@ def verdict(
         if not (testing and each.name in NEEDED_TO_LEARN)
     ]
     return judge(found, accept, done=done)
+
+
+def require_apart(
+    train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()
+) -> list[str]:
+    """Refuse tests of which rows were trained on, to the last bit, whatever their file is called.
+
+    Args:
+        train: Recordings to fit.
+        test: Recordings to judge by.
+        accept: Names of findings to go on with.
+
+    Returns:
+        Notes on those that were accepted.
+    """
+    found = []
+    for log in test:
+        own = _rows(log)
+        for other in train:
+            same = sum(row in own for row in set(_rows(other)))
+            if own and same > MOST_SHARED * len(own):
+                says = f'{same} of its {len(own)} measured rows are in "{other.name}", which is trained on'
+                culprit = "one recording copied, cut or renamed"
+                found.append((log.name, Finding("tested", (), says, culprit)))
+    return judge(found, accept)
+
+
+def _rows(log: MotionLog) -> set[bytes]:
+    """Return commands and measurements of the trusted rows as bytes."""
+    if log.q_encoder is None:
+        return set()
+    return {row.tobytes() for row in np.hstack([log.q_nominal, log.q_encoder])[log.ok]}

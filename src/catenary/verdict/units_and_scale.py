@@ -1,4 +1,4 @@
-"""Are the numbers in rad and m? Slopes of measurements on commands, and positions against what a robot can reach."""
+"""Are the numbers in rad and m? By slopes, by what a robot can reach, by what a model was trained on."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ SPOKEN = {
     "cm": "centimetres",
     "mdeg": "metres times 180/pi (as RAVEN-II's firmware writes every joint)",
 }
+BEYOND = 5.0  # times half the trained range about its middle: a test rarely goes there, degrees and mm nearly always
+WITHIN = 2.0  # the same of what it becomes in the other unit
 
 
 def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
@@ -161,3 +163,42 @@ def offset_findings(pairs: Pairs) -> list[Finding]:
             culprit = "another zero of the two kinematics, which a calibration takes away"
             findings.append(Finding("offset", (name,), says, culprit, refuses=False))
     return findings
+
+
+def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Finding]:
+    """Find positions far beyond a model's training that lie within it in another unit.
+
+    Args:
+        log: The recording.
+        trained: Least and largest positions that the model was trained on, each (n,) [rad|m]; infinite where unknown.
+    """
+    low, high = trained
+    least, most = np.percentile(log.q_nominal, [0.5, 99.5], axis=0)
+    known = np.isfinite(high - low) & (high > low)
+    with np.errstate(invalid="ignore"):
+        middle, half = (low + high) / 2.0, (high - low) / 2.0
+
+    def farthest(factor: float) -> Floats:
+        with np.errstate(invalid="ignore"):
+            away: Floats = np.maximum(abs(least / factor - middle), abs(most / factor - middle)) / half
+        return away
+
+    units, beyond = dict[int, str](), []
+    for kind in ("rad", "m"):
+        of_kind = known & (np.array(log.joint_units) == kind)
+        far = of_kind & (farthest(1.0) > BEYOND)
+        for name, factor in FACTORS[kind].items():
+            if far.any() and (farthest(factor)[far] < WITHIN).all():
+                units |= {int(j): name for j in np.flatnonzero(of_kind)}
+                beyond += np.flatnonzero(far).tolist()
+                break
+    if not beyond:
+        return []
+    says = ", ".join(
+        f"{log.joint_names[j]} from {least[j]:.4g} to {most[j]:.4g}, the model was trained between {low[j]:.4g} and "
+        f"{high[j]:.4g} {log.joint_units[j]}"
+        for j in beyond
+    )
+    spoken = " and ".join(sorted({SPOKEN[units[j]] for j in beyond}))
+    names = tuple(log.joint_names[j] for j in beyond)
+    return [Finding("units", names, says, f"numbers in {spoken}", units_option(log, units))]

@@ -13,13 +13,13 @@ from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag import ROS2_VERSION
+from catenary.recording.bag_reader import METADATA, McapReader, SplitBag, open_ros2
 from catenary.recording.bag_stream import BagStream
+from catenary.recording.bag_writer import ROS2_VERSION
 from catenary.recording.journal import JournalWriter
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.layout import blank_messages
 from catenary.recording.losses import Rescue
-from catenary.recording.source import METADATA, McapReader, SplitBag, open_ros2
 from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
@@ -60,7 +60,7 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
         RecordingError: It cannot be written.
     """
     source = _opened(path)
-    is_bag = isinstance(source, BagStream) and source.has_blocks
+    is_bag = isinstance(source, BagStream) and source.is_ros1
     place = _place(path, out, is_bag=is_bag)
     arrivals: dict[str, list[int]] = {topic.name: [] for topic in source.topics}
     for topic, arrival, _ in source.messages():
@@ -95,7 +95,7 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
 def _opened(path: Path) -> JournalReader | BagStream | McapReader | SplitBag:
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
-    if path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal"))):
+    if is_journal(path):
         return JournalReader(path)
     if path.suffix == ".db3" or (path / METADATA).is_file():
         return open_ros2(path)
@@ -111,13 +111,13 @@ def _opened(path: Path) -> JournalReader | BagStream | McapReader | SplitBag:
 def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:
     stem = (
         path.resolve().with_suffix("").name
-        if path.suffix in (".bag", ".mcap", ".db3", ".journal")
+        if path.suffix in (".bag", ".mcap", ".db3")
         else path.resolve().name
     )
     place = path.resolve().parent / f"{stem}.recovered{'.bag' if is_bag else ''}" if out is None else out
     if is_bag and place.suffix != ".bag":
         raise InputError(f"{place}: a ROS 1 bag is written; expected a name that ends in .bag")
-    if not is_bag and place.suffix in (".bag", ".mcap", ".journal"):
+    if not is_bag and place.suffix in (".bag", ".mcap"):
         raise InputError(f"{place}: a folder is written; expected a name without {place.suffix}")
     if os.path.lexists(place):
         raise InputError(f"{place}: exists already, and is never overwritten; give another place with --out")

@@ -3,7 +3,6 @@
 import random
 from functools import cache
 from pathlib import Path
-from zlib import crc32
 
 from tests.campaign.byte_part import files_part, sample
 from tests.campaign.mutants import Place, mutant, same_length
@@ -13,11 +12,9 @@ Sample = tuple[bytes, tuple[Place, ...]]  # a whole file, and where lengths stan
 
 @cache
 def _journal_folder() -> Path:
-    """A short recording, its header at every flush."""
-    from catenary.recording import journal
+    """A short recording."""
     from oracles.raven_recording import record
 
-    journal.HEADER_INTERVAL = 0.0
     return record(sample("journal"), 0.6)
 
 
@@ -29,9 +26,9 @@ def _whole(source: object) -> None:
 def _read_recording(rng: random.Random, path: Path, folder: Path, *, salvage: bool) -> None:
     """Read all messages; of every third file also extract them."""
     from catenary.errors import CatenaryError
+    from catenary.recording.bag_reader import open_recording
     from catenary.recording.bag_stream import BagStream
     from catenary.recording.extract import extract
-    from catenary.recording.source import open_recording
 
     try:
         _whole(open_recording(path))
@@ -48,34 +45,18 @@ def _read_recording(rng: random.Random, path: Path, folder: Path, *, salvage: bo
 
 @cache
 def _journal() -> Sample:
-    from catenary.recording.journal import MARKER
-
-    (path,) = _journal_folder().glob("*.journal")
-    content = path.read_bytes()
-    starts = [i for i in range(len(content)) if content.startswith(MARKER, i)]
-    return content, tuple((i + at, size) for i in starts for at, size in ((8, 4), (12, 2), (16, 8), (24, 8)))
-
-
-def _repaired_journal(content: bytes) -> bytes:
-    """Set right the checksums of records, by the lengths that they state."""
-    from catenary.recording.journal import HEAD, MARKER
-
-    data, position = bytearray(content), 0
-    while (position := data.find(MARKER, position)) >= 0:
-        end = position + HEAD.size + int.from_bytes(data[position + 8 : position + 12], "little")
-        if end <= len(data):
-            data[position + 4 : position + 8] = crc32(bytes(data[position + 8 : end])).to_bytes(4, "little")
-        position += 4
-    return bytes(data)
+    (path,) = _journal_folder().glob("*.mcap")
+    content, position, places = path.read_bytes(), 8, []
+    while position + 9 <= len(content) - 8:  # the length of every record, and what begins it
+        places += [(position + 1, 8), (position + 9, 8), (position + 25, 8)]
+        position += 9 + int.from_bytes(content[position + 1 : position + 9], "little")
+    return content, tuple(places)
 
 
 def journal_case(seed: int, folder: Path) -> None:
     rng = random.Random(seed)
-    content = mutant(rng, *_journal())
-    if rng.random() < 0.7:
-        content = _repaired_journal(content)
-    path = folder / "0000.journal"
-    path.write_bytes(content)
+    path = folder / "0000.mcap"
+    path.write_bytes(mutant(rng, *_journal()))
     _read_recording(rng, path, folder, salvage=False)
 
 
@@ -227,7 +208,7 @@ def _parquet(checked: bool) -> bytes:
     import pyarrow.parquet as pq
 
     from catenary.recording.import_formats.known_layouts import read_raven
-    from catenary.recording.motion_log_file import write_parquet
+    from catenary.recording.logs import write_parquet
 
     path = sample("log.parquet")
     write_parquet(read_raven([_csv_file()]).log, path)

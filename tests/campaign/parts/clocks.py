@@ -13,7 +13,7 @@ EPOCH = 1_700_000_000 * SECOND
 
 def stamps(seed: int, folder: Path) -> None:
     """Set the clock of a robot, or of an old recorder, any number of times by any step; state and encoder share it."""
-    from catenary.recording.clock_steps import without_steps
+    from catenary.recording.series import without_steps
 
     rng = np.random.default_rng(seed)
     rate, seconds = float(rng.choice([30.0, 100.0])), float(rng.uniform(5.0, 60.0))

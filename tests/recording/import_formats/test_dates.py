@@ -11,8 +11,7 @@ from scipy.io import savemat
 
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.features import FeatureSet
-from catenary.recording.logs import read_log
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import read_log, write_parquet
 from catenary.workflows.import_recording import import_recording
 from command_line import catenary
 from lab_bags import two_topics

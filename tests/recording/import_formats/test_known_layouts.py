@@ -10,8 +10,7 @@ from catenary.errors import FileFormatError
 from catenary.recording.extract import extract
 from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.import_formats.raven_columns import write_raven_csv
-from catenary.recording.logs import read_log
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import read_log, write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.workflows.import_recording import import_recording, known_layout
 from oracles.raven_recording import record, write_bag

@@ -12,6 +12,8 @@ from numpy.testing import assert_allclose
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import ConfigError, InputError
+from catenary.recording.import_formats.column_groups import candidates_of
+from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
 from catenary.workflows.import_recording import Proposal, import_recording, propose_mapping
 from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
@@ -183,3 +185,67 @@ def test_what_was_told_and_what_was_measured_in_one_file_says_what_a_fit_needs(t
     np.savez(tmp_path / "two.npz", joint_desired=q, joint_measured=seen, time=0.05 * np.arange(len(q)))
     said = propose_mapping(tmp_path / "two.npz", units="deg,deg,mm").decisions
     assert any("it is q_encoder, and joint_desired is q_nominal" in decision for decision in said)
+
+
+PSM = ("outer_yaw", "outer_pitch", "outer_insertion", "outer_roll", "outer_wrist_pitch", "outer_wrist_yaw")
+
+
+def groups(names: list[str]) -> list[tuple[tuple[str, ...], str]]:
+    numbers = {name: np.random.default_rng(i).normal(size=20) for i, name in enumerate(names)}
+    return [(one.columns, one.kind) for one in candidates_of([Stream("lab", "table", numbers, 20)])]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        # PlotJuggler's: a digit in the arm's name, two arms, two quantities
+        (
+            [f"/PSM{a}/measured_js/{j}/{q}" for a in (1, 2) for j in PSM for q in ("position", "velocity")],
+            [
+                tuple(f"/PSM{a}/measured_js/{j}/{q}" for j in PSM)
+                for q in ("position", "velocity")
+                for a in (1, 2)
+            ],
+        ),
+        (
+            ["cmd_left1", "cmd_left2", "cmd_right1", "cmd_right2"],
+            [("cmd_left1", "cmd_left2"), ("cmd_right1", "cmd_right2")],
+        ),
+        (["link1_shoulder_cmd", "link2_elbow_cmd"], [("link1_shoulder_cmd", "link2_elbow_cmd")]),
+        (
+            ["robot1_q1_enc", "robot1_q2_enc", "robot2_q1_enc", "robot2_q2_enc"],
+            [("robot1_q1_enc", "robot1_q2_enc"), ("robot2_q1_enc", "robot2_q2_enc")],
+        ),
+        (["a2", "a10", "a1", "b1", "b2"], [("a1", "a2", "a10"), ("b1", "b2")]),
+    ],
+)
+def test_a_digit_anywhere_in_a_name_does_not_break_a_group(
+    names: list[str], expected: list[tuple[str, ...]]
+) -> None:
+    assert sorted(columns for columns, _ in groups(names)) == sorted(expected)
+
+
+@pytest.mark.parametrize("scale", [1.0, 180.0 / np.pi])
+def test_a_mapping_without_units_takes_those_that_are_proposed(scale: float, tmp_path: Path) -> None:
+    """JointStates in rad and m, or a robot's in degrees against the standard: told by the robot's limits."""
+    messages: list[Message] = []
+    for t in T:
+        q = true_q(t) * (1.0 if scale == 1.0 else np.array([scale, scale, 1000.0]))
+        messages += [
+            (t, "/arm/joint_states", joint_state(JOINTS, q)),
+            (t, "/vicon/joints", joint_state(JOINTS, q)),
+        ]
+    topics = dict.fromkeys(("/arm/joint_states", "/vicon/joints"), JOINT_STATE)
+    bag = write_bag(tmp_path / "lab", "mcap", topics, messages)
+    robot = "dvrk_psm"
+    proposed = import_recording(bag, robot=robot, accept_proposal=True)
+    by_hand = import_recording(
+        bag, ["q_nominal=/arm/joint_states.position", "q_encoder=/vicon/joints.position"], robot=robot
+    )
+    for log in (proposed, by_hand):
+        assert log.joint_units == ("rad", "rad", "m")
+        assert_allclose(log.q_nominal, true_q(T), atol=1e-9)
+        assert_allclose(log.q_encoder, true_q(T), atol=1e-9)
+    if scale == 1.0:
+        alone = import_recording(bag, ["q_nominal=/arm/joint_states.position"])
+        assert alone.joint_units == ("rad", "rad", "m")  # which slides, by its name

@@ -26,7 +26,7 @@ def project(tmp_path: Path) -> Project:
 def interrupted(project: Project, name: str, content: bytes | None = None, *, seconds: float = 3.0) -> Path:
     """A recording that a killed program has left; its file up to a share, or this content."""
     folder = project.folder / "recordings" / name
-    (file,) = record(folder, seconds).glob("*.journal")
+    (file,) = record(folder, seconds).glob("*.mcap")
     whole = file.read_bytes()
     file.write_bytes(whole[: int(0.7 * len(whole))] if content is None else content)
     return file
@@ -92,7 +92,7 @@ def test_a_recording_killed_at_its_begin_blocks_no_other(project: Project, conte
 
 
 def test_a_finished_recording_that_cannot_be_read_is_an_error_after_the_others(project: Project) -> None:
-    (project.folder / "recordings" / "whole" / "0000.journal").write_bytes(b"")
+    (project.folder / "recordings" / "whole" / "0000.mcap").write_bytes(b"")
     interrupted(project, "torn")
     outcome = catenary("extract", project.folder)
     assert outcome.code == 2

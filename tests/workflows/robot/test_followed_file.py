@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import write_parquet
 from catenary.trajectories.zigzag import zigzag, zigzag_rows
 from catenary.workflows.robot.followed_file import FollowedFile, read_followed_file
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.plant import Jointed
 from catenary.recording.import_formats.columns import Stream, arrays_of, natural
 from catenary.recording.import_formats.table_time import time_columns
 from catenary.recording.topics import SECOND
@@ -255,3 +256,28 @@ def _range(values: NDArray[np.generic]) -> tuple[float, float]:
     numbers = values.astype(np.float64)
     finite = numbers[np.isfinite(numbers)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"), float("nan"))
+
+
+def joints_meant(names: Sequence[str], model: Jointed) -> tuple[str, ...]:
+    """Return the robot's joint that each name means, its own or the longest whose words stand in it; "" for none.
+
+    What all of the robot's joints have in their names ("joint", "q") need not stand there.
+    """
+    words = {joint: _words_and_numbers(joint) for joint in model.joint_names}
+    shared = set.intersection(*map(set, words.values())) if len(words) > 1 else set[str]()
+    keys = {joint: " ".join(w for w in each if w not in shared) for joint, each in words.items()}
+    found = []
+    for name in names:
+        inside = [
+            joint
+            for joint, key in keys.items()
+            if key and f" {key} " in f" {' '.join(_words_and_numbers(name))} "
+        ]
+        longest = max(map(len, map(keys.__getitem__, inside)), default=0)
+        best = [name] if name in keys else [joint for joint in inside if len(keys[joint]) == longest]
+        found.append(best[0] if len(best) == 1 else "")
+    return tuple(found)
+
+
+def _words_and_numbers(name: str) -> list[str]:
+    return re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())

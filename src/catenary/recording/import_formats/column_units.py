@@ -11,8 +11,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.recording.import_formats.column_groups import Candidate
-from catenary.recording.import_formats.joint_names import joints_meant
+from catenary.recording.import_formats.column_groups import Candidate, joints_meant
 from catenary.recording.import_formats.mapping import SI, Quantity, RecordingMapping
 from catenary.robots.model import RobotModel
 

@@ -11,12 +11,11 @@ from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.files import sha256_of
-from catenary.plant import Joints, MotionLog, nameless
+from catenary.plant import Joints, MotionLog, joints_text, nameless
 from catenary.plant import places_of as places_of_joints
-from catenary.recording.import_formats.column_groups import Candidate
+from catenary.recording.import_formats.column_groups import Candidate, joints_meant
 from catenary.recording.import_formats.column_units import encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, places_of
-from catenary.recording.import_formats.joint_names import joint_names_of, joints_meant, recorded_joints
 from catenary.recording.import_formats.mapping import (
     JOINT_QUANTITIES,
     Quantity,
@@ -268,6 +267,52 @@ def _candidate(places: Sequence[Place], streams: Sequence[Stream], names: Sequen
     own = tuple("" for _ in names) if tuple(names) == nameless(len(names)) else tuple(names)
     stream = replace(by_name[places[0].stream], columns=columns)
     return Candidate(stream, tuple(place.column for place in places), "position", "unknown", own)
+
+
+def joint_names_of(
+    mapping: RecordingMapping, model: RobotModel | None, places: Sequence[Place], streams: Sequence[Stream]
+) -> tuple[tuple[str, ...], list[str]]:
+    """Return the joints' names: the mapping's, the robot's that the recording's mean, its own, or J1, J2, ..."""
+    n = len(places)
+    if mapping.joint_names:
+        if len(mapping.joint_names) != n:
+            raise InputError(f"joint_names: {len(mapping.joint_names)} for {n} columns of q_nominal")
+        if model is not None:
+            places_of_joints(
+                Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are"
+            )
+        return mapping.joint_names, []
+    own = recorded_joints(places, streams)
+    if model is None:
+        return own or nameless(n), []
+    if n > model.n:
+        raise InputError(
+            f'robot "{model.name}" has {model.n} joints, q_nominal {n} columns; give joint_names'
+        )
+    said = own or tuple(place.column for place in places)
+    meant = joints_meant(said, model)
+    is_known, listed = all(meant) and len(set(meant)) == n, len(mapping.q_nominal.columns) == n
+    names = meant if is_known else model.joint_names[:n]
+    # a number in a column's name is hardly that of a joint, where not all of them are
+    astray = any(each not in ("", j) and not each[-1].isdigit() for j, each in zip(names, meant, strict=True))
+    if astray or (own and not is_known and not listed):
+        raise InputError(
+            f'q_nominal: {", ".join(map(cut, said))} are not clearly joints of robot "{model.name}", which has '
+            f"{joints_text(model)}; list the columns in the order of its joints, or give joint_names"
+        )
+    told = f"{'by their names' if is_known else 'in order'} ({', '.join(map(cut, said))} in the recording)"
+    note = f'columns of q_nominal are {", ".join(names)} of robot "{model.name}", {told}'
+    return names, [note] * (names != said)
+
+
+def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple[str, ...]:
+    """Return the names that the recording gives columns' joints; empty where one has none, or two have one."""
+    own = []
+    for place in places:
+        stream = next(s for s in streams if s.name == place.stream)
+        array, _, rest = place.column.partition("[")
+        own.append(rest[:-1] if rest[:-1] in stream.joints.get(array, ()) else "")
+    return tuple(own) if all(own) and len(set(own)) == len(own) else ()
 
 
 def _ordered_by_name(

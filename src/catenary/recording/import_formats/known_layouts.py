@@ -16,6 +16,7 @@ from catenary.config import parse_settings
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
 from catenary.plant import MotionLog, nameless
+from catenary.recording.bag_reader import open_recordings
 from catenary.recording.extract import is_extraction
 from catenary.recording.import_formats.importer import Synchronisation, import_sources, synchronise
 from catenary.recording.import_formats.mapping import RecordingMapping
@@ -23,7 +24,6 @@ from catenary.recording.import_formats.raven_columns import raven_columns, raven
 from catenary.recording.import_formats.sources import Sources, is_bag
 from catenary.recording.parquet_files import open_parquet
 from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE
-from catenary.recording.source import open_recordings
 from catenary.recording.topics import (
     EXT_JPOS,
     RAVENSTATE,

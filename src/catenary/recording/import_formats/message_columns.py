@@ -19,12 +19,12 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
+from catenary.recording.bag_reader import blocks_of, first_arrival, open_any_types
 from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.recording.source import blocks_of, first_arrival, open_any_types
 from catenary.recording.topics import SECOND, TopicColumn, columns_of_type
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told

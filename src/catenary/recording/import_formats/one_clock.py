@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.recording.clock_steps import ClockStep
 from catenary.recording.import_formats.columns import Place, Stream
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.import_formats.table_time import TableTime, time_of
-from catenary.recording.series import WIDE, Series, clean_series, interpolate
+from catenary.recording.series import WIDE, ClockStep, Series, clean_series, interpolate
 from catenary.recording.topics import SECOND
 
 APART = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock

@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
 from catenary.files import written_whole
-from catenary.recording.clock_steps import ClockStep, without_steps
 from catenary.recording.extract import topic_file
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.csv_files import is_number
 from catenary.recording.import_formats.sources import Sources
-from catenary.recording.series import Series, clean_series
+from catenary.recording.series import ClockStep, Series, clean_series, without_steps
 from catenary.recording.topics import (
     EXT_JPOS,
     RAVENSTATE,

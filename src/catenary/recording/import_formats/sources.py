@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
+from catenary.recording.bag_reader import bags_in
 from catenary.recording.extract import TopicFile, is_extraction
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.message_columns import SAMPLED, Bag
 from catenary.recording.import_formats.table_files import read_table_file
 from catenary.recording.journal import About, same_origin
-from catenary.recording.source import bags_in
 
-BAG_ENDINGS = (".bag", ".mcap", ".db3", ".journal")
+BAG_ENDINGS = (".bag", ".mcap", ".db3")
 
 
 class ExtractedTopics:

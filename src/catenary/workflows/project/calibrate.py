@@ -17,8 +17,7 @@ from catenary.recording.logs import Reading, read_logs
 from catenary.reports.joint_errors import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
-from catenary.verdict.check import robot_of, verdict
-from catenary.verdict.shared import require_apart
+from catenary.verdict.check import require_apart, robot_of, verdict
 from catenary.workflows.calibration_model import (
     evaluate_calibration,
     fit_calibration,

@@ -9,14 +9,13 @@ from catenary.errors import ConfigError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.logs import Reading, read_log, read_recording
-from catenary.recording.motion_log_file import write_parquet
+from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.outputs import contents, describe, hold, missing
 from catenary.workflows.project.robot import empty
 
 if TYPE_CHECKING:
-    from catenary.recording.bag import BagKind
+    from catenary.recording.bag_writer import BagKind
 
 
 def extract_recording(project: Project, name: str) -> bool:
@@ -33,7 +32,7 @@ def extract_recording(project: Project, name: str) -> bool:
         InUseError: Another process is writing in the project.
     """
     from catenary.recording.extract import extract
-    from catenary.recording.motion_log_file import write_parquet
+    from catenary.recording.logs import write_parquet
     from catenary.workflows.project.kinds import kind_of
 
     folder = project.folder / "extracted" / name
@@ -82,8 +81,8 @@ def write_bags(project: Project, name: str, kind: "BagKind") -> list[Path]:
         InputError: Bags are there that no step of this project wrote.
         InUseError: Another process is writing in the project.
     """
-    from catenary.recording.bag import write_group_bags
-    from catenary.recording.source import open_recording
+    from catenary.recording.bag_reader import open_recording
+    from catenary.recording.bag_writer import write_group_bags
 
     step, recording, folder = (
         f"bags {kind} {name}",

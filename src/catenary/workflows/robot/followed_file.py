@@ -14,7 +14,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.csv_files import is_number
-from catenary.recording.motion_log_file import read_parquet
+from catenary.recording.logs import read_parquet
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
 

@@ -17,9 +17,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.errors import FileFormatError, InputError
+from catenary.recording.bag_reader import Source
 from catenary.recording.layout import Encoding, blank_messages
 from catenary.recording.messages import MESSAGES, current_name, ros2_name, typestore
-from catenary.recording.source import Source
 from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, topic_named
 
 log = logging.getLogger(__name__)

@@ -11,12 +11,12 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording import bag
-from catenary.recording.bag import write_group_bags
+from catenary.recording import bag_writer
+from catenary.recording.bag_reader import open_recording, open_recordings
 from catenary.recording.bag_stream import BagStream
+from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import full_definition, md5_sum, typestore
-from catenary.recording.source import open_recording, open_recordings
 from catenary.recording.topics import ABOUT_TOPIC
 from oracles.raven_recording import ABOUT, record, write_bag
 
@@ -98,7 +98,7 @@ def test_one_bag_per_topic_as_the_group_records(journal: Path, sent: list[Messag
 
 
 def test_a_long_recording_goes_into_several_bags(journal, sent, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(bag, "MAX_MESSAGES", 500)
+    monkeypatch.setattr(bag_writer, "MAX_MESSAGES", 500)
     written = write_group_bags(JournalReader(journal), tmp_path)
     names = [path.name for path in written if path.stem.startswith("record_ext_jenc")]
     assert names == [f"record_ext_jenc{number}.bag" for number in ("", "_1", "_2")]
@@ -106,9 +106,10 @@ def test_a_long_recording_goes_into_several_bags(journal, sent, tmp_path, monkey
 
 
 def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(journal, tmp_path, caplog) -> None:
-    (tmp_path / "torn.journal").write_bytes((journal / "0000.journal").read_bytes()[:-300])
-    write_group_bags(JournalReader(tmp_path / "torn.journal"), tmp_path / "bags")
-    assert "no whole record" in caplog.text
+    (tmp_path / "torn").mkdir()
+    (tmp_path / "torn/0000.mcap").write_bytes((journal / "0000.mcap").read_bytes()[:-300])
+    write_group_bags(JournalReader(tmp_path / "torn/0000.mcap"), tmp_path / "bags")
+    assert "lacks its index" in caplog.text
 
 
 def test_a_bag_that_could_not_be_finished_keeps_another_name(journal: Path, tmp_path: Path) -> None:
@@ -249,5 +250,5 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="no such recording"):
         open_recording(tmp_path / "a.bag")
     (tmp_path / "notes.txt").write_text("hello")
-    with pytest.raises(FileFormatError, match=r"expected a folder of \.journal files"):
+    with pytest.raises(FileFormatError, match=r"expected a journal, a \.bag"):
         open_recording(tmp_path / "notes.txt")

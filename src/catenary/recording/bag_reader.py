@@ -31,10 +31,10 @@ from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_search import SqliteRows
 from catenary.recording.bag_stream import BagConnection, BagStream, about_of, whole_text
 from catenary.recording.journal import About, JournalTopic
-from catenary.recording.journal_reader import JournalReader
+from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
-from catenary.recording.messages import MESSAGES, check_ros2_type, current_name
+from catenary.recording.messages import MESSAGES, check_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
 
 METADATA = "metadata.yaml"
@@ -102,7 +102,7 @@ class McapReader:
                         f"{path}: topic {shortened(name)}: expected texts for it and its type"
                     )
                 if not any_types:
-                    check_ros2_type(path, name, kind, connection.msgdef.data)
+                    check_type(path, name, kind, connection.msgdef.data)
                 found = BagConnection(name, kind, "", connection.msgdef.data)
                 if self.connections.setdefault(name, found).type != kind:
                     raise FileFormatError(f"{path}: topic {cut(name)}: is of two types, {cut(kind)} is one")
@@ -259,7 +259,7 @@ class SplitBag:
 
 def open_any_types(path: Path) -> "JournalReader | McapReader | BagStream | SplitBag":
     """Open a journal, a bag of any make or a ROS 2 bag for what is whole in it; its types may be any."""
-    if _is_journal(path):
+    if is_journal(path):
         return JournalReader(path)
     if path.suffix == ".bag" and path.is_file():
         return BagStream(path, any_types=True)
@@ -270,7 +270,7 @@ def blocks_of(
     source: "Source | SplitBag", topics: Sequence[str]
 ) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
     """Yield topic, arrival stamps [ns] and messages, as many at once as the source has or AT_ONCE."""
-    if isinstance(source, BagStream) and source.has_blocks:
+    if isinstance(source, BagStream | JournalReader):
         yield from source.blocks(topics)
         return
     waiting: dict[str, tuple[list[int], list[bytes]]] = {name: ([], []) for name in topics}
@@ -284,10 +284,6 @@ def blocks_of(
     for name, (stamps, messages) in waiting.items():
         if messages:
             yield name, np.array(stamps), Block.of(messages)
-
-
-def _is_journal(path: Path) -> bool:
-    return path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal")))
 
 
 def first_arrival(source: "Source | SplitBag") -> int:
@@ -310,7 +306,7 @@ def listed_files(path: Path) -> list[str]:
 
 def bags_in(path: Path) -> list[Path]:
     """Return the bag, or those in a folder that is none itself."""
-    if not path.is_dir() or (path / METADATA).is_file():
+    if not path.is_dir() or (path / METADATA).is_file() or is_journal(path):
         return [path]
     inside = [p for p in path.iterdir() if p.suffix in (".bag", *FILES) or (p / METADATA).is_file()]
     return sorted(inside) or [path]
@@ -360,7 +356,7 @@ def open_recording(path: Path, *, salvage: bool = False) -> Source:
     """
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
-    if _is_journal(path):
+    if is_journal(path):
         return JournalReader(path)
     if path.suffix == ".bag" and path.is_file():
         bag = BagStream(path)
@@ -374,9 +370,7 @@ def open_recording(path: Path, *, salvage: bool = False) -> Source:
             problem = found.damage[0].removeprefix(f"{path}: ").removeprefix("cannot be read: ")
             raise FileFormatError(f"{path}: cannot be read: {problem}; {whole_text(found.counts)}")
         return found
-    raise FileFormatError(
-        f"{path}: expected a folder of .journal files, a .bag, an .mcap, a .db3 or a folder with {METADATA}"
-    )
+    raise FileFormatError(f"{path}: expected a journal, a .bag, an .mcap, a .db3 or a folder with {METADATA}")
 
 
 def open_recordings(paths: Sequence[Path], *, salvage: bool = False) -> tuple[Source, ...]:
