@@ -53,7 +53,7 @@ def deploy(
 
     if ros is None and project is None:
         raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
-    if seconds is not None and not seconds > 0.0:
+    if ros is not None and seconds is not None and not seconds > 0.0:
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     imu = gravity.source()
     loaded, _ = load_model(model)
@@ -92,7 +92,7 @@ def deploy(
 def _in_a_loop(
     project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool
 ) -> None:
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot
@@ -112,14 +112,14 @@ def _in_a_loop(
         return
     print(result.loop)
     columns = [
-        Column("joint", result.joint_names.__getitem__),
-        Column("unit", result.units.__getitem__),
-        Column("reported", result.raw_rmse.__getitem__, ".3f"),
-        Column("corrected", result.rmse.__getitem__, ".3f"),
+        TableColumn("joint", result.joint_names.__getitem__),
+        TableColumn("unit", result.units.__getitem__),
+        TableColumn("reported", result.raw_rmse.__getitem__, ".3f"),
+        TableColumn("corrected", result.rmse.__getitem__, ".3f"),
     ]
     if result.coverage is not None and result.level is not None:
         heading = f"within intervals ({result.level:.0%} asked)"
-        columns.append(Column(heading, result.coverage.__getitem__, ".0%"))
+        columns.append(TableColumn(heading, result.coverage.__getitem__, ".0%"))
     print(Table(columns, range(len(result.joint_names)), "RMSE while the loop ran").text())
     if result.watch is not None:
         print_notes(result.watch.in_words)
@@ -152,7 +152,7 @@ def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bo
     if as_json:
         print_json({"model": str(model), "arm": arm, **report.as_data()})
         return
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
 
     rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
     print(
@@ -165,7 +165,7 @@ def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bo
         row = ["arrival to publication [us]", *(f"{1e6 * value:.0f}" for value in report.latency)]
         print(Table(["", "median", "p99", "p99.9", "largest"], [row], "Latency").text())
     shares = [100.0 * share for share in report.outside]
-    columns = [Column("joint"), Column("share", form=".1f", after=" %")]
+    columns = [TableColumn("joint"), TableColumn("share", form=".1f", after=" %")]
     rows = list(zip(report.joint_names, shares, strict=True))
     print(Table(columns, rows, "Messages outside the valid range").text())
     print_notes(report.watch.in_words)

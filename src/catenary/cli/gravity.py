@@ -236,16 +236,16 @@ def gravity(
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()})
         return
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
 
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
     columns = [
-        Column("joint"),
-        Column("torque", form=".4f"),
-        Column("level base", form=".4f"),
-        Column("difference", lambda row: row[1] - row[2], "+.4f"),
-        Column("unit", 3),
+        TableColumn("joint"),
+        TableColumn("torque", form=".4f"),
+        TableColumn("level base", form=".4f"),
+        TableColumn("difference", lambda row: row[1] - row[2], "+.4f"),
+        TableColumn("unit", 3),
     ]
     rows = list(zip(model.joint_names, torques, on_level, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
