@@ -92,6 +92,9 @@ class Conditions:
     def as_data(self) -> dict[str, Any]:
         """Return plain data, for the JSON and the page."""
         given = {name: value for name, value in asdict(self).items() if value not in (None, False, ())}
+        for name in ("kp", "kd", "friction", "viscous", "sensor_bias"):  # as they were typed
+            if name in given:
+                given[name] = ",".join(f"{value:g}" for value in given[name])
         return given | {
             "base_tilt_deg": self.base_tilt_deg or LEVEL_BASE,
             "rock_deg": self.rock_deg,
