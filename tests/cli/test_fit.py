@@ -194,21 +194,6 @@ def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) ->
     assert "the data that it was fitted to" in page.read_text()
 
 
-@pytest.mark.parametrize(
-    ("report", "said"), [("no_folder/page.html", "does not exist"), (".", "is a folder")]
-)
-def test_a_page_that_cannot_be_written_is_refused_before_any_work(
-    run: Path, model: Path, tmp_path: Path, report: str, said: str
-) -> None:
-    page = ("--report", tmp_path / report)
-    outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", *page)
-    assert outcome.code == 2
-    assert said in outcome.err
-    assert list(tmp_path.iterdir()) == []
-    evaluated = catenary("evaluate", model, run, "--json", *page)
-    assert (evaluated.code, evaluated.out) == (2, "")
-
-
 def test_an_ascii_terminal_still_shows_the_numbers(run: Path, tmp_path: Path, monkeypatch: Any) -> None:
     terminal = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", terminal)

@@ -79,7 +79,7 @@ def test_a_bare_recording_is_read_with_the_units_of_the_model_or_those_given(tmp
     assert catenary(*line, "--model", tmp_path / "m.npz").code == 0
     told = catenary(*line, "--units", "rad,m,m").out.splitlines()
     assert json.loads(told[-1])["units"] == ["rad", "m", "m"]
-    assert "--units goes with --log" in refusal("monitor", "--units", "rad,rad,m")
+    assert "--units: goes with --log" in refusal("monitor", "--units", "rad,rad,m")
 
 
 def test_a_model_of_other_joints_is_refused_with_both(tmp_path: Path) -> None:

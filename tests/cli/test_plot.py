@@ -52,7 +52,7 @@ def test_a_joint_beyond_its_limits_and_gravity_upwards_are_noted(tmp_path: Path)
 def test_what_cannot_be_drawn_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
     assert "no window can be opened here; give --out" in refusal("plot", "raven2")
-    assert "--json goes with --out" in refusal("plot", "raven2", "--json")
+    assert "--json: goes with --out" in refusal("plot", "raven2", "--json")
     assert 'ending ".npz": expected .png or .svg or .pdf' in refusal(
         "plot", "raven2", "--out", tmp_path / "a.npz"
     )
@@ -62,7 +62,7 @@ def test_what_cannot_be_drawn_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     assert "slides without limits" in refusal(
         "plot", "dvrk_psm_motors", "--workspace", "--out", tmp_path / "a.png"
     )
-    assert "give one of" in refusal("plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1")
+    assert "does not go with" in refusal("plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1")
     page = tmp_path / "other.png"
     page.write_text("mine")
     assert "is something else than a picture" in refusal("plot", "raven2", "--out", page)

@@ -246,8 +246,8 @@ def test_command_writes_both_files_and_refuses_what_does_not_fit(tmp_path: Path)
     assert (tmp_path / "swing.urdf").is_file()
     assert "/joint_states (400)" in outcome.out
     assert catenary("export", log, "--mcap", out).code == 0  # an older one is replaced
-    assert "expected one of" in refusal("export", log)
-    assert "--robot goes with --mcap" in refusal(
+    assert "give one of --c, --onnx and --mcap" in refusal("export", log)
+    assert "--robot: goes with --mcap" in refusal(
         "export", "raven2", "--c", tmp_path / "a.h", "--robot", "raven2"
     )
     (tmp_path / "swing.urdf").write_text("notes")

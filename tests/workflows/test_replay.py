@@ -148,7 +148,7 @@ def test_recordings_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> N
     with pytest.raises(InputError, match="expected topic /imu"):
         read_imu(imu, topic="/imu")
     assert "give one of" in refusal("sense", "--replay", imu, "--simulated")
-    assert "go with --replay" in refusal("sense", "--simulated", "--columns", "a,b,c")
+    assert "--columns: goes with --replay" in refusal("sense", "--simulated", "--columns", "a,b,c")
     assert "needs --orientations" in refusal("sense", "--replay", imu, "--tumble")
-    assert "go with --orientations" in refusal("sense", "--replay", imu, "--robot", "raven2")
+    assert "--robot: goes with --orientations" in refusal("sense", "--replay", imu, "--robot", "raven2")
     assert "no column roll_deg" in refusal("sense", "--replay", imu, "--tumble", "--orientations", imu)

@@ -46,16 +46,16 @@ def extract(
     what is whole, and says what is lost.
     """
     from catenary.recording.import_formats.raven_columns import write_raven_csv
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
     from catenary.workflows.project.robot import arm_of
     from catenary.workflows.project.state import ExtractionFile, read_state
 
     columns_of_topics = [
-        Column("topic", "topic"),
-        Column("messages", "messages"),
-        Column("rate [Hz]", "rate", ".1f"),
-        Column("longest gap [ms]", lambda t: t["longest_gap"] and 1e3 * t["longest_gap"], ".0f"),
+        TableColumn("topic", "topic"),
+        TableColumn("messages", "messages"),
+        TableColumn("rate [Hz]", "rate", ".1f"),
+        TableColumn("longest gap [ms]", lambda t: t["longest_gap"] and 1e3 * t["longest_gap"], ".0f"),
     ]
     require_project(project)
     opened = open_project(project, columns=columns)

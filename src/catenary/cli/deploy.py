@@ -51,7 +51,7 @@ def deploy(
     """
     if ros is None and project is None:
         raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
-    if seconds is not None and not seconds > 0.0:
+    if ros is not None and seconds is not None and not seconds > 0.0:
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     from catenary.calibration.model_file import load_model
 
@@ -93,7 +93,7 @@ def _in_a_loop(
     project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool
 ) -> None:
     from catenary.config import plain_data
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot
@@ -113,13 +113,15 @@ def _in_a_loop(
         return
     print(result.loop)
     columns = [
-        Column("joint", "name"),
-        Column("unit", "unit"),
-        Column("reported", "raw_rmse", ".3f"),
-        Column("corrected", "rmse", ".3f"),
+        TableColumn("joint", "name"),
+        TableColumn("unit", "unit"),
+        TableColumn("reported", "raw_rmse", ".3f"),
+        TableColumn("corrected", "rmse", ".3f"),
     ]
     if result.coverage_asked is not None:
-        columns.append(Column(f"within intervals ({result.coverage_asked:.0%} asked)", "coverage", ".0%"))
+        columns.append(
+            TableColumn(f"within intervals ({result.coverage_asked:.0%} asked)", "coverage", ".0%")
+        )
     print(Table(columns, result.joints, "RMSE while the loop ran").text())
 
 
@@ -147,7 +149,7 @@ def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bo
     if as_json:
         print_json({"model": str(model), "arm": arm, **report.as_data()})
         return
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
 
     rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
     print(
@@ -160,6 +162,6 @@ def _show_deployment(model: Path, arm: str, report: "WireReport", *, as_json: bo
         row = ["arrival to publication [us]", *(f"{1e6 * value:.0f}" for value in report.latency)]
         print(Table(["", "median", "p99", "p99.9", "largest"], [row], "Latency").text())
     shares = [100.0 * share for share in report.outside]
-    columns = [Column("joint"), Column("share", form=".1f", after=" %")]
+    columns = [TableColumn("joint"), TableColumn("share", form=".1f", after=" %")]
     rows = list(zip(report.joint_names, shares, strict=True))
     print(Table(columns, rows, "Messages outside the valid range").text())

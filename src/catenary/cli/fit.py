@@ -200,12 +200,7 @@ def evaluate(
 
     arm = None if robot is None else load_robot(robot)
     result = evaluate_calibration(
-        model,
-        data,
-        reading=recordings.reading(),
-        accept=tuple(accept),
-        max_error=max_error,
-        window=window,
+        model, data, reading=recordings.reading(), accept=tuple(accept), max_error=max_error, window=window
     )
     if as_json:
         print_json(evaluation_summary(result))
@@ -243,15 +238,11 @@ def refresh(
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz
     """
     from catenary.calibration.model_file import save_model
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
     from catenary.workflows.calibration_model import refresh_calibration
 
     result = refresh_calibration(
-        model,
-        data,
-        reading=recordings.reading(),
-        accept=tuple(accept),
-        max_error=max_error,
+        model, data, reading=recordings.reading(), accept=tuple(accept), max_error=max_error
     )
     save_model(result.model, result.card, out)
     shown = result.as_data()
@@ -260,12 +251,12 @@ def refresh(
         return
     print_notes(result.notes)
     columns = [
-        Column("joint", "name"),
-        Column("unit", "unit"),
-        Column("change", "change"),
-        Column("moved", "moved", "+.3f"),
-        Column("RMSE before", "rmse_before", ".3f"),
-        Column("on blocks after", "rmse_after", ".3f"),
+        TableColumn("joint", "name"),
+        TableColumn("unit", "unit"),
+        TableColumn("change", "change"),
+        TableColumn("moved", "moved", "+.3f"),
+        TableColumn("RMSE before", "rmse_before", ".3f"),
+        TableColumn("on blocks after", "rmse_after", ".3f"),
     ]
     title = f"What became of each joint, on {shown['rows']:,} new rows"
     print(Table(columns, shown["joints"], title).text())
@@ -296,12 +287,7 @@ def drift(
     from catenary.workflows.calibration_model import drift_of_model, drift_summary
 
     found, notes = drift_of_model(
-        model,
-        data,
-        reading=recordings.reading(),
-        accept=tuple(accept),
-        factor=factor,
-        max_error=max_error,
+        model, data, reading=recordings.reading(), accept=tuple(accept), factor=factor, max_error=max_error
     )
     if as_json:
         print_json(drift_summary(found, notes))

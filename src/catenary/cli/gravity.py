@@ -92,6 +92,9 @@ class Conditions:
     def as_data(self) -> dict[str, Any]:
         """Return plain data, for the JSON and the page."""
         given = {name: value for name, value in asdict(self).items() if value not in (None, False, ())}
+        for name in ("kp", "kd", "friction", "viscous", "sensor_bias"):  # as they were typed
+            if name in given:
+                given[name] = ",".join(f"{value:g}" for value in given[name])
         return given | {
             "base_tilt_deg": self.base_tilt_deg or LEVEL_BASE,
             "rock_deg": self.rock_deg,
@@ -236,16 +239,16 @@ def gravity(
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()})
         return
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
 
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
     columns = [
-        Column("joint"),
-        Column("torque", form=".4f"),
-        Column("level base", form=".4f"),
-        Column("difference", lambda row: row[1] - row[2], "+.4f"),
-        Column("unit", 3),
+        TableColumn("joint"),
+        TableColumn("torque", form=".4f"),
+        TableColumn("level base", form=".4f"),
+        TableColumn("difference", lambda row: row[1] - row[2], "+.4f"),
+        TableColumn("unit", 3),
     ]
     rows = list(zip(model.joint_names, torques, on_level, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"

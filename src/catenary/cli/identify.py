@@ -117,13 +117,7 @@ def identify(
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     result = identify_files(
-        data,
-        robot,
-        options,
-        tests=test,
-        rows=rows,
-        reading=recordings.reading(),
-        accept=tuple(accept),
+        data, robot, options, tests=test, rows=rows, reading=recordings.reading(), accept=tuple(accept)
     )
     found = result.identification
     save_identification(found, result.card, out)
@@ -199,12 +193,12 @@ def payload(
             f"{', '.join(f'{v:.4f}' for v in best.moment_std)}"
         )
     if result.candidates:
-        from catenary.reports.page import Column, Table
+        from catenary.reports.page import Table, TableColumn
 
         columns = [
-            Column("link", "link"),
-            Column("probability", "probability", ".2f"),
-            Column("explained", lambda candidate: 100.0 * candidate.explained, ".1f", " %"),
+            TableColumn("link", "link"),
+            TableColumn("probability", "probability", ".2f"),
+            TableColumn("explained", lambda candidate: 100.0 * candidate.explained, ".1f", " %"),
         ]
         title = "Links that could carry it, and what it would explain of the residual there"
         print(Table(columns, [best, *result.candidates], title).text())

@@ -1,7 +1,6 @@
 """catenary home, excite, record: a robot finds its joints; a project's moves, or others move it, and is recorded."""
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -197,62 +196,42 @@ def _record_others(
     project: "Project", access: RobotAccess, hours: float | None, name: str, as_json: bool
 ) -> None:
     """Record a robot that somebody else moves."""
-    with project as opened:
+    from catenary.crtk.network import node_name
+    from catenary.recording.journal import About
+    from catenary.workflows.project.kinds import kind_of
+    from catenary.workflows.robot.topic_recorder import record_topics
+
+    with project as opened, step_progress("record") as progress:
         connection = opened.settings.connection if access.ros is None else f"ros{access.ros}"
         if connection == "simulation":
             raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
         seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
         if not 0.0 < seconds < float("inf"):
             raise InputError(f"--hours: expected more than 0, got {hours}")
-        with step_progress("record") as progress:
-            recorded = record_others(
-                opened, name, seconds, ros=int(connection.removeprefix("ros")), simulated=access.simulated,
-                progress=progress,
-            )  # fmt: skip
+        kind, folder = kind_of(opened.settings), opened.folder / "recordings" / name
+        if any(folder.glob("*")):
+            raise InputError(f"{folder}: holds a recording already; give this one another --name")
+        not_ours = {"motion": "not ours"}
+        about = About(robot=kind.recorded_as, simulated=access.simulated, configuration=not_ours)
+        found: list[RecordedTopics] = []
+
+        def work() -> None:
+            with ros_transport(int(connection.removeprefix("ros")), node_name("record")) as transport:
+                found.append(
+                    record_topics(
+                        transport, folder, kind.topics, seconds, about=about, progress=progress,
+                        required=[topic.name for topic in kind.required],
+                    )
+                )  # fmt: skip
+
+        motion = {**not_ours, "seconds": seconds, "begun_ns": time.time_ns()}
+        opened.run(f"record {name}", motion, [folder], work)
+        (recorded,) = found
+        print_notes([note for count in recorded.counts if (note := count.note()) is not None])
         ended_by = recorded.ended_by
         what = f"recorded {recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
-        content = {"seconds": recorded.seconds, "ended_by": ended_by or None}
-        say_step(
-            opened, what, True, as_json, {**content, "topics": [vars(count) for count in recorded.counts]}
-        )
+        topics = [vars(count) for count in recorded.counts]
+        content = {"seconds": recorded.seconds, "ended_by": ended_by or None, "topics": topics}
+        say_step(opened, what, True, as_json, content)
     if ended_by and hours is not None:  # it was to last as long
         raise typer.Exit(exit_code(ended_by))
-
-
-def record_others(
-    project: "Project",
-    name: str,
-    seconds: float,
-    *,
-    ros: int,
-    simulated: bool,
-    progress: Callable[[float], None],
-) -> "RecordedTopics":
-    """Record a robot that somebody else moves."""
-    from catenary.crtk.network import node_name
-    from catenary.recording.journal import About
-    from catenary.workflows.project.kinds import kind_of
-    from catenary.workflows.robot.topic_recorder import record_topics
-
-    kind = kind_of(project.settings)
-    topics = kind.topics
-    folder = project.folder / "recordings" / name
-    recorded: list[RecordedTopics] = []
-    if any(folder.glob("*")):
-        raise InputError(f"{folder}: holds a recording already; give this one another --name")
-    about = About(robot=kind.recorded_as, simulated=simulated, configuration={"motion": "not ours"})
-
-    def work() -> None:
-        with ros_transport(ros, node_name("record")) as transport:
-            recorded.append(
-                record_topics(
-                    transport, folder, topics, seconds, about=about, progress=progress,
-                    required=[topic.name for topic in kind.required],
-                )
-            )  # fmt: skip
-
-    motion = {"motion": "not ours", "seconds": seconds, "begun_ns": time.time_ns()}
-    project.run(f"record {name}", motion, [folder], work)
-    (ended,) = recorded
-    print_notes([note for count in ended.counts if (note := count.note()) is not None])
-    return ended

@@ -51,13 +51,13 @@ def robots(as_json: bool = TABLES_AS_JSON) -> None:
             [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
         )
         return
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
 
     columns = [
-        Column("name", "name"),
-        Column("joints", _kinds),
-        Column("tip", "tip"),
-        Column("joint names", _names_in_brief),
+        TableColumn("name", "name"),
+        TableColumn("joints", _kinds),
+        TableColumn("tip", "tip"),
+        TableColumn("joint names", _names_in_brief),
     ]
     print(Table(columns, models, "Robots", left=4).text())
     print("R: revolute, P: prismatic; catenary check ROBOT names joints with their limits")
@@ -185,12 +185,12 @@ def pose_numbers(pose: "Pose") -> dict[str, Any]:
 
 def _pose_table(first: str, poses: "dict[str, Pose]", title: str, *, free: str = "") -> "Table":
     """Return a table of poses, a row each; the orientation of the one that is named `free` may be any."""
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
 
     columns = [
-        Column(first),
-        *(Column(f"{axis} [mm]", form=".3f") for axis in "xyz"),
-        *(Column(part, form=".6f") for part in "wxyz"),
+        TableColumn(first),
+        *(TableColumn(f"{axis} [mm]", form=".3f") for axis in "xyz"),
+        *(TableColumn(part, form=".6f") for part in "wxyz"),
     ]
     rows = []
     for name, pose in poses.items():
@@ -303,11 +303,11 @@ def regressor(
 
 
 def _print_compact(report: "RegressorReport") -> None:
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
 
     form = report.compact
     print(f"{report.model.name}: gravity on a level base, g_c = 9.81 m/s2\n\n{form}\n")
-    columns = [Column(""), Column(""), Column("value", form=".6g"), Column("unit")]
+    columns = [TableColumn(""), TableColumn(""), TableColumn("value", form=".6g"), TableColumn("unit")]
     names = [f"s{k}" for k in range(1, len(form.labels) + 1)]
     values = _known(report.compact_values, len(names))
     rows = list(zip(names, form.labels, values, form.units, strict=True))
@@ -323,28 +323,33 @@ def _print_compact(report: "RegressorReport") -> None:
 
 def _print_identifiability(report: "RegressorReport") -> None:
     from catenary.gravity.gravity_regressor import standard_labels
-    from catenary.reports.page import Column, Table
+    from catenary.reports.page import Table, TableColumn
     from catenary.workflows.regressor_report import WORDS
 
     columns = [
-        Column("parameter"),
-        Column("level base", lambda row: WORDS[row[1]]),
-        Column("tilted base", lambda row: WORDS[row[2]]),
-        Column("value", form=".6g"),
-        Column("unit", lambda row: "kg" if row[0].startswith("m(") else "kg m"),
+        TableColumn("parameter"),
+        TableColumn("level base", lambda row: WORDS[row[1]]),
+        TableColumn("tilted base", lambda row: WORDS[row[2]]),
+        TableColumn("value", form=".6g"),
+        TableColumn("unit", lambda row: "kg" if row[0].startswith("m(") else "kg m"),
     ]
     names, kinds = standard_labels(report.model), map(report.identifiable, ("level", "tilted"))
     values = _known(report.standard_values, len(names))
     rows: list[Any] = list(zip(names, *kinds, values, strict=True))
     title = f"{report.model.name}: do gravity torques tell masses m, and moments m c in the links' frames?"
     print(Table(columns, rows, title, left=3).text())
-    columns = [Column("base"), Column("combinations"), Column("of"), Column("condition number", form=".3g")]
+    columns = [
+        TableColumn("base"),
+        TableColumn("combinations"),
+        TableColumn("of"),
+        TableColumn("condition number", form=".3g"),
+    ]
     rows = [[name, base.count, len(names), base.condition] for name, base in report.bases.items()]
     print(Table(columns, rows, "What torques tell").text())
     labels = report.combinations("level")
     values = _known(report.base_values("level"), len(labels))
     rows = [[f"b{k}", *cells] for k, cells in enumerate(zip(labels, values, strict=True), 1)]
-    columns = [Column(""), Column(""), Column("value", form=".6g")]
+    columns = [TableColumn(""), TableColumn(""), TableColumn("value", form=".6g")]
     print(Table(columns, rows, "Combinations on a level base", left=2).text())
     for sentence in report.sentences():
         name, _, text = sentence.partition(": ")

@@ -309,21 +309,22 @@ def _enter_pressed() -> bool:
 def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
     from catenary.sensing.mounting import save_mounting
 
-    if not outcome.faults:
-        save_mounting(out, outcome.mounting, outcome.section)
-    _print_tumble(outcome, out, as_json)
-    if outcome.faults:
-        raise typer.Exit(1)
-
-
-def _print_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
     m, section = outcome.mounting, outcome.section
+    if not outcome.faults:
+        save_mounting(out, m, section)
     if as_json:
         found = {key: getattr(m, key) for key in ("bias", "scale", "rate_bias", "rotation")}
         left = {"residual": section.residual_m_s2, "rotation_residual_deg": section.rotation_residual_deg}
         ended = {"readings": section.readings, "faults": list(outcome.faults)}
         print_json({"mounting": None if outcome.faults else str(out), **found, **left, **ended})
-        return
+    else:
+        _print_tumble(outcome, out)
+    if outcome.faults:
+        raise typer.Exit(1)
+
+
+def _print_tumble(outcome: "TumbleOutcome", out: Path) -> None:
+    m, section = outcome.mounting, outcome.section
     facts = [("bias", m.bias, "m/s2"), ("scale", m.scale, ""), ("rate bias", m.rate_bias, "rad/s")]
     facts += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
     for name, values, unit in facts:

@@ -8,11 +8,11 @@ import numpy as np
 from catenary.calibration.model_drift import DriftFound, Stretch, since_in_words
 from catenary.reports.page import (
     Block,
-    Column,
     Heading,
     Picture,
     Remarks,
     Table,
+    TableColumn,
     Text,
     joint_columns,
     picture,
@@ -28,10 +28,10 @@ def drift_table(found: DriftFound) -> Table:
     """Return a row for each stretch between homings: RMSE of every joint, ! where the model is beyond."""
     joints = [(n, DISPLAY[u][0]) for n, u in zip(found.joint_names, found.joint_units, strict=True)]
     columns = [
-        Column("recording", "recording"),
-        Column("homing", "homing"),
-        Column("date", lambda stretch: stretch.date or "-"),
-        Column("rows", "rows"),
+        TableColumn("recording", "recording"),
+        TableColumn("homing", "homing"),
+        TableColumn("date", lambda stretch: stretch.date or "-"),
+        TableColumn("rows", "rows"),
         *joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", ""),
     ]
     return Table(columns, found.stretches, "RMSE between homings; ! beyond")

@@ -7,10 +7,10 @@ from typing import Any
 from catenary.control.loop_report import Holding, Tracking
 from catenary.reports.page import (
     Block,
-    Column,
     Heading,
     Picture,
     Table,
+    TableColumn,
     Text,
     picture,
     settings_facts,
@@ -39,8 +39,8 @@ HOLDING = (
 def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
     """Return a row per joint: of tracking its RMS error, PD term and torque, of holding its drift."""
 
-    def of(heading: str, key: str, form: str, unit: str = "unit") -> Column:
-        return Column(heading, lambda joint: f"{joint[key]:{form}} {joint[unit]}")
+    def of(heading: str, key: str, form: str, unit: str = "unit") -> TableColumn:
+        return TableColumn(heading, lambda joint: f"{joint[key]:{form}} {joint[unit]}")
 
     joints = result.as_data()["joints"]
     if isinstance(result, Holding):
@@ -55,9 +55,9 @@ def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
             of("RMS error", "rms_error", ".4f"),
             of("RMS PD term", "rms_pd", ".3f", "torque_unit"),
             of("RMS torque", "rms_torque", ".3f", "torque_unit"),
-            Column("PD share", lambda joint: share[joint["name"]], ".1f", " %"),
+            TableColumn("PD share", lambda joint: share[joint["name"]], ".1f", " %"),
         ]
-    return Table([Column("joint", "name"), *columns], joints, title)
+    return Table([TableColumn("joint", "name"), *columns], joints, title)
 
 
 def write_gravity_report(

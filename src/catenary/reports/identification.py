@@ -13,13 +13,13 @@ from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
 from catenary.reports.page import (
     Block,
-    Column,
     Facts,
     Heading,
     Listing,
     Picture,
     Remarks,
     Table,
+    TableColumn,
     Text,
     joint_columns,
     picture,
@@ -71,10 +71,10 @@ def residual_table(found: Identification) -> Table:
     """Return the relative residual per recording and axis, with the verdict."""
     names = [(name, "") for name in found.model.joint_names]
     columns = [
-        Column("recording", "log"),
-        Column("rows", "rows"),
+        TableColumn("recording", "log"),
+        TableColumn("rows", "rows"),
         *joint_columns(names, lambda r, j: r.relative_rms[j], ".3f"),
-        Column("verdict", lambda r: r.verdict or "fitted"),
+        TableColumn("verdict", lambda r: r.verdict or "fitted"),
     ]
     return Table(columns, _all(found), "Residual over torque (RMS) per axis")
 
@@ -83,18 +83,18 @@ def absolute_table(found: Identification) -> Table:
     """Return the RMS residual per recording and axis in Nm and N."""
     units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
     joints = list(zip(found.model.joint_names, units, strict=True))
-    columns = [Column("RMS residual", "log"), *joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
+    columns = [TableColumn("RMS residual", "log"), *joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
     return Table(columns, _all(found), "RMS residual")
 
 
 def parameter_table(found: Identification) -> Table:
     """Return every base parameter with its standard deviation."""
     columns = [
-        Column("parameter"),
-        Column("unit"),
-        Column("value", form=".5g"),
-        Column("std", form=".2g"),
-        Column("std / value", lambda row: 100.0 * row[3] / abs(row[2]) if row[2] else None, ".0f", " %"),
+        TableColumn("parameter"),
+        TableColumn("unit"),
+        TableColumn("value", form=".5g"),
+        TableColumn("std", form=".2g"),
+        TableColumn("std / value", lambda row: 100.0 * row[3] / abs(row[2]) if row[2] else None, ".0f", " %"),
     ]
     return Table(columns, list(zip(found.base.names, found.base.units, found.beta, found.std, strict=True)))
 
@@ -105,11 +105,11 @@ def mass_table(found: Identification) -> Table | None:
         return None
     robot, given = found.robot(), found.model
     columns = [
-        Column("link", lambda i: given.link_names[i]),
-        Column("mass [kg]", robot.tree.mass.__getitem__, ".3g"),
-        Column("file's [kg]", given.tree.mass.__getitem__, ".3g"),
-        Column("ratio", lambda i: robot.tree.mass[i] / given.tree.mass[i], ".2f"),
-        Column(
+        TableColumn("link", lambda i: given.link_names[i]),
+        TableColumn("mass [kg]", robot.tree.mass.__getitem__, ".3g"),
+        TableColumn("file's [kg]", given.tree.mass.__getitem__, ".3g"),
+        TableColumn("ratio", lambda i: robot.tree.mass[i] / given.tree.mass[i], ".2f"),
+        TableColumn(
             "centres apart [mm]",
             lambda i: 1000.0 * np.linalg.norm(robot.tree.com[i] - given.tree.com[i]),
             ".0f",

@@ -11,7 +11,7 @@ from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import Evaluation, Spread, Window
 from catenary.calibration.model import CalibrationModel
-from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, joint_columns, picture
+from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, joint_columns, picture
 from catenary.units import DISPLAY
 from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
 
@@ -39,15 +39,15 @@ def error_table(
     """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range."""
     unit = in_units(joint.unit for joint in evaluation.joints)
     columns = [
-        Column("joint", "name"),
-        Column("unit", "unit"),
-        Column(f"raw RMSE {unit}", "raw_rmse", ".3f"),
-        Column(f"fixed offset RMSE {unit}", "offset_rmse", ".3f"),
-        Column(f"{name} RMSE {unit}", "rmse", ".3f"),
-        Column("of fixed offset [%]", lambda joint: percent(joint.percent_of_offset, 1)),
-        Column(f"largest raw {unit}", "raw_max", ".2f"),
-        Column(f"largest {name} {unit}", "max", ".2f"),
-        Column("outside [% of rows]", lambda joint: 100.0 * joint.outside_valid_range, ".1f", " %"),
+        TableColumn("joint", "name"),
+        TableColumn("unit", "unit"),
+        TableColumn(f"raw RMSE {unit}", "raw_rmse", ".3f"),
+        TableColumn(f"fixed offset RMSE {unit}", "offset_rmse", ".3f"),
+        TableColumn(f"{name} RMSE {unit}", "rmse", ".3f"),
+        TableColumn("of fixed offset [%]", lambda joint: percent(joint.percent_of_offset, 1)),
+        TableColumn(f"largest raw {unit}", "raw_max", ".2f"),
+        TableColumn(f"largest {name} {unit}", "max", ".2f"),
+        TableColumn("outside [% of rows]", lambda joint: 100.0 * joint.outside_valid_range, ".1f", " %"),
     ]
     return Table(columns, evaluation.joints, title)
 
@@ -80,15 +80,15 @@ def bias_table(evaluation: Evaluation, name: str = "model") -> Table:
     unit = in_units(joint.unit for joint in evaluation.joints)
     both = (("raw", scale * evaluation.raw), (name, scale * evaluation.after_model))
     columns = [
-        Column("joint", lambda j: evaluation.joints[j].name),
-        Column("unit", lambda j: evaluation.joints[j].unit),
+        TableColumn("joint", lambda j: evaluation.joints[j].name),
+        TableColumn("unit", lambda j: evaluation.joints[j].unit),
     ]
     for kind, errors in both:
         mean, sd = errors.mean(axis=0), errors.std(axis=0)
-        columns.append(Column(f"bias {kind} {unit}", mean.__getitem__, "+.3f"))
-        columns.append(Column(f"spread {kind} {unit}", sd.__getitem__, ".3f"))
+        columns.append(TableColumn(f"bias {kind} {unit}", mean.__getitem__, "+.3f"))
+        columns.append(TableColumn(f"spread {kind} {unit}", sd.__getitem__, ".3f"))
     for kind, errors in both:
-        columns.append(Column(f"outliers {kind} [rows]", outliers(errors)[0].__getitem__, ","))
+        columns.append(TableColumn(f"outliers {kind} [rows]", outliers(errors)[0].__getitem__, ","))
     return Table(columns, range(len(evaluation.joints)))
 
 
@@ -117,10 +117,10 @@ def window_blocks(evaluation: Evaluation, name: str) -> list[Block]:
 def _windows(evaluation: Evaluation, joints: Sequence[int], windows: Sequence[Window]) -> Table:
     unit = evaluation.window_unit
     first = [
-        Column("recording", "recording"),
-        Column(f"from [{unit}]", "start", ".0f"),
-        Column(f"to [{unit}]", "end", ".0f"),
-        Column("rows", "n"),
+        TableColumn("recording", "recording"),
+        TableColumn(f"from [{unit}]", "start", ".0f"),
+        TableColumn(f"to [{unit}]", "end", ".0f"),
+        TableColumn("rows", "n"),
     ]
     shown = [(evaluation.joints[j].name, evaluation.joints[j].unit) for j in joints]
     per_joint = joint_columns(shown, lambda window, k: window.rmse[joints[k]], ".3f")
@@ -131,11 +131,13 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
     """Return mean and standard deviation of the RMSE over the blocks of a cross-validation."""
     unit = in_units(s.unit for s in spread)
     columns = [
-        Column("joint", "joint"),
-        Column("unit", "unit"),
-        Column("blocks", "folds"),
-        Column(f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
-        Column(f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
+        TableColumn("joint", "joint"),
+        TableColumn("unit", "unit"),
+        TableColumn("blocks", "folds"),
+        TableColumn(
+            f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"
+        ),
+        TableColumn(f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
     ]
     return Table(columns, spread, "RMSE on blocks of time that the fit did not see")
 
@@ -144,11 +146,11 @@ def coverage_table(evaluation: Evaluation) -> Table:
     """Return width and coverage of the intervals per joint, and whether they hold; for a model that has some."""
     unit = in_units(joint.unit for joint in evaluation.joints)
     columns = [
-        Column("joint", lambda row: row[0].name),
-        Column("unit", lambda row: row[0].unit),
-        Column(f"half-width {unit}", lambda row: row[0].half_width, ".3f"),
-        Column("held [% of rows]", lambda row: 100.0 * row[0].coverage, ".3g", " %"),
-        Column("verdict", 1),
+        TableColumn("joint", lambda row: row[0].name),
+        TableColumn("unit", lambda row: row[0].unit),
+        TableColumn(f"half-width {unit}", lambda row: row[0].half_width, ".3f"),
+        TableColumn("held [% of rows]", lambda row: 100.0 * row[0].coverage, ".3g", " %"),
+        TableColumn("verdict", 1),
     ]
     rows = list(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
     asked = 100.0 * (evaluation.level or 0.0)

@@ -19,7 +19,7 @@ DOTS_PER_INCH = 150
 Value = str | int | Callable[[Any], Any]
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """A column: its heading, what of a record stands in it, and how a number is written."""
 
     heading: str  # with its unit, as "RMSE [deg]"
@@ -35,7 +35,7 @@ class Table:
     Texts in place of columns are headings of records that are rows of cells. None and NaN are dashes.
     """
 
-    columns: Sequence[Column | str]
+    columns: Sequence[TableColumn | str]
     records: Sequence[Any]
     title: str = ""
     left: int = 1  # columns that stand to the left; the others to the right
@@ -75,16 +75,16 @@ class Table:
 
 def joint_columns(
     joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str
-) -> list[Column]:
+) -> list[TableColumn]:
     """Return a column for each joint of these names and units; `value` tells a record's number of the k-th."""
 
-    def column(k: int, name: str, unit: str) -> Column:
-        return Column(f"{name} [{unit}]" if unit else name, lambda record: value(record, k), form)
+    def column(k: int, name: str, unit: str) -> TableColumn:
+        return TableColumn(f"{name} [{unit}]" if unit else name, lambda record: value(record, k), form)
 
     return [column(k, *joint) for k, joint in enumerate(joints)]
 
 
-def _cell(column: Column | str, record: Any, place: int) -> str:
+def _cell(column: TableColumn | str, record: Any, place: int) -> str:
     if isinstance(column, str):
         return str(record[place])
     value = _value(record, place if column.value is None else column.value)

@@ -11,7 +11,7 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
 from catenary.reports.joint_errors import in_units
-from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
+from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture
 from catenary.units import DISPLAY
 
 TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
@@ -105,16 +105,16 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str
     }
     headings = {"median": "median", "p99": "99 % below", "p999": "99.9 % below", "max": "largest"}
     in_tick = [
-        Column("time in each tick", "what"),
-        *(Column(f"{heading} [us]", key, ".1f") for key, heading in headings.items()),
+        TableColumn("time in each tick", "what"),
+        *(TableColumn(f"{heading} [us]", key, ".1f") for key, heading in headings.items()),
     ]
     unit = in_units(joint["unit"] for joint in deployment["joints"])
     of_joint = [
-        Column("joint", "name"),
-        Column("unit", "unit"),
-        Column(f"raw RMSE {unit}", "raw_rmse", ".3f"),
-        Column(f"{name} RMSE {unit}", "rmse", ".3f"),
-        Column("outside [% of ticks]", _outside, ".1f", " %"),
+        TableColumn("joint", "name"),
+        TableColumn("unit", "unit"),
+        TableColumn(f"raw RMSE {unit}", "raw_rmse", ".3f"),
+        TableColumn(f"{name} RMSE {unit}", "rmse", ".3f"),
+        TableColumn("outside [% of ticks]", _outside, ".1f", " %"),
     ]
     # nobody counts them where time is not kept by this loop
     overruns = "" if deployment["overruns"] is None else f", {deployment['overruns']} overruns"

@@ -12,7 +12,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.reports.joint_errors import MODEL, RAW, wrapped
-from catenary.reports.page import Block, Column, Heading, Picture, Table, Text, picture
+from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture
 from catenary.reports.robot_plot import draw_links, equal_axes
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -103,10 +103,10 @@ def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
         else ""
     )
     columns = [
-        Column("joints"),
-        Column("RMSE [mm]", lambda row: 1e3 * row[1].rmse, ".3f"),
-        Column("median [mm]", lambda row: 1e3 * row[1].median, ".3f"),
-        Column("largest [mm]", lambda row: 1e3 * row[1].largest, ".3f"),
+        TableColumn("joints"),
+        TableColumn("RMSE [mm]", lambda row: 1e3 * row[1].rmse, ".3f"),
+        TableColumn("median [mm]", lambda row: 1e3 * row[1].median, ".3f"),
+        TableColumn("largest [mm]", lambda row: 1e3 * row[1].largest, ".3f"),
     ]
     return [
         Heading("Error of the tip"),

@@ -75,13 +75,9 @@ class _Messages(NamedTuple):
 
 
 def write_mcap(arm: RecordedArm, log: MotionLog, out: Path, shapes: tuple[Shape, ...] = ()) -> McapSummary:
-    """Write a recording as MCAP, and its robot as URDF beside it.
+    """Write a recording as MCAP, and its robot, of these shapes, as URDF beside it; older files are replaced.
 
-    Args:
-        arm: The recording's rows as joints of the robot, calibrated where there is a model.
-        log: The recording: its joints, torques and gravity.
-        out: File to write; an older one is replaced, and NAME.urdf beside it.
-        shapes: What the robot's links look like.
+    The rows are of the robot's joints, calibrated where there is a model; the log adds its torques and gravity.
     """
     store = get_typestore(Stores.LATEST)
     notes: list[str] = []

@@ -104,12 +104,10 @@ class RecordedArm:
 
 
 def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | None = None) -> RecordedArm:
-    """Return a recording's rows as a robot's joints, calibrated where there is a model.
+    """Return a recording's rows as a robot's joints, calibrated where there is a model of some of them.
 
-    Args:
-        log: With time; of several recordings one after the other, time goes on from one to the next.
-        robot: Has the recording's joints by name; others of its joints are at zero.
-        model: Of some of the recording's joints.
+    The recording has time, which goes on from one to the next of several. The robot has its joints by name; others of
+    the robot's are at zero.
     """
     if log.time is None:
         raise InputError(f'recording "{log.name}": has no time; it cannot be shown')

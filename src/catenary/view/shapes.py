@@ -268,12 +268,7 @@ def _point(radius: float) -> Mesh:
 
 
 def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
-    """Return an arm's shapes as its file describes them, or as tubes from its kinematics, and why the latter.
-
-    Args:
-        source: What the robot was loaded from.
-        model: The robot.
-    """
+    """Return an arm's shapes as its file, `source`, describes them, or as tubes, and why the latter."""
     tubes = arm_shapes(model)
     if source in robot_names():
         return tubes, None  # tables describe no looks

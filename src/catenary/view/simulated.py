@@ -80,14 +80,10 @@ class DrivenArm:
         rng: np.random.Generator,
         real_time: bool = True,
     ) -> None:
-        """Set up an arm, enabled and homed, on a level base.
+        """Set up an arm, enabled and homed, on a level base; it needs inertia.
 
-        Args:
-            robot: Name in the catalogue, or a robot file with inertia.
-            model: Calibration model of it.
-            seed: Draws another RAVEN-II of the kind; the nominal one when None.
-            rng: Draws random motions.
-            real_time: False lets ticks be as short as the machine makes them.
+        The seed draws another RAVEN-II of the kind, `rng` random motions. Without `real_time` ticks are as short as the
+        machine makes them.
         """
         loaded = None if model is None else load_model(model)[0]
         self.arm: SimulatedArm = simulated_arm(robot, base=SteeredBase(), seed=seed)

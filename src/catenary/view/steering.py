@@ -123,13 +123,9 @@ class SwitchedCorrector:
     def __init__(
         self, corrector: StateCorrector, whole: Callable[[JointState], JointState], n: int, period: float
     ) -> None:
-        """Take a model's corrector, switched off.
+        """Take a model's corrector, prepared for the whole robot, switched off.
 
-        Args:
-            corrector: Prepared for the whole robot.
-            whole: Returns the whole robot's state at the time of the loop's.
-            n: Number of the loop's joints, the first of the robot's.
-            period: [s] of the loop.
+        `whole` returns the whole robot's state at the time of the loop's, whose n joints are its first; `period` [s].
         """
         self._corrector, self._whole, self._n = corrector, whole, n
         self._fade = Fade(np.zeros(n), period)

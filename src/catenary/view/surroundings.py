@@ -165,13 +165,7 @@ def driving_tabs(
 ) -> tuple[ControlTab, ...]:
     """Return the tabs of an arm's page: its motion, its surroundings, its model.
 
-    Args:
-        limits: Of the joints.
-        q: (n,) where they stand [rad|m].
-        motion: One of MOTIONS, picked at first.
-        controller: A key of CONTROLLERS, likewise.
-        has_cables: It is a RAVEN-II.
-        has_model: A calibration model goes with it.
+    Joints stand at q (n,) [rad|m]; motion and controller are what is picked at first; a RAVEN-II has cables.
     """
     drive = ControlTab(
         "Drive",

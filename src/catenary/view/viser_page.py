@@ -44,12 +44,9 @@ class ViserPage:
     """A page on this machine that draws states, and tells what somebody changes on it."""
 
     def __init__(self, shown: Shown, server: Any, tell: Callable[[Change], None]) -> None:
-        """Fill a page.
+        """Fill a page of `open_server`, at which browsers may be already.
 
-        Args:
-            shown: The arm and its controls.
-            server: Of `open_server`; browsers may be there already.
-            tell: Called, in a thread of its own, with what is changed.
+        What is changed on it is told in a thread of its own.
         """
         self._shown, self._tell = shown, tell
         self._server = server
