@@ -33,8 +33,4 @@ dynamics = catenary.export_function(arm, "inverse_dynamics", "casadi")
 acceleration = casadi.SX.sym("qdd", arm.n)
 held = dynamics(q=q, qdd=acceleration, gravity=gravity)["tau"]
 print("\nCasADi:", dynamics)
-print(
-    "tau of RAVEN-II at rest, by acceleration:",
-    casadi.jacobian(held, acceleration).shape,
-    "matrix, its mass matrix",
-)
+print("tau of RAVEN-II at rest, by acceleration:", casadi.jacobian(held, acceleration).shape, "matrix, its mass matrix")

@@ -34,9 +34,7 @@ def parser() -> argparse.ArgumentParser:
         "those that take long)",
     )
     made.add_argument("--workers", type=_count, default=1, metavar="N", help="processes on this machine (1)")
-    made.add_argument(
-        "--cluster", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, in their place"
-    )
+    made.add_argument("--cluster", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, in their place")
     made.add_argument("--quick", action="store_true", help="a minute each, to see that it runs: no verdicts")
     made.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"where results go ({OUT})")
     made.add_argument(
@@ -71,15 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     planned = []
     for asked in map(experiment, names):
         if asked.needs_data and data is None:
-            console.print(
-                f"{asked.name}: left out: no recordings in {told.data}; name their folder by --data"
-            )
+            console.print(f"{asked.name}: left out: no recordings in {told.data}; name their folder by --data")
         else:
             planned.append(plan(asked, seeds=told.seeds, quick=told.quick, data=data))
     try:
-        failed = sweep(
-            planned, told.out, workers=told.workers, cluster=told.cluster, data=data, console=console
-        )
+        failed = sweep(planned, told.out, workers=told.workers, cluster=told.cluster, data=data, console=console)
     except CatenaryError as error:
         made.error(str(error))
     return 1 if failed else 0

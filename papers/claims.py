@@ -24,9 +24,7 @@ def by_count(holds: Iterable[bool], measured: str) -> Judgement:
 
 def graded(reproduced: bool | np.bool_, direction: bool | np.bool_, measured: str) -> Judgement:
     """Judge a claim of one number: reproduced, or else of the paper's direction, or neither."""
-    return Judgement(
-        "reproduced" if reproduced else "same direction" if direction else "not reproduced", measured
-    )
+    return Judgement("reproduced" if reproduced else "same direction" if direction else "not reproduced", measured)
 
 
 def mean_and_spread(values: Iterable[float], digits: int = 3) -> str:

@@ -68,9 +68,7 @@ class Case:
         module, _, name = self.function.rpartition(".")
         found = getattr(importlib.import_module(module), name)
         if not isinstance(found, Run):
-            raise TypeError(
-                f"{self.function}: expected a function marked with @run, got {type(found).__name__}"
-            )
+            raise TypeError(f"{self.function}: expected a function marked with @run, got {type(found).__name__}")
         return found
 
 
@@ -163,9 +161,7 @@ class Outcomes:
         counts = set()
         for case in self._results:
             told = case.arguments
-            counts |= {
-                len(told[name]) for name in ("networks", "trainings") if isinstance(told.get(name), list)
-            }
+            counts |= {len(told[name]) for name in ("networks", "trainings") if isinstance(told.get(name), list)}
             counts |= {1} if type(told.get("network")) is int else set()
         return sorted(counts - {0})
 

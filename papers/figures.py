@@ -8,13 +8,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # how controllers are called and drawn
-LABELS = {
-    "pd": "PD",
-    "sg": "PD+SG",
-    "dg": "PD+DG",
-    "dg-imu": "PD+DG, IMU",
-    "attitude": "PD+G of true attitude",
-}
+LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG", "dg-imu": "PD+DG, IMU", "attitude": "PD+G of true attitude"}
 COLORS = {
     "pd": "#1c2430",
     "sg": "#4b6b94",
@@ -57,9 +51,7 @@ def legend_below(figure: "Figure", *panels: Any, columns: int | None = None) -> 
     for panel in panels:
         handles |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))
     ncols = max(len(handles), 1) if columns is None else columns
-    figure.legend(
-        handles.values(), handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=8
-    )
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=8)
 
 
 def log_scale(panel: Any) -> None:

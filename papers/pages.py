@@ -42,9 +42,7 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
     written: list[Path] = []
     finished = [name for name in (MODULES if names is None else names) if (out / f"{name}.json").exists()]
     if names and not finished:
-        raise InputError(
-            f"{out}: no results of {', '.join(names)}; run them first, or name their folder by --out"
-        )
+        raise InputError(f"{out}: no results of {', '.join(names)}; run them first, or name their folder by --out")
     for name in finished:
         source = out / f"{name}.json"
         content = json.loads(source.read_text(encoding="utf-8"))

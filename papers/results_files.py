@@ -70,11 +70,7 @@ def summary(
         "missing": missing,
         "processor_minutes": round(sum(one.processor_seconds for one in finished) / 60.0, 1),
         "tables": [
-            {
-                "title": one.title,
-                "header": list(one.table.header),
-                "rows": [list(row) for row in one.table.rows],
-            }
+            {"title": one.title, "header": list(one.table.header), "rows": [list(row) for row in one.table.rows]}
             for one in report.tables
         ],
         "pictures": [one.caption for one in report.pictures],
@@ -131,9 +127,7 @@ def write_results(
         blocks.append(Remarks([FITTED, *reasons] if any(claim.fitted for claim, _ in claims) else reasons))
     blocks.append(Text(told_of(content)))
     title = f"{experiment.title}{', simulated' if experiment.simulated else ''}"
-    write_page(
-        folder / f"{experiment.name}.html", title, experiment.place, blocks, simulated=experiment.simulated
-    )
+    write_page(folder / f"{experiment.name}.html", title, experiment.place, blocks, simulated=experiment.simulated)
     write_atomically(folder / f"{experiment.name}.json", json_text(content).encode())
     return content
 
@@ -144,9 +138,7 @@ def told_of(content: Mapping[str, Any]) -> str:
     times = " or ".join(str(count) for count in content["networks"])
     trained = f", each network trained {times} times and errors averaged" if times not in ("", "1") else ""
     recorded = ", and recordings of real arms" if content["recordings"] else ""
-    kind = (
-        f"Simulated robots {robots}{recorded}{trained}" if content["simulated"] else "Measured on real arms"
-    )
+    kind = f"Simulated robots {robots}{recorded}{trained}" if content["simulated"] else "Measured on real arms"
     return f"{kind}; {content['cases']} cases; catenary {content['version']}, {content['date']}."
 
 

@@ -176,11 +176,7 @@ def _client(workers: int, cluster: str | None) -> Iterator[Any]:
     with (
         dask.config.set(settings),
         LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            memory_limit=0,
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", memory_limit=0
         ) as local,
         Client(local) as client,
     ):
@@ -266,9 +262,7 @@ def _ended(
 
     source = fingerprint()
     running = {
-        client.submit(
-            execute, case, data, source, key=f"{case.key}{suffix}", retries=0, priority=-number
-        ): case
+        client.submit(execute, case, data, source, key=f"{case.key}{suffix}", retries=0, priority=-number): case
         for number, case in enumerate(cases)
     }
     while running:

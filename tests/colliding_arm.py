@@ -22,10 +22,7 @@ def capsule_arm(model=PANDA, radius=0.03):
 
 def box_arm(model=PANDA):
     """Boxes on the links: Coal is needed."""
-    shapes = [
-        shape_on("test", model, name, name, identity_pose(), Box(0.12, 0.1, 0.14))
-        for name in model.link_names
-    ]
+    shapes = [shape_on("test", model, name, name, identity_pose(), Box(0.12, 0.1, 0.14)) for name in model.link_names]
     return Geometry(model.name, tuple(shapes), "boxes")
 
 

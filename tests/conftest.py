@@ -35,10 +35,7 @@ def pytest_configure() -> None:
     numba.config.CACHE_DIR = str(ROOT / ".cache" / "numba" / sources.hexdigest()[:16])
     # an example is not wrong because it takes long: many compile something, and the machine may be busy
     hypothesis.settings.register_profile(
-        "patient",
-        hypothesis.settings(),
-        deadline=None,
-        suppress_health_check=[hypothesis.HealthCheck.too_slow],
+        "patient", hypothesis.settings(), deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
     )
     hypothesis.settings.load_profile("patient")
     # robots' own kernels: none of the user's are read or left behind
@@ -71,9 +68,7 @@ def _compile_one_at_a_time(folder: Path) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(
-    call: pytest.CallInfo[None],
-) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+def pytest_runtest_makereport(call: pytest.CallInfo[None]) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Shorten what a test printed without end, and fail one that left the garbage collector off."""
     report = yield
     report.sections = [(title, _shortened(text)) for title, text in report.sections]

@@ -29,9 +29,7 @@ def require_dds() -> None:
 def free_domain() -> int:
     """A domain that nobody on this machine is in: no program has its first port."""
     while True:
-        domain = random.SystemRandom().randint(
-            1, 100
-        )  # beyond, ports are those that the system gives to anybody
+        domain = random.SystemRandom().randint(1, 100)  # beyond, ports are those that the system gives to anybody
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
                 probe.bind(("127.0.0.1", 7410 + 250 * domain))

@@ -47,9 +47,7 @@ class Block(NamedTuple):
 
 def blocks() -> list[Block]:
     """Return every block of every page, in the pages' order."""
-    return [
-        block for page in PAGES for block in blocks_of(page.read_text(), page.relative_to(ROOT).as_posix())
-    ]
+    return [block for page in PAGES for block in blocks_of(page.read_text(), page.relative_to(ROOT).as_posix())]
 
 
 def blocks_of(text: str, page: str) -> list[Block]:
@@ -60,9 +58,7 @@ def blocks_of(text: str, page: str) -> list[Block]:
         code = re.sub(rf"^{match['indent']}", "", match["text"], flags=re.MULTILINE)
         line = text.count("\n", 0, match.start("language")) + 1
         given = tuple(one.strip() for one in marks.get("given", "").split(",") if one.strip())
-        found.append(
-            Block(page, line, match["language"], code, match["printed"], marks.get("not run"), given)
-        )
+        found.append(Block(page, line, match["language"], code, match["printed"], marks.get("not run"), given))
     return found
 
 

@@ -30,16 +30,12 @@ def arguments(command: str, folder: Path, shoulder: float) -> list[str]:
     return [command, str(folder / "project"), "--yes", *ROBOT]
 
 
-def end_over_ros(
-    master: Master, served: CrtkClient, folder: Path, command: str, number: signal.Signals
-) -> None:
+def end_over_ros(master: Master, served: CrtkClient, folder: Path, command: str, number: signal.Signals) -> None:
     """End a command that moves a robot: it holds and is PAUSED, and the exit code is the documented one."""
     if served.operating_state().state != "ENABLED":
         served.state_command("resume")
     begin = served.setpoint_js().q
-    code, out, errors = (_end_teleop if command == "teleop" else _end_program)(
-        master, served, folder, command, number
-    )
+    code, out, errors = (_end_teleop if command == "teleop" else _end_program)(master, served, folder, command, number)
     assert "Traceback" not in errors, errors
     try:
         until(lambda: served.operating_state().state == "PAUSED", every=0.02)

@@ -25,16 +25,7 @@ def build(name: str) -> Path:
         flock(lock, LOCK_EX)
         if not program.exists():
             making = program.with_suffix(".new")
-            command = [
-                "g++",
-                "-O0",
-                "-std=c++17",
-                SOURCES / f"{name}.cpp",
-                "-o",
-                making,
-                "-lfastrtps",
-                "-lfastcdr",
-            ]
+            command = ["g++", "-O0", "-std=c++17", SOURCES / f"{name}.cpp", "-o", making, "-lfastrtps", "-lfastcdr"]
             subprocess.run(command, check=True)
             making.rename(program)
     return program
@@ -43,11 +34,7 @@ def build(name: str) -> Path:
 def run_client(domain: int, namespace: str, seconds: float = 300.0) -> list[str]:
     """What the client says that homes and moves an arm; it ends well, or that is in the last line."""
     ended = subprocess.run(
-        [build("client"), str(domain), namespace],
-        capture_output=True,
-        text=True,
-        timeout=seconds,
-        check=False,
+        [build("client"), str(domain), namespace], capture_output=True, text=True, timeout=seconds, check=False
     )
     return ended.stdout.splitlines()
 

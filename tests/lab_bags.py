@@ -33,9 +33,7 @@ def write_bag(path: Path, kind: Kind, topics: dict[str, str], messages: Iterable
     writer = Writer1(path) if ros1 else Writer2(path, version=8, storage_plugin=plugin)
     serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
     with writer:
-        connections = {
-            topic: writer.add_connection(topic, name, typestore=store) for topic, name in topics.items()
-        }
+        connections = {topic: writer.add_connection(topic, name, typestore=store) for topic, name in topics.items()}
         for time, topic, make in sorted(messages, key=lambda message: message[0]):
             stamp = START + round(time * 1e9)
             message = make(store, header(store, stamp, ros1=ros1))
@@ -89,6 +87,4 @@ def two_topics(path: Path, kind: Kind, *, seconds: float = 10.0, error: float = 
         order = [2, 0, 1] if int(t) % 2 else [1, 2, 0]
         names = [JOINTS[i] for i in order]
         messages.append((t, "/optitrack/joints", joint_state(names, (true_q(t) + error)[order])))
-    return write_bag(
-        path, kind, {"/raven/joint_cmd": JOINT_STATE, "/optitrack/joints": JOINT_STATE}, messages
-    )
+    return write_bag(path, kind, {"/raven/joint_cmd": JOINT_STATE, "/optitrack/joints": JOINT_STATE}, messages)

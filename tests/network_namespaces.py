@@ -60,20 +60,7 @@ def cable() -> Iterator[tuple[Side, Side]]:
         try:
             for name in names:
                 _ip("netns", "add", name)
-            _ip(
-                "link",
-                "add",
-                names[0],
-                "netns",
-                names[0],
-                "type",
-                "veth",
-                "peer",
-                "name",
-                names[1],
-                "netns",
-                names[1],
-            )
+            _ip("link", "add", names[0], "netns", names[0], "type", "veth", "peer", "name", names[1], "netns", names[1])
         except subprocess.CalledProcessError as error:
             pytest.skip(f"network namespaces are not allowed here: {error.stderr.decode().strip()}")
         for name, address in zip(names, (ROBOT, CLIENT), strict=True):

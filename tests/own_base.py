@@ -21,9 +21,7 @@ URDF = (
     + "".join(f'<link name="{name}">{_BODY if name in ("shoulder", "tip") else ""}</link>' for name in LINKS)
     + _joint("to_base", "base_link", "base", f'xyz="0.1 0 0" rpy="0 0 {np.pi!r}"', fixed=True)
     + _joint("to_world", "base_link", "world", 'xyz="0 0 -0.5" rpy="0 0 0.3"', fixed=True)
-    + _joint(
-        "tool0", "base_link", "shoulder", 'xyz="0 0 0.3" rpy="0.2 0 0"'
-    )  # a joint may bear a link's name
+    + _joint("tool0", "base_link", "shoulder", 'xyz="0 0 0.3" rpy="0.2 0 0"')  # a joint may bear a link's name
     + _joint("elbow", "shoulder", "tip", 'xyz="0.4 0 0" rpy="0 0.1 0"')
     + _joint("to_tool", "tip", "tool0", 'xyz="0.1 0.2 0" rpy="0 0 0.5"', fixed=True)
     + "</robot>"

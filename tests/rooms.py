@@ -46,7 +46,7 @@ def page() -> str:
                 ]
             )
         )
-    return "".join(parts)
+    return "".join([*parts, "\n**Read next:** [dynamics](dynamics.md), the recursions.\n"])
 
 
 if __name__ == "__main__":

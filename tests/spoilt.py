@@ -184,13 +184,9 @@ SPOILS = (
     Spoil("unit", "measurements in deg and mm", lambda g: in_deg_and_mm(g, MEASURED), ("units",)),
     Spoil("unit", "commands in deg and mm", lambda g: in_deg_and_mm(g, COMMAND), ("units",)),
     Spoil("unit", "measured J2 in deg", lambda g: scaled(g, MEASURED, [1], np.rad2deg(1.0)), ("units",)),
-    Spoil(
-        "unit", "all J3 in mm", lambda g: scaled(scaled(g, MEASURED, [2], 1e3), COMMAND, [2], 1e3), ("units",)
-    ),
+    Spoil("unit", "all J3 in mm", lambda g: scaled(scaled(g, MEASURED, [2], 1e3), COMMAND, [2], 1e3), ("units",)),
     Spoil("unit", "measured J3 in mm", lambda g: scaled(g, MEASURED, [2], 1e3), ("units",)),
-    Spoil(
-        "unit", "measured J3 times 180/pi", lambda g: scaled(g, MEASURED, [2], np.rad2deg(1.0)), ("units",)
-    ),
+    Spoil("unit", "measured J3 times 180/pi", lambda g: scaled(g, MEASURED, [2], np.rad2deg(1.0)), ("units",)),
     Spoil("counts", "measurements in encoder counts", lambda g: in_counts(g, MEASURED), ("scale",)),
     Spoil("counts", "commands in encoder counts", lambda g: in_counts(g, COMMAND), ("scale", "range")),
     Spoil("counts", "all numbers in encoder counts", lambda g: in_counts(g, *BOTH), ("range",)),
@@ -198,12 +194,7 @@ SPOILS = (
     Spoil("swap", "commanded J1 and J2", lambda g: exchanged(g, COMMAND, [1, 0]), ("swapped",)),
     Spoil("swap", "measured J2 and J3", lambda g: exchanged(g, MEASURED, [0, 2, 1]), ("swapped",)),
     Spoil("mixed joints", "J1, J2, J3 in turn", lambda g: exchanged(g, MEASURED, [1, 2, 0]), ("swapped",)),
-    Spoil(
-        "mixed joints",
-        "measured J2 is J1",
-        lambda g: exchanged(g, MEASURED, [0, 0]),
-        ("unrelated", "swapped"),
-    ),
+    Spoil("mixed joints", "measured J2 is J1", lambda g: exchanged(g, MEASURED, [0, 0]), ("unrelated", "swapped")),
     Spoil("sign", "measured J1", lambda g: scaled(g, MEASURED, [0], -1.0), ("sign",)),
     Spoil("sign", "commanded J3", lambda g: scaled(g, COMMAND, [2], -1.0), ("sign",)),
     Spoil("sign", "every measurement", lambda g: scaled(g, MEASURED, slice(None), -1.0), ("sign",)),
@@ -218,9 +209,7 @@ SPOILS = (
     Spoil("scale", "measured J1 times 1.3", lambda g: scaled(g, MEASURED, [0], 1.3), ("scale",)),
     Spoil("scale", "measured J3 times 0.75", lambda g: scaled(g, MEASURED, [2], 0.75), ("scale",)),
     Spoil("scale", "commanded J2 times 2", lambda g: scaled(g, COMMAND, [1], 2.0), ("scale",)),
-    Spoil(
-        "clock", "measurement's clock 1 % fast", lambda g: drifting(g, 0.01), ("clock", "shift", "unrelated")
-    ),
+    Spoil("clock", "measurement's clock 1 % fast", lambda g: drifting(g, 0.01), ("clock", "shift", "unrelated")),
     Spoil("clock", "stamps in ms", lambda g: with_time(g, 1e3), ("stamps",)),
     Spoil("clock", "stamps in ns", lambda g: with_time(g, 1e9), ("stamps",)),
     Spoil("clock", "stamps in thousands of s", lambda g: with_time(g, 1e-3), ("stamps", "short")),

@@ -16,10 +16,7 @@ from catenary.errors import FileFormatError
 def written(folder: Path) -> Path:
     rng = np.random.default_rng(0)
     np.savez(
-        folder / "log.npz",
-        q_des=rng.normal(size=(5, 6)),
-        q_act=rng.normal(size=(5, 6)),
-        ok=np.ones(5, dtype=bool),
+        folder / "log.npz", q_des=rng.normal(size=(5, 6)), q_act=rng.normal(size=(5, 6)), ok=np.ones(5, dtype=bool)
     )
     return folder / "log.npz"
 
@@ -122,9 +119,7 @@ CLAIMS = {
 
 
 @pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
-def test_what_an_array_says_of_itself_is_believed_only_after_it_is_checked(
-    tmp_path: Path, claim: bytes
-) -> None:
+def test_what_an_array_says_of_itself_is_believed_only_after_it_is_checked(tmp_path: Path, claim: bytes) -> None:
     (tmp_path / "x.npz").write_bytes(member("q_des.npy", claim))
     with pytest.raises(FileFormatError, match=r"x.npz: cannot be read as an .npz"):
         read_arrays(tmp_path / "x.npz")
@@ -134,9 +129,7 @@ def test_what_an_array_says_of_itself_is_believed_only_after_it_is_checked(
 
 
 @pytest.mark.parametrize("count", [1, 20])
-def test_an_archive_that_would_unpack_to_gigabytes_is_refused_before_it_does(
-    tmp_path: Path, count: int
-) -> None:
+def test_an_archive_that_would_unpack_to_gigabytes_is_refused_before_it_does(tmp_path: Path, count: int) -> None:
     path = tmp_path / "x.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for i in range(count):
@@ -174,11 +167,7 @@ def test_archives_of_very_many_or_twofold_files_are_refused(tmp_path: Path) -> N
         read_arrays(path)
 
 
-PACK = {
-    "bz2": bz2.compress,
-    "lz4": lz4.frame.compress,
-    "zstd": lambda data: pa.compress(data, "zstd", asbytes=True),
-}
+PACK = {"bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": lambda data: pa.compress(data, "zstd", asbytes=True)}
 
 
 @pytest.mark.parametrize("kind", PACK)

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.arrays import (
-    as_array,
-    as_batch,
-    as_not_negative,
-    as_positive,
-    frozen,
-    one_for_all,
-    refuse_non_finite,
-)
+from catenary.arrays import as_array, as_batch, as_not_negative, as_positive, frozen, one_for_all, refuse_non_finite
 from catenary.errors import InputError
 
 
@@ -53,10 +45,7 @@ def test_as_array_lets_infinity_through_where_it_is_allowed():
 
 @pytest.mark.parametrize(
     ("check", "refused", "said"),
-    [
-        (as_not_negative, [-1e-300, np.nan], "expected zero or more"),
-        (as_positive, [0.0, -1.0], "expected more than 0"),
-    ],
+    [(as_not_negative, [-1e-300, np.nan], "expected zero or more"), (as_positive, [0.0, -1.0], "expected more than 0")],
 )
 def test_numbers_below_what_they_may_be_are_refused_of_one_joint_as_of_all(check, refused, said):
     assert_array_equal(check("kp", one_for_all(2.0, 3), (3,)), [2.0, 2.0, 2.0])
@@ -117,15 +106,11 @@ class Recorded:
     requires_grad = True
 
     def __array__(self, dtype=None, copy=None):
-        raise RuntimeError(
-            "Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead."
-        )
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead.")
 
 
 def test_a_tensor_that_records_gradients_is_refused_with_what_to_do():
-    with pytest.raises(
-        InputError, match=r"q: got a tensor that records gradients.*q\.detach\(\).*export_function"
-    ):
+    with pytest.raises(InputError, match=r"q: got a tensor that records gradients.*q\.detach\(\).*export_function"):
         as_array("q", Recorded(), (3,))
 
 

@@ -59,9 +59,7 @@ def _run(block: Block, capsys: pytest.CaptureFixture[str]) -> None:
             assert outcome.code in ((0, 1) if words[1] in JUDGES else (0,)), (command, outcome)
             out, err = outcome.out, outcome.err
         else:
-            assert words[0] == "python", (
-                f"{block.page}:{block.line}: is not run here, and does not say why: {command}"
-            )
+            assert words[0] == "python", f"{block.page}:{block.line}: is not run here, and does not say why: {command}"
             ended = subprocess.run(
                 [sys.executable, *words[1:]], capture_output=True, text=True, check=True, env=_with_package()
             )
@@ -72,10 +70,7 @@ def _run(block: Block, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def _with_package() -> dict[str, str]:
-    return {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]),
-    }
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])}
 
 
 def test_every_command_on_the_pages_is_one_that_the_parser_takes() -> None:
@@ -98,9 +93,7 @@ def test_every_command_on_the_pages_is_one_that_the_parser_takes() -> None:
 
 def test_no_command_that_is_run_goes_on_for_ever_or_reaches_for_a_robot() -> None:
     """Those need a comment above their block that says why they are not run."""
-    found = [
-        (f"{block.page}:{block.line}", words_of(command)[0]) for block in RUN for command, _ in block.commands
-    ]
+    found = [(f"{block.page}:{block.line}", words_of(command)[0]) for block in RUN for command, _ in block.commands]
     assert [
         (where, words)
         for where, words in found

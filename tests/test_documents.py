@@ -104,19 +104,14 @@ def test_what_others_read_is_read_alike():
     assert json_value(b'\xef\xbb\xbf{"a": 1}', "f") == {"a": 1}
     assert json_value("[Infinity, -Infinity]", "f", finite=False) == [float("inf"), float("-inf")]
     assert json_value("[" * DEEPEST + "]" * DEEPEST, "f") is not None
-    assert toml_table(b"\xef\xbb\xbfa = 1\nb.c = [1_000.5, inf]", "f") == {
-        "a": 1,
-        "b": {"c": [1000.5, float("inf")]},
-    }
+    assert toml_table(b"\xef\xbb\xbfa = 1\nb.c = [1_000.5, inf]", "f") == {"a": 1, "b": {"c": [1000.5, float("inf")]}}
     with pytest.raises(FileFormatError, match="holds 3, expected a table"):
         json_table("3", "f")
 
 
 def test_xml_is_read_as_elementtree_reads_it():
     text = '<?xml version="1.0" encoding="latin-1"?><a x="1">é&amp;<!-- c --><b y="2">t</b>u</a>'
-    ours, theirs = (
-        read(text.encode("latin-1")) for read in (lambda t: xml_tree(t, "f"), ElementTree.fromstring)
-    )
+    ours, theirs = (read(text.encode("latin-1")) for read in (lambda t: xml_tree(t, "f"), ElementTree.fromstring))
     assert ElementTree.tostring(ours) == ElementTree.tostring(theirs)
     assert xml_root_tag(b"<a/>", "f") == "a"
     assert xml_root_tag(b"<a><b -- what only MuJoCo reads", "f") == "a"

@@ -117,9 +117,7 @@ def test_a_model_corrects_in_a_loop() -> None:
 def test_torques_are_inputs_where_they_are_given() -> None:
     tau = RNG.normal(size=LOG.q_nominal.shape)
     true = LOG.q_nominal + 0.01 * tau
-    model = catenary.fit(
-        LOG.q_nominal, true, units=UNITS, tau=tau, joint_names=["a", "b", "c"], model="linear"
-    )
+    model = catenary.fit(LOG.q_nominal, true, units=UNITS, tau=tau, joint_names=["a", "b", "c"], model="linear")
     assert model.features.signals[-1] == "tau:c"
     assert_allclose(model.predict(LOG.q_nominal, tau=tau), true, atol=1e-12)
     with pytest.raises(InputError, match='has no input "tau:a"'):

@@ -102,9 +102,7 @@ def test_a_joint_outside_the_valid_range_is_marked() -> None:
 
 def test_only_warnings_are_coloured() -> None:
     lines = monitor_lines("raven2", sample(late=4), colour=True)
-    assert [line for line in lines if "\x1b" in line] == [
-        "\x1b[31m! 4 ticks of this program late within 1 s\x1b[0m"
-    ]
+    assert [line for line in lines if "\x1b" in line] == ["\x1b[31m! 4 ticks of this program late within 1 s\x1b[0m"]
 
 
 def test_why_a_robot_is_in_fault_is_not_cut_off() -> None:

@@ -71,10 +71,7 @@ def topics(**options: Any) -> OverTopics:
     return OverTopics(Loopback("client"), **options)
 
 
-OPENED: dict[str, Callable[[str, Any], object]] = {
-    "a robot": open_robot,
-    "an operator's robot": operated_robot,
-}
+OPENED: dict[str, Callable[[str, Any], object]] = {"a robot": open_robot, "an operator's robot": operated_robot}
 SIMULATED = {
     "an arm on a base": lambda robot, where: simulated_arm(
         robot, seed=where.seed, payload=where.payload, friction=None if where.hardware is None else 1.0
@@ -82,11 +79,7 @@ SIMULATED = {
     "a served robot": lambda robot, where: Serving(robot, KINDS[robot].dialects[0], where),
 }
 UNSUPPORTED = [
-    (
-        "planar_3r",
-        Simulated(seed=3),
-        "a seed draws the cables of raven2, raven2_right, dvrk_psm; this one has none",
-    ),
+    ("planar_3r", Simulated(seed=3), "a seed draws the cables of raven2, raven2_right, dvrk_psm; this one has none"),
     ("raven2", Simulated(hardware=JointHardware(friction=1.0)), "friction comes from its cables"),
     ("dvrk_psm", Simulated(payload=0.1), "has no payload"),
     ("dvrk_psm", Simulated(grav_dir=(0, 0, 980)), "has no grav_dir"),

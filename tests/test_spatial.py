@@ -102,11 +102,7 @@ def test_many_poses_compose_row_by_row(pairs, common):
         for side in zip(*pairs, strict=True)
     )
     for k, (a, b) in enumerate(pairs):
-        for both, expected in (
-            (first @ second, a @ b),
-            (first @ common, a @ common),
-            (common @ second, common @ b),
-        ):
+        for both, expected in ((first @ second, a @ b), (first @ common, a @ common), (common @ second, common @ b)):
             assert_same_pose(spatial.Pose(both.rotation[k], both.position[k]), expected)
         inverse = first.inverse()
         assert_same_pose(spatial.Pose(inverse.rotation[k], inverse.position[k]), a.inverse())

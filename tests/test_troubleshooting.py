@@ -61,10 +61,7 @@ def _line_pattern(line: str) -> str:
 
 @pytest.mark.parametrize(
     ("command", "quoted"),
-    [
-        pytest.param(*one, id=one[0], marks=[pytest.mark.slow] if one[0].startswith(SLOW) else [])
-        for one in QUOTED
-    ],
+    [pytest.param(*one, id=one[0], marks=[pytest.mark.slow] if one[0].startswith(SLOW) else []) for one in QUOTED],
 )
 def test_a_quoted_message_is_what_the_command_prints(
     command: str, quoted: str, folder: Path, monkeypatch: pytest.MonkeyPatch
@@ -87,9 +84,7 @@ def test_a_quoted_message_is_what_the_command_prints(
 
 
 def test_every_error_class_is_on_the_page() -> None:
-    classes = {
-        name for name, one in inspect.getmembers(errors, inspect.isclass) if issubclass(one, Exception)
-    }
+    classes = {name for name, one in inspect.getmembers(errors, inspect.isclass) if issubclass(one, Exception)}
     assert set(re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE)) == classes
     assert len(classes) > 15
     assert len(QUOTED) >= 20

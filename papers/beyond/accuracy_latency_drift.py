@@ -19,16 +19,7 @@ from papers.calibration.published import TABLE_3_OURS
 from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS
 from papers.calibration.six_hours import OFFSET
 from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
 from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:

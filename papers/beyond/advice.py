@@ -75,11 +75,7 @@ def dvrk_advice(recording: str, others: Sequence[str], data: Path) -> Result:
             found[kind] = evaluate(result.model, rows)
         tests[name] = {kind: [joint.rmse for joint in each.joints] for kind, each in found.items()}
         excess[name] = excess_errors(found).tolist()
-    return {
-        "tests": tests,
-        "excess": excess,
-        "choice": [asdict(choice) for choice in fits[AUTO].choices],
-    }
+    return {"tests": tests, "excess": excess, "choice": [asdict(choice) for choice in fits[AUTO].choices]}
 
 
 def excess_errors(found: Mapping[str, Evaluation]) -> np.ndarray:
@@ -138,8 +134,7 @@ def report(outcomes: Outcomes) -> Report:
             Table(["recording", "kind", *DVRK_UNITS], blocks),
         ),
         TitledTable(
-            "`auto` on the last fifth, over the kind that is best there",
-            Table(["recording", *DVRK_UNITS], later),
+            "`auto` on the last fifth, over the kind that is best there", Table(["recording", *DVRK_UNITS], later)
         ),
         TitledTable(
             "`auto` on other recordings, over the kind that is best there",

@@ -39,9 +39,7 @@ class SetBase:
         """Return the motion at times (N,) [s], one row for each."""
         gravity, motion = self.now.sample(times)
         rows = len(times)
-        return BaseSamples(
-            np.broadcast_to(gravity, (rows, 3)).copy(), np.broadcast_to(motion, (rows, 3, 3)).copy()
-        )
+        return BaseSamples(np.broadcast_to(gravity, (rows, 3)).copy(), np.broadcast_to(motion, (rows, 3, 3)).copy())
 
 
 def homed_level(seed: int | None, *, substeps: int = 1) -> tuple[CablePlant, SetBase]:
@@ -75,9 +73,7 @@ def with_gravity(log: MotionLog, base: MovingBase, start: float) -> MotionLog:
         raise InputError(f'recording "{log.name}": has no time or no torques')
     samples = base.sample(start + log.time)
     sensed: Floats = -imu_reading(samples)[0]
-    torque = gravity_torque(
-        load_robot("raven2"), log.q_nominal, np.broadcast_to(sensed, (len(log), 3)).copy()
-    )
+    torque = gravity_torque(load_robot("raven2"), log.q_nominal, np.broadcast_to(sensed, (len(log), 3)).copy())
     signals = dict(zip((*GRAVITY, *DIFFERENCE), (*torque.T, *(log.tau - torque).T), strict=True))
     units = dict.fromkeys(signals, "Nm") | dict.fromkeys((GRAVITY[2], DIFFERENCE[2]), "N")
     return replace(log, signals={**log.signals, **signals}, signal_units={**log.signal_units, **units})

@@ -30,12 +30,7 @@ from papers.gravity.raven_base import SHOWN, turned_base
 
 N = 3
 SETTLE = 1.0  # [s] at a motion's start
-REPORTED, INSIDE, BOTH, RIG = (
-    "reported",
-    "calibrated in gravity",
-    "calibrated in all",
-    "calibrated, rig's zeros",
-)
+REPORTED, INSIDE, BOTH, RIG = ("reported", "calibrated in gravity", "calibrated in all", "calibrated, rig's zeros")
 FREE, STILL = "calibrated in all, everywhere", "calibrated in all, by positions"
 CONTROLLERS = (REPORTED, INSIDE, BOTH, FREE, STILL, RIG)
 IN_ALL = (BOTH, FREE, STILL)
@@ -145,9 +140,7 @@ def _rms(values: Floats) -> Floats:
 
 
 @run(revision=1)
-def held(
-    seed: int | None, angles_deg: Sequence[float], sparsities: Sequence[float], seconds: float
-) -> Result:
+def held(seed: int | None, angles_deg: Sequence[float], sparsities: Sequence[float], seconds: float) -> Result:
     """Hold a robot by gravity compensation alone on bases turned about Z0, at reported or at calibrated joints.
 
     Returns:
@@ -157,17 +150,12 @@ def held(
     plant = robot[0]
     models = calibrations(plant, calibration_log(plant, draws(seed, 0), sparsities=sparsities))
     return {
-        name: [
-            _drift(raven_arm(put_on(robot, turned_base(angle))), models, name, seconds)
-            for angle in angles_deg
-        ]
+        name: [_drift(raven_arm(put_on(robot, turned_base(angle))), models, name, seconds) for angle in angles_deg]
         for name in HOLDS
     }
 
 
-def _drift(
-    arm: SimulatedArm, models: Mapping[str, CalibrationModel], name: str, seconds: float
-) -> list[float]:
+def _drift(arm: SimulatedArm, models: Mapping[str, CalibrationModel], name: str, seconds: float) -> list[float]:
     alone: GravityHold | CalibratedGravity = GravityHold(arm.model)
     if name != REPORTED:
         alone = CalibratedGravity(arm, models[name], gains=False)

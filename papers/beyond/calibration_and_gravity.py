@@ -23,16 +23,7 @@ from papers.beyond.bases import BASES, LEVEL_BASE, ROCKING
 from papers.beyond.calibrated_gravity import CONTROLLERS, HOLDS, INSIDE, REPORTED, RIG, STILL, control, held
 from papers.calibration.recordings import JOINTS, SPARSITIES, UNITS
 from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
 
 CONTROL_BASES = (LEVEL_BASE, tilted.TILTED, ROCKING)
 ANGLES_DEG = (0.0, 20.0, 45.0, 90.0, 180.0)
@@ -40,9 +31,7 @@ SECONDS, HOLD_SECONDS = 30.0, 5.0
 TRAININGS = (tilted.LEVEL, tilted.SEVERAL)
 TORQUES = {tilted.PAPERS: "raw torque", tilted.LESS_GRAVITY: "torque less gravity"}
 NEWTONS = ("Nm", "Nm", "N")
-COLORS = dict(
-    zip(CONTROLLERS, ("#8a94a3", "#2f8f6b", "#b8bfc9", "#c9a227", "#d9622b", "#4b6b94"), strict=True)
-)
+COLORS = dict(zip(CONTROLLERS, ("#8a94a3", "#2f8f6b", "#b8bfc9", "#c9a227", "#d9622b", "#4b6b94"), strict=True))
 DRAWN = (REPORTED, INSIDE, STILL, RIG)
 
 
@@ -91,9 +80,7 @@ def report(outcomes: Outcomes) -> Report:
     """Return tables of tracking, holding and calibration, the picture, and what they come to."""
     tables = [TitledTable("PD+DG along random motion in the calibrated box, RMS", _tracking(outcomes))]
     tables.append(
-        TitledTable(
-            "Gravity compensation alone: largest drift, mean of robots (greatest)", _holding(outcomes)
-        )
+        TitledTable("Gravity compensation alone: largest drift, mean of robots (greatest)", _holding(outcomes))
     )
     tables.append(TitledTable("RMSE of models by the torque among their inputs", _calibration(outcomes)))
     caption = (
@@ -126,9 +113,7 @@ def _holding(outcomes: Outcomes) -> Table:
         cells = [f"{angle:.0f}"]
         for name in HOLDS:
             values = drift(outcomes, name)[angle]
-            cells.append(
-                "; ".join(f"{v.mean():.3f} ({v.max():.3f}) {u}" for v, u in zip(values.T, UNITS, strict=True))
-            )
+            cells.append("; ".join(f"{v.mean():.3f} ({v.max():.3f}) {u}" for v, u in zip(values.T, UNITS, strict=True)))
         rows.append(cells)
     return Table(["base about Z0 [deg]", *HOLDS], rows)
 
@@ -166,11 +151,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
             f"error goes from {joints(REPORTED, 'true')} to {joints(STILL, 'true')} deg/deg/mm."
         )
     raw, less = (
-        [
-            tilted.errors(outcomes, tilted.LEVEL, torque, base, "linear")
-            for base in BASES
-            if base != LEVEL_BASE
-        ]
+        [tilted.errors(outcomes, tilted.LEVEL, torque, base, "linear") for base in BASES if base != LEVEL_BASE]
         for torque in TORQUES
     )
     if all(len(each) for each in (*raw, *less)):

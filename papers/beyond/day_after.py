@@ -117,10 +117,7 @@ def _limits(name: str) -> NDArray[np.float64]:
 
 
 def _stages(
-    old: CalibrationModel,
-    new: CalibrationData,
-    refit: CalibrationModel,
-    of_refit: CalibrationData | None = None,
+    old: CalibrationModel, new: CalibrationData, refit: CalibrationModel, of_refit: CalibrationData | None = None
 ) -> dict[str, list[float]]:
     since = new.time - new.time[0]
     late = since >= 5.0 * MINUTE
@@ -145,9 +142,7 @@ def cases(scope: Scope) -> list[Case]:
     robots = (NOMINAL,) if scope.quick else scope.robots
     training, day = (120.0, 360.0) if scope.quick else (600.0, 900.0)
     found = [
-        simulated_day.case(seed=seed, drift=drift, training=training, day=day)
-        for seed in robots
-        for drift in DRIFTS
+        simulated_day.case(seed=seed, drift=drift, training=training, day=day) for seed in robots for drift in DRIFTS
     ]
     chosen = pairs()[:1] if scope.quick else pairs()
     return found + [recorded_day.case(train=a, test=b) for a, b in chosen]
@@ -176,14 +171,10 @@ def report(outcomes: Outcomes) -> Report:
             near.append([f"{drift}, {model}", *(mean_and_spread(over[:, j], 2) for j in range(3)), met])
         header = ["model, refreshed with", *(f"{j} {u}" for j, u in zip(JOINTS, UNITS, strict=True))]
         if rows:
-            tables.append(
-                TitledTable(f"{drift}: RMSE after the fifth minute, over robots", Table(header, rows))
-            )
+            tables.append(TitledTable(f"{drift}: RMSE after the fifth minute, over robots", Table(header, rows)))
     if near:
         header = ["drift, model", *JOINTS, "within 15 %"]
-        tables.append(
-            TitledTable("Error after five minutes over that of a model of all", Table(header, near))
-        )
+        tables.append(TitledTable("Error after five minutes over that of a model of all", Table(header, near)))
     rows = []
     for told, result in outcomes.items(recorded_day):
         for stage in STAGES:

@@ -91,10 +91,7 @@ def curve_of(recording: str, options: FitOptions, data: Path) -> Result:
         if len(train) >= SMALLEST_DATA:
             test = everything.rows(everything.position >= 1.0 - HELD_OUT)
             fitted = fit(train, inputs, options)
-            found[name] = {
-                "rows": len(train),
-                "rmse": [joint.rmse for joint in evaluate(fitted, test).joints],
-            }
+            found[name] = {"rows": len(train), "rmse": [joint.rmse for joint in evaluate(fitted, test).joints]}
     return found
 
 
@@ -136,10 +133,7 @@ def cases(scope: Scope) -> list[Case]:
         for recording in RECORDINGS
         for model in MODELS
         for seed in (scope.network_seeds[:TRAININGS] if model != LINEAR else (0,))
-    ] + [
-        simulated_curves.case(seed=seed, models=list(MODELS), training=TRAINING, test=TEST)
-        for seed in scope.robots
-    ]
+    ] + [simulated_curves.case(seed=seed, models=list(MODELS), training=TRAINING, test=TEST) for seed in scope.robots]
 
 
 def stages() -> list[str]:
@@ -164,26 +158,19 @@ def report(outcomes: Outcomes) -> Report:
         curves = {model: outcomes.of(recorded_curve, recording=name, model=model) for model in MODELS}
         table = _table(curves, DVRK_JOINTS, DVRK_UNITS)
         if table.rows:
-            tables.append(
-                TitledTable(f"{name}: RMSE on the last fifth, mean and spread over trainings", table)
-            )
+            tables.append(TitledTable(f"{name}: RMSE on the last fifth, mean and spread over trainings", table))
     of_robots = {
-        model: [result[model] for result in outcomes.of(simulated_curves) if model in result]
-        for model in MODELS
+        model: [result[model] for result in outcomes.of(simulated_curves) if model in result] for model in MODELS
     }
     table = _table(of_robots, JOINTS, UNITS)
     if table.rows:
-        tables.append(
-            TitledTable("Simulated robots: RMSE on other motion, mean and spread over robots", table)
-        )
+        tables.append(TitledTable("Simulated robots: RMSE on other motion, mean and spread over robots", table))
     reached = _reached(outcomes)
     if reached.rows:
         tables.append(TitledTable("Error over the one that is to be reached, mean over trainings", reached))
     gained = _gained(outcomes)
     if gained.rows:
-        tables.append(
-            TitledTable(f"Error with the prior over `{BEST}` of the same rows, geometric mean", gained)
-        )
+        tables.append(TitledTable(f"Error with the prior over `{BEST}` of the same rows, geometric mean", gained))
     shown = [name for name in RECORDINGS if outcomes.of(recorded_curve, recording=name)]
     if shown:
         caption = "RMSE over rows of training by joint, real arm: geometric mean over the recordings"
@@ -231,15 +218,11 @@ def gains(outcomes: Outcomes, model: str, stage: str) -> dict[str, Floats]:
     """Return the error of a model over that of `best` of the same rows: by arm, (recordings or robots, joints)."""
     real = []
     for name in RECORDINGS:
-        pair = [
-            errors(outcomes.of(recorded_curve, recording=name, model=m)).get(stage) for m in (model, BEST)
-        ]
+        pair = [errors(outcomes.of(recorded_curve, recording=name, model=m)).get(stage) for m in (model, BEST)]
         if pair[0] is not None and pair[1] is not None:
             real.append(pair[0].mean(axis=0) / pair[1].mean(axis=0))
     robots = [each for each in outcomes.of(simulated_curves) if stage in each.get(model, ())]
-    simulated = [
-        np.divide(each[model][stage]["rmse"], each[BEST][stage]["rmse"]) for each in robots if BEST in each
-    ]
+    simulated = [np.divide(each[model][stage]["rmse"], each[BEST][stage]["rmse"]) for each in robots if BEST in each]
     found = {"real": real, "simulated": simulated}
     return {arm: np.array(values) for arm, values in found.items() if values}
 

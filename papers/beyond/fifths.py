@@ -53,9 +53,7 @@ class Fifths:
             parts.append(self.errors[kind, left][self.block == k])
         return np.concatenate(parts)
 
-    def validation(
-        self, kind: str, fifths: list[int], without: Left = (), *, before: bool = False
-    ) -> CrossValidation:
+    def validation(self, kind: str, fifths: list[int], without: Left = (), *, before: bool = False) -> CrossValidation:
         """Return these errors as the cross-validation that a choice is made by."""
         errors = self.unseen(kind, fifths, without, before=before)
         block = np.concatenate([self.block[self.block == k] for k in fifths])
@@ -69,14 +67,9 @@ def as_validation(
     """Return errors (N, n) on blocks (N,) of rows as a cross-validation."""
     spreads = []
     for j, (name, unit) in enumerate(zip(data.joint_names, data.joint_units, strict=True)):
-        rmse = [
-            DISPLAY[unit][1] * float(np.sqrt(np.square(errors[block == k, j]).mean()))
-            for k in np.unique(block)
-        ]
+        rmse = [DISPLAY[unit][1] * float(np.sqrt(np.square(errors[block == k, j]).mean())) for k in np.unique(block)]
         spreads.append(
-            Spread(
-                name, DISPLAY[unit][0], len(rmse), float(np.mean(rmse)), float(np.std(rmse, ddof=1)), 0.0, 0.0
-            )
+            Spread(name, DISPLAY[unit][0], len(rmse), float(np.mean(rmse)), float(np.std(rmse, ddof=1)), 0.0, 0.0)
         )
     return CrossValidation(tuple(spreads), errors, errors, np.ones(errors.shape, dtype=np.bool_), recording)
 
@@ -86,9 +79,7 @@ def limits(recording: str) -> tuple[float, ...] | None:
     return SAMPLED_LIMIT if recording == "sampled_train" else None
 
 
-def rows_of(
-    recording: str, options: FitOptions, data: Path, held_out: float
-) -> tuple[Inputs, CalibrationData]:
+def rows_of(recording: str, options: FitOptions, data: Path, held_out: float) -> tuple[Inputs, CalibrationData]:
     """Return inputs and usable rows of a recording, those of its last part left out."""
     log = log_of(recording, data)
     inputs = choose_inputs([log], options, held_out=held_out)
@@ -106,9 +97,7 @@ def fifths_of(recording: str, kinds: Mapping[str, FitOptions], data: Path) -> Fi
     found: Fifths | None = None
     for name, options in kinds.items():
         inputs, rows = rows_of(recording, options, data, HELD_OUT)
-        if options.kind == "polynomial" and name not in tried(
-            FitOptions(), len(inputs.features.names), len(rows)
-        ):
+        if options.kind == "polynomial" and name not in tried(FitOptions(), len(inputs.features.names), len(rows)):
             continue
         found = found if found is not None else Fifths(rows, rows.blocks(FOLDS))
         for left in ALL_LEFT:

@@ -22,18 +22,7 @@ from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.dvrk import FOLDER, HELD_OUT, SAMPLED_LIMIT
 from papers.calibration.recordings import TEST_SECONDS, draws, homed, random_log
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Plain,
-    Report,
-    Result,
-    Scope,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledTable, after_headline, run
 
 TRAININGS = ("random_train", "insertion_train", "peg_transfer_train", "sampled_train")
 RECORDINGS = (*TRAININGS, *(f"error_exp{k}" for k in range(1, 6)))
@@ -59,9 +48,7 @@ def dvrk_coverage(recording: str, kind: str, others: Sequence[str], data: Path) 
     def log_of(name: str) -> MotionLog:
         return read_log(data / FOLDER / f"{name}.npz")
 
-    trained = fit_logs(
-        [log_of(recording)], KINDS[kind], FitRun(held_out=HELD_OUT, max_error=_limit(recording))
-    )
+    trained = fit_logs([log_of(recording)], KINDS[kind], FitRun(held_out=HELD_OUT, max_error=_limit(recording)))
     if trained.held_out is None:
         raise AssertionError("a held-out share gives an evaluation")
     found = {LATER: _found(trained.held_out)}
@@ -76,9 +63,7 @@ def dvrk_coverage(recording: str, kind: str, others: Sequence[str], data: Path) 
 def raven_coverage(seed: int | None, kind: str, seconds: float, pause: float) -> Result:
     """Fit a kind to random motion of a simulated robot; return the same, later and later."""
     plant = homed(seed)
-    trained = fit_logs(
-        [random_log(plant, draws(seed, 0), seconds)], RAVEN_KINDS[kind], FitRun(held_out=HELD_OUT)
-    )
+    trained = fit_logs([random_log(plant, draws(seed, 0), seconds)], RAVEN_KINDS[kind], FitRun(held_out=HELD_OUT))
     if trained.held_out is None:
         raise AssertionError("a held-out share gives an evaluation")
 
@@ -115,9 +100,7 @@ def cases(scope: Scope) -> list[Case]:
             raven_coverage.case(seed=None, kind="linear", seconds=60.0, pause=60.0),
         ]
     return [
-        dvrk_coverage.case(
-            recording=recording, kind=kind, others=[name for name in RECORDINGS if name != recording]
-        )
+        dvrk_coverage.case(recording=recording, kind=kind, others=[name for name in RECORDINGS if name != recording])
         for recording in RECORDINGS
         for kind in KINDS
     ] + [
@@ -142,15 +125,9 @@ def report(outcomes: Outcomes) -> Report:
         raven += [[robot, told["kind"], test, *_cells(found)] for test, found in result.items()]
     end = [*DVRK_UNITS, "outside"]
     tables = [
-        TitledTable(
-            "Real arm: later blocks of the same recording", Table(["fitted to", "model", *end], later)
-        ),
-        TitledTable(
-            "Real arm: other recordings, `neural, best`", Table(["fitted to", "tested on", *end], elsewhere)
-        ),
-        TitledTable(
-            "Simulated RAVEN-II", Table(["robot", "model", "tested on", *RAVEN_UNITS, "outside"], raven)
-        ),
+        TitledTable("Real arm: later blocks of the same recording", Table(["fitted to", "model", *end], later)),
+        TitledTable("Real arm: other recordings, `neural, best`", Table(["fitted to", "tested on", *end], elsewhere)),
+        TitledTable("Simulated RAVEN-II", Table(["robot", "model", "tested on", *RAVEN_UNITS, "outside"], raven)),
     ]
     return Report([table for table in tables if table.table.rows], [], _remarks(outcomes))
 
@@ -169,12 +146,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
         "below 85 % where blocks of time are too few to exclude chance; last the share of rows outside the valid range."
     )
     later = [result[LATER] for _, result in outcomes.items(dvrk_coverage)]
-    others = [
-        found
-        for _, result in outcomes.items(dvrk_coverage)
-        for test, found in result.items()
-        if test != LATER
-    ]
+    others = [found for _, result in outcomes.items(dvrk_coverage) for test, found in result.items() if test != LATER]
     remarks = [told]
     for words, tests in (("later blocks of the same recording", later), ("other recordings", others)):
         shares = [share for found in tests for share in found["held"]]

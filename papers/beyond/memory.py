@@ -203,9 +203,7 @@ def report(outcomes: Outcomes) -> Report:
         header = ["recording", "network", *(f"J{j + 1} [deg]" for j in WRIST)]
         tables.append(TitledTable("RMSE on the last fifth, today's and the chosen", Table(header, rows)))
         pictures.append(
-            TitledPicture(
-                "Mean RMSE of J4 to J6 of networks, over that of today's `best`", _picture(outcomes)
-            )
+            TitledPicture("Mean RMSE of J4 to J6 of networks, over that of today's `best`", _picture(outcomes))
         )
         remarks.append(sentence(outcomes, best))
     return Report(tables, pictures, remarks)

@@ -18,13 +18,7 @@ from catenary import random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
 from catenary.reports.page import Table
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.zigzag import (
-    CALIBRATION_LOWER,
-    CALIBRATION_UPPER,
-    DIRECTIONS,
-    Direction,
-    zigzag_rows,
-)
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, Direction, zigzag_rows
 from papers.beyond.designed_motion import designed
 from papers.calibration.figure_3 import reversals
 from papers.calibration.recordings import (
@@ -123,9 +117,7 @@ def path_errors(
     found: dict[str, object] = {
         "seconds": round(path.duration, 1),
         "reversals": [reversals(column) for column in q.T],
-        "range": [
-            round(float(each), 3) for each in np.ptp(q, axis=0) / (CALIBRATION_UPPER - CALIBRATION_LOWER)
-        ],
+        "range": [round(float(each), 3) for each in np.ptp(q, axis=0) / (CALIBRATION_UPPER - CALIBRATION_LOWER)],
     }
     for method in MODELS:
         seeds = networks if method == NETWORK else (0,)
@@ -138,13 +130,9 @@ def path_errors(
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot, path and length."""
-    lengths, names, seconds = (
-        (LENGTHS[:1], (ZIGZAG, DESIGNED), 60.0) if scope.quick else (LENGTHS, PATHS, TEST_SECONDS)
-    )
+    lengths, names, seconds = (LENGTHS[:1], (ZIGZAG, DESIGNED), 60.0) if scope.quick else (LENGTHS, PATHS, TEST_SECONDS)
     return [
-        path_errors.case(
-            seed=seed, name=name, sparsities=length, networks=scope.network_seeds, test_seconds=seconds
-        )
+        path_errors.case(seed=seed, name=name, sparsities=length, networks=scope.network_seeds, test_seconds=seconds)
         for seed in scope.robots
         for length in lengths
         for name in names
@@ -153,9 +141,7 @@ def cases(scope: Scope) -> list[Case]:
 
 def of(outcomes: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
     """Return what a path has by joint, (robots, 3)."""
-    return np.array(
-        [result[what] for result in outcomes.of(path_errors, name=name, sparsities=list(sparsities))]
-    )
+    return np.array([result[what] for result in outcomes.of(path_errors, name=name, sparsities=list(sparsities))])
 
 
 def middle(outcomes: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
@@ -218,9 +204,7 @@ def _factors(outcomes: Outcomes) -> TitledTable:
                 middle(outcomes, numerator, length, model) / middle(outcomes, denominator, length, model)
                 for model in MODELS
             ]
-            rows.append(
-                [told, f"{seconds_of(outcomes, length):.0f}", *(f"{r:.2f}" for r in np.concatenate(ratios))]
-            )
+            rows.append([told, f"{seconds_of(outcomes, length):.0f}", *(f"{r:.2f}" for r in np.concatenate(ratios))])
     header = ["what changes", "time [s]", *(f"{model} {joint}" for model in MODELS for joint in JOINTS)]
     return TitledTable("Error left of what it was, by what changes", Table(header, rows))
 

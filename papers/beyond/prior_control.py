@@ -12,17 +12,7 @@ from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 from catenary.reports.page import Table
 from papers.beyond.few_minutes import LINEAR, MODELS, curve_of, stages
 from papers.calibration.dvrk import JOINTS, RECORDINGS
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledTable, after_headline, run
 
 WITH, WITHOUT = "with", "without"
 OPTIONS = {WITH: MODELS[LINEAR], WITHOUT: FitOptions(kind="linear", play=PLAY_SHARES)}

@@ -121,13 +121,7 @@ def registrations(seed: int | None, poses: int) -> Result:
         left.append(_deg(seek.elbow_left))
         shift.append(_deg(registration(plant)[1] - usual[1]))
     error = plant.firmware.coupling[0] - plant.cable.coupling[0]
-    return {
-        "coupling_error": float(error),
-        "travel": travel,
-        "shift": shift,
-        "left": left,
-        "traces": traces,
-    }
+    return {"coupling_error": float(error), "travel": travel, "shift": shift, "left": left, "traces": traces}
 
 
 def _deg(angle: float) -> float:

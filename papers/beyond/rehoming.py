@@ -30,15 +30,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from catenary.workflows.robot.motion import move_to
-from papers.beyond.registration import (
-    AXES,
-    ELBOW_FIRST,
-    HOME_POSE,
-    OFFSETS,
-    carried_back,
-    registration,
-    registrations,
-)
+from papers.beyond.registration import AXES, ELBOW_FIRST, HOME_POSE, OFFSETS, carried_back, registration, registrations
 from papers.calibration.homings import Between, home_here, random_tests
 from papers.calibration.recordings import (
     SPARSITIES,
@@ -144,11 +136,7 @@ def order_errors(
 
 @run(revision=1)
 def offset_errors(
-    seed: int | None,
-    networks: Sequence[int],
-    sparsities: Sequence[float],
-    homings: int,
-    test_seconds: float,
+    seed: int | None, networks: Sequence[int], sparsities: Sequence[float], homings: int, test_seconds: float
 ) -> Result:
     """Train on zig-zags with homings from the corner and from the home pose between them, then home on and test.
 
@@ -176,10 +164,7 @@ def offset_errors(
 
 
 def _errors(
-    train: Sequence[MotionLog],
-    tests: Sequence[MotionLog],
-    networks: Sequence[int],
-    options: dict[str, FitOptions],
+    train: Sequence[MotionLog], tests: Sequence[MotionLog], networks: Sequence[int], options: dict[str, FitOptions]
 ) -> dict[str, list[list[float]]]:
     reached = {}
     for name, one in options.items():
@@ -247,15 +232,7 @@ def _fit(result: Result) -> tuple[float, float]:
 
 
 def _mechanism(outcomes: Outcomes) -> Table:
-    header = [
-        "robot",
-        "coupling error [deg/deg]",
-        "J2 first",
-        "slope",
-        "R²",
-        "shift, SD [deg]",
-        "shift, most",
-    ]
+    header = ["robot", "coupling error [deg/deg]", "J2 first", "slope", "R²", "shift, SD [deg]", "shift, most"]
     header += ["J2 left its stop by at most [deg]"]
     rows = []
     for told, result in outcomes.items(registrations):
@@ -327,9 +304,7 @@ def _picture(outcomes: Outcomes) -> Any:
         if len(reached):
             label = f"from {order}" if order != TWICE else order
             label += "" if cure == NOTHING else f", {cure}"
-            cured.plot(
-                reached.mean(axis=0), "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label
-            )
+            cured.plot(reached.mean(axis=0), "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label)
     log_scale(cured)
     cured.set_xlabel("homings", fontsize=8)
     cured.set_title("RMSE of J2 [deg], linear", fontsize=10)

@@ -24,18 +24,7 @@ from catenary.reports.page import Table
 from papers.beyond.advice import WITHIN
 from papers.beyond.fifths import Fifths, as_validation, fifths_of, limits, log_of, rows_of
 from papers.beyond.intervals import KINDS, RECORDINGS, TRAININGS
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Plain,
-    Report,
-    Result,
-    Scope,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledTable, after_headline, run
 
 AUTO, LEAST, AFTERWARDS = "that of `auto`", "the least error", "one kind, known afterwards"
 BEFORE, LAST, BOTH = "blocks, each by those before it", "the last block alone", "blocks both ways"
@@ -102,9 +91,7 @@ def _late(fifths: Fifths, kind: str, others: Sequence[int], x: int) -> CrossVali
     return as_validation(fifths.data, errors, halves, np.zeros(len(errors), dtype=np.int64))
 
 
-def _joined(
-    fifths: Fifths, seen: CrossValidation, early: CrossValidation, others: Sequence[int]
-) -> CrossValidation:
+def _joined(fifths: Fifths, seen: CrossValidation, early: CrossValidation, others: Sequence[int]) -> CrossValidation:
     """Return errors of two cross-validations as if of two recordings."""
     block = np.concatenate([fifths.block[fifths.block == k] for k in others])
     later = block[block != others[0]]
@@ -130,9 +117,7 @@ def _least_squares(errors: Floats) -> Floats:
     # a heavy row holds the sum at 1
     heavy = 1e3 * np.sqrt(np.square(errors).sum(axis=0).max())
     rows = np.vstack([errors, np.full(errors.shape[1], heavy)])
-    weights, _ = nnls(
-        np.linalg.qr(rows)[1], np.linalg.qr(rows)[0].T @ np.append(np.zeros(len(errors)), heavy)
-    )
+    weights, _ = nnls(np.linalg.qr(rows)[1], np.linalg.qr(rows)[0].T @ np.append(np.zeros(len(errors)), heavy))
     return np.asarray(weights / weights.sum())
 
 
@@ -293,9 +278,7 @@ def choice_table(fifths: Sequence[tuple[str, Sequence[Plain]]]) -> Table:
             if rule == AFTERWARDS:
                 found = _afterwards(tests)
             else:
-                found = np.array(
-                    [_ratios(test, rule) for test in tests if rule in {**test["chosen"], **test["rmse"]}]
-                )
+                found = np.array([_ratios(test, rule) for test in tests if rule in {**test["chosen"], **test["rmse"]}])
             if not len(found):
                 continue
             last.append(found[-1])
@@ -307,14 +290,7 @@ def choice_table(fifths: Sequence[tuple[str, Sequence[Plain]]]) -> Table:
         all_of, of_long = (np.concatenate(each or [np.zeros((0, 1))]) for each in (every, long))
         rows.append([rule, _counted(all_of), _counted(of_long), *_of(all_of), _counted(np.array(last))])
     return Table(
-        [
-            "rule",
-            "within 5 %",
-            "of long recordings",
-            "over the best, mean",
-            "at worst",
-            "last of the five within 5 %",
-        ],
+        ["rule", "within 5 %", "of long recordings", "over the best, mean", "at worst", "last of the five within 5 %"],
         rows if fifths else [],
     )
 
@@ -327,9 +303,7 @@ def elsewhere_table(results: Sequence[Plain]) -> Table:
         for result in results:
             tests = [{"rmse": rmse, "chosen": result["chosen"]} for rmse in result["tests"].values()]
             found.append(
-                _afterwards(tests)
-                if rule == AFTERWARDS
-                else np.array([_ratios(test, rule) for test in tests])
+                _afterwards(tests) if rule == AFTERWARDS else np.array([_ratios(test, rule) for test in tests])
             )
         if found:
             ratios = np.concatenate(found)

@@ -60,11 +60,7 @@ PAPERS, WITH_GRAVITY, LESS_GRAVITY = "16 inputs", "16 and gravity", "torque less
 INPUTS: dict[str, tuple[str, ...]] = {
     PAPERS: SIXTEEN,
     WITH_GRAVITY: (*SIXTEEN, *GRAVITY),
-    LESS_GRAVITY: (
-        "q",
-        *DIFFERENCE,
-        *(f"tau:{tool}" for tool in ("roll", "wrist", "jaw1", "jaw2", "unused")),
-    ),
+    LESS_GRAVITY: ("q", *DIFFERENCE, *(f"tau:{tool}" for tool in ("roll", "wrist", "jaw1", "jaw2", "unused"))),
 }
 MODELS_TOLD = {"linear": "linear model", "network": "network"}
 KINDS = {"linear": FitOptions(kind="linear"), "network": FitOptions(kind="neural", preset="paper")}
@@ -111,21 +107,16 @@ def base_errors(
     for base in bases:
         plant, rng = put_on(robot, BASES[base]), draws(seed, 50)
         motion = random_sinusoids(rng, test_seconds)
-        log = with_gravity(
-            record_simulated(plant, motion, "random", rng), BASES[base], plant.time - test_seconds
-        )
+        log = with_gravity(record_simulated(plant, motion, "random", rng), BASES[base], plant.time - test_seconds)
         rows = rows_of(models["linear"][0], log)
         reached[base] = {
-            name: mean([rmse(unguarded(model), rows) for model in trained])
-            for name, trained in models.items()
+            name: mean([rmse(unguarded(model), rows) for model in trained]) for name, trained in models.items()
         } | baselines(models["linear"][0], rows)
         reached[base]["outside"] = outside(models["linear"][0], log)
     return reached
 
 
-def case(
-    seed: int | None, training: str, inputs: str, scope: Scope, bases: Sequence[str] = tuple(BASES)
-) -> Case:
+def case(seed: int | None, training: str, inputs: str, scope: Scope, bases: Sequence[str] = tuple(BASES)) -> Case:
     """Return the case of a robot, a training and inputs by their names."""
     parts, seconds = TRAININGS[training], TEST_SECONDS
     if scope.quick:
@@ -207,9 +198,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
             f"calibrated on several tilts in the same minutes, by {parts[2]} and {parts[3]}."
         )
     level_models = [
-        result
-        for of, result in outcomes.items(base_errors, inputs=list(SIXTEEN))
-        if _is(of["training"], LEVEL)
+        result for of, result in outcomes.items(base_errors, inputs=list(SIXTEEN)) if _is(of["training"], LEVEL)
     ]
     shares = [
         f"{base} {100.0 * np.mean([result[base]['outside'] for result in level_models]):.0f} %"
@@ -217,9 +206,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
         if level_models
     ]
     if shares:
-        told.append(
-            f"Rows outside the valid range of a model of 16 inputs trained level: {', '.join(shares)}."
-        )
+        told.append(f"Rows outside the valid range of a model of 16 inputs trained level: {', '.join(shares)}.")
     return told
 
 

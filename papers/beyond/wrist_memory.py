@@ -16,16 +16,7 @@ from catenary.reports.page import Table
 from papers.calibration import dvrk
 from papers.calibration.dvrk import JOINTS, RECURRENT, errors
 from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
 from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:
@@ -81,24 +72,16 @@ def report(outcomes: Outcomes) -> Report:
     names = [JOINTS[j] for j in WRIST]
     left = shares(outcomes)
     summary = [
-        [SHOWN[name], *(mean_and_spread(100.0 * values[:, k], 0) for k in range(3))]
-        for name, values in left.items()
+        [SHOWN[name], *(mean_and_spread(100.0 * values[:, k], 0) for k in range(3))] for name, values in left.items()
     ]
     return Report(
         [
+            TitledTable("RMSE [deg], mean and spread over trainings", Table(["recording, model", *names], rows)),
             TitledTable(
-                "RMSE [deg], mean and spread over trainings", Table(["recording, model", *names], rows)
-            ),
-            TitledTable(
-                "RMSE [% of the fixed offset's], mean and spread over recordings",
-                Table(["model", *names], summary),
+                "RMSE [% of the fixed offset's], mean and spread over recordings", Table(["model", *names], summary)
             ),
         ],
-        [
-            TitledPicture(
-                "RMSE of the wrist by recording; lines: least to greatest training", _picture(outcomes)
-            )
-        ],
+        [TitledPicture("RMSE of the wrist by recording; lines: least to greatest training", _picture(outcomes))],
         [sentence(left)],
     )
 

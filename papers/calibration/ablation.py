@@ -97,11 +97,7 @@ NO_HELP = 0.9  # of the error with 16 inputs: a group that leaves less than this
 
 @run(revision=1)
 def feature_errors(
-    seed: int | None,
-    features: str,
-    networks: Sequence[int],
-    sparsities: Sequence[float],
-    test_seconds: float,
+    seed: int | None, features: str, networks: Sequence[int], sparsities: Sequence[float], test_seconds: float
 ) -> Result:
     """Train network and linear model on a choice of features, and test them.
 
@@ -207,9 +203,7 @@ def report(outcomes: Outcomes) -> Report:
         tables.append(
             TitledTable("Error of a joint, in times what it was, with a signal shuffled", Table(header, rows))
         )
-    caption = (
-        "RMSE by features, mean over robots; lines are the paper's 16 inputs; bars may leave the picture"
-    )
+    caption = "RMSE by features, mean over robots; lines are the paper's 16 inputs; bars may leave the picture"
     return Report(tables, [TitledPicture(caption, _picture(outcomes))])
 
 
@@ -222,9 +216,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
             reached = np.array([middle(outcomes, name, model)[j] for name in names])
             panel.barh(places + (k - 0.5) * 0.38, reached, 0.34, color=METHOD_COLORS[model], label=model)
             if BOTH in names:
-                panel.axvline(
-                    reached[names.index(BOTH)], color=METHOD_COLORS[model], linewidth=1, linestyle=":"
-                )
+                panel.axvline(reached[names.index(BOTH)], color=METHOD_COLORS[model], linewidth=1, linestyle=":")
             # what is ruined would leave the rest unreadable
             panel.set_xlim(0.0, 3.0 * float(np.median(reached)))
         panel.set_yticks(places, names, fontsize=8)

@@ -89,9 +89,7 @@ def model_errors(recording: str, kind: str, seed: int, data: Path) -> Result:
     for name, options in variants(kind).items():
         chosen = replace(options, seed=seed)
         inputs = choose_inputs([log], chosen, held_out=HELD_OUT)
-        train, test = calibration_data([log], inputs.features, max_error=_limit(recording)).split_by_time(
-            HELD_OUT
-        )
+        train, test = calibration_data([log], inputs.features, max_error=_limit(recording)).split_by_time(HELD_OUT)
         joints = evaluate(fit(train, inputs, chosen), test).joints
         found[name] = _found([joint.rmse for joint in joints], joints[0].outside_valid_range)
         if name == "linear":
@@ -149,10 +147,7 @@ def cases(scope: Scope) -> list[Case]:
 def errors(outcomes: Outcomes, recording: str) -> dict[str, Floats]:
     """Return the RMSE of every model on a recording, (trainings, 6), in the tables' order."""
     found: dict[str, list[Sequence[float]]] = {}
-    for result in (
-        *outcomes.of(model_errors, recording=recording),
-        *outcomes.of(peer_errors, recording=recording),
-    ):
+    for result in (*outcomes.of(model_errors, recording=recording), *outcomes.of(peer_errors, recording=recording)):
         for name, entry in result.items():
             found.setdefault(name, []).append(entry["rmse"])
     first = [name for name in ("raw", "fixed offset") if name in found]
@@ -210,9 +205,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
     figure, (panel,) = panels(1, 3.6)
     found = [errors(outcomes, recording) for recording in present(outcomes)]
     for k, (name, color) in enumerate(SHOWN.items()):
-        shares = [
-            each[name].mean(axis=0) / each["fixed offset"].mean(axis=0) for each in found if name in each
-        ]
+        shares = [each[name].mean(axis=0) / each["fixed offset"].mean(axis=0) for each in found if name in each]
         if not shares:
             continue
         middle = np.exp(np.mean(np.log(shares), axis=0))

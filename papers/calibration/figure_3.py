@@ -65,11 +65,7 @@ RANGE = 0.10  # of the published share of a joint's range: the paths end 5 % bey
 SECONDS = 0.05
 MINUTES = 0.10
 CALIBRATION = (8.0, 21.0)  # [min], the paper's whole calibration, shortest and longest
-BESIDE = {
-    "homing": 2.0,
-    "data processing": 1.0,
-    "training": 1.0,
-}  # [min], its limits for what is no recording, II-A
+BESIDE = {"homing": 2.0, "data processing": 1.0, "training": 1.0}  # [min], its limits for what is no recording, II-A
 SWEPT, SPARSE = 0.9, 0.5  # evenly covered shares of a joint that is swept, and of one with a sparsity
 
 
@@ -169,9 +165,7 @@ def report(outcomes: Outcomes) -> Report:
                 f"{found['hole']:.2f}",
             ]
         )
-    table = TitledTable(
-        "Time, reversals, range, and evenly covered share of it, by joint", Table(header, rows)
-    )
+    table = TitledTable("Time, reversals, range, and evenly covered share of it, by joint", Table(header, rows))
     return Report([table], [TitledPicture("Directions (top), sparsities (bottom)", _picture(outcomes))])
 
 
@@ -205,8 +199,7 @@ def _directions(outcomes: Outcomes) -> dict[str, Result]:
 def _centre(outcomes: Outcomes) -> Judgement:
     found = _directions(outcomes)
     away = {
-        d: float(np.max(np.abs((np.array(one["low"]) + np.array(one["high"])) / 2.0 - 0.5)))
-        for d, one in found.items()
+        d: float(np.max(np.abs((np.array(one["low"]) + np.array(one["high"])) / 2.0 - 0.5))) for d, one in found.items()
     }
     told = ", ".join(f"{direction} {distance:.3f}" for direction, distance in away.items())
     return by_count([distance <= CENTRE for distance in away.values()], f"from the box's middle: {told}")
@@ -245,11 +238,7 @@ def _sparsity_across(outcomes: Outcomes) -> Judgement:
 
 
 def _sparser(outcomes: Outcomes) -> Judgement:
-    found = [
-        result
-        for n in DENOMINATORS
-        for result in outcomes.of(path, direction=PAPERS_CHOICE, sparsities=[1 / n])
-    ]
+    found = [result for n in DENOMINATORS for result in outcomes.of(path, direction=PAPERS_CHOICE, sparsities=[1 / n])]
     seconds, holes = ([one[name] for one in found] for name in ("seconds", "hole"))
     told = ", ".join(
         f"1/{n} {time:.0f} s, {hole:.2f}" for n, time, hole in zip(DENOMINATORS, seconds, holes, strict=True)
@@ -268,8 +257,7 @@ def _seconds(outcomes: Outcomes) -> Judgement:
 
 def _calibration(outcomes: Outcomes) -> Judgement:
     ends = [
-        outcomes.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities))
-        for sparsities in ((1 / 2,), SPARSITIES)
+        outcomes.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities)) for sparsities in ((1 / 2,), SPARSITIES)
     ]
     recording = [found[0]["seconds"] / 60.0 for found in ends]
     whole = [minutes + sum(BESIDE.values()) for minutes in recording]

@@ -16,13 +16,7 @@ import numpy as np
 
 from catenary.reports.page import Table
 from papers.calibration.figure_5_claims import CLAIMS, LONGEST
-from papers.calibration.published import (
-    DURATIONS,
-    FIGURE_5_J1,
-    FIGURE_5_J2,
-    FIGURE_5_J2_POLYNOMIAL,
-    FIGURE_5_J3,
-)
+from papers.calibration.published import DURATIONS, FIGURE_5_J1, FIGURE_5_J2, FIGURE_5_J2_POLYNOMIAL, FIGURE_5_J3
 from papers.calibration.recordings import JOINTS, SETS, TEST_SECONDS, UNITS
 from papers.calibration.sparsities import (
     LONG,
@@ -37,16 +31,7 @@ from papers.calibration.sparsities import (
     sparsity_errors,
 )
 from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
 from papers.figures import METHOD_COLORS, legend_below, panels
 
 if TYPE_CHECKING:
@@ -55,9 +40,7 @@ if TYPE_CHECKING:
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and combination."""
-    recordings, names, seconds = (
-        ({"1/2": 1}, SETS[:1], 60.0) if scope.quick else (RECORDINGS, SETS, TEST_SECONDS)
-    )
+    recordings, names, seconds = ({"1/2": 1}, SETS[:1], 60.0) if scope.quick else (RECORDINGS, SETS, TEST_SECONDS)
     return [
         sparsity_errors.case(
             seed=seed, name=name, recordings=recordings, networks=scope.network_seeds, test_seconds=seconds
@@ -106,12 +89,7 @@ def _picture(outcomes: Outcomes, seconds: dict[str, float]) -> "Figure":
             if several:
                 spread = np.array([deviation(outcomes, name, method)[j] for name in names])
                 panel.fill_between(
-                    times,
-                    reached - spread,
-                    reached + spread,
-                    color=METHOD_COLORS[method],
-                    alpha=0.2,
-                    linewidth=0,
+                    times, reached - spread, reached + spread, color=METHOD_COLORS[method], alpha=0.2, linewidth=0
                 )
         _published(panel, j)
         offset = max(middle(outcomes, name, OFFSET)[j] for name in names)
@@ -123,11 +101,7 @@ def _picture(outcomes: Outcomes, seconds: dict[str, float]) -> "Figure":
 
 
 def _published(panel: Any, joint: int) -> None:
-    time = {
-        "1/2": DURATIONS[1 / 2,],
-        "1/2+1/3": DURATIONS[1 / 2, 1 / 3],
-        LONGEST: DURATIONS[1 / 2, 1 / 3, 1 / 4],
-    }
+    time = {"1/2": DURATIONS[1 / 2,], "1/2+1/3": DURATIONS[1 / 2, 1 / 3], LONGEST: DURATIONS[1 / 2, 1 / 3, 1 / 4]}
     for name, values in (FIGURE_5_J1, FIGURE_5_J2, FIGURE_5_J3)[joint].items():
         for method, value in values.items():
             color = METHOD_COLORS[method]

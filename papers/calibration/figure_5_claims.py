@@ -98,10 +98,7 @@ def _network_needs_least(outcomes: Outcomes) -> Judgement:
 
 
 def _longer_gains(
-    outcomes: Outcomes,
-    joint: int,
-    spans: Mapping[str, Sequence[str]],
-    published: Mapping[str, Mapping[str, float]],
+    outcomes: Outcomes, joint: int, spans: Mapping[str, Sequence[str]], published: Mapping[str, Mapping[str, float]]
 ) -> Judgement:
     """Judge a joint's errors after shorter and longer recordings, in this order, by the paper's."""
     found = {span: _of(outcomes, names, PAIR, joint) for span, names in spans.items()}
@@ -135,9 +132,7 @@ def _joint_3_flat(outcomes: Outcomes) -> Judgement:
     longer = [name for name, time in seconds.items() if time > seconds[ENOUGH_FOR_J3]]
     after, at = (_of(outcomes, names, PAIR, 2) for names in (longer, [ENOUGH_FOR_J3]))
     ratios = {method: after[method] / at[method] for method in PAIR}
-    return by_count(
-        [ratio.mean() >= FLAT for ratio in ratios.values()], f"error left of that: {_told(ratios)}"
-    )
+    return by_count([ratio.mean() >= FLAT for ratio in ratios.values()], f"error left of that: {_told(ratios)}")
 
 
 CLAIMS = (

@@ -73,9 +73,7 @@ def report(outcomes: Outcomes) -> Report:
         for told, result in outcomes.items(torques)
     ]
     header = ["payload", "J1 [Nm]", "J2 [Nm]", "J3 [N]"]
-    tables.append(
-        TitledTable("Torque that drives the nominal robot, RMS in random motion", Table(header, rows))
-    )
+    tables.append(TitledTable("Torque that drives the nominal robot, RMS in random motion", Table(header, rows)))
     tables += [
         TitledTable(
             f"{joint} [{unit}], RMSE in every hour, after the three longest and the three shortest training sets",

@@ -109,12 +109,8 @@ def report(outcomes: Outcomes) -> Report:
     return Report(
         [TitledTable("RMSE of the sections that are drawn", Table(header, rows))],
         [
-            TitledPicture(
-                "Calibrated positions beside the external encoders'", _picture(result, names, left=False)
-            ),
-            TitledPicture(
-                "What is left of the error in the same sections", _picture(result, names, left=True)
-            ),
+            TitledPicture("Calibrated positions beside the external encoders'", _picture(result, names, left=False)),
+            TitledPicture("What is left of the error in the same sections", _picture(result, names, left=True)),
         ],
     )
 

@@ -106,9 +106,7 @@ def report(outcomes: Outcomes) -> Report:
                 cells.append(_in_text([each[:, j] for each in longest]) if longest else "-")
                 cells.append("-" if paper is None else f"{paper[j]:.3f}")
             rows.append(cells)
-    title = (
-        "RMSE, mean of six unloaded hours, over the training sets that were run and over the three longest"
-    )
+    title = "RMSE, mean of six unloaded hours, over the training sets that were run and over the three longest"
     tables = [TitledTable(title, Table(header, rows))]
     for counted in outcomes.of(sizes):
         tables.append(
@@ -116,10 +114,7 @@ def report(outcomes: Outcomes) -> Report:
                 "Weights and biases",
                 Table(
                     ["network", "here", "paper"],
-                    [
-                        [name, f"{counted[name]:,}", f"{wanted:,}"]
-                        for name, wanted in published.PARAMETERS.items()
-                    ],
+                    [[name, f"{counted[name]:,}", f"{wanted:,}"] for name, wanted in published.PARAMETERS.items()],
                 ),
             )
         )
@@ -210,9 +205,7 @@ def _network_worse(outcomes: Outcomes) -> Judgement:
     few = errors_of(outcomes, NETWORK, "16")
     many = {columns: errors_of(outcomes, NETWORK, columns) for columns in ALL}
     ratios = {columns: each / few for columns, each in many.items()}
-    told = "; ".join(
-        f"{COLUMNS_SHOWN[columns]} {by_joint(each, digits=2)}" for columns, each in ratios.items()
-    )
+    told = "; ".join(f"{COLUMNS_SHOWN[columns]} {by_joint(each, digits=2)}" for columns, each in ratios.items())
     return by_count(ratios["stamped"].mean(axis=0) >= CONSIDERABLE, f"in times the error of 16: {told}")
 
 
@@ -256,13 +249,7 @@ _JOINED = (
 )
 
 CLAIMS = (
-    Claim(
-        "Networks have 12,103, 24,303 and 585,503 parameters",
-        "II-H",
-        "12,103, 24,303, 585,503",
-        "equal",
-        _counted,
-    ),
+    Claim("Networks have 12,103, 24,303 and 585,503 parameters", "II-H", "12,103, 24,303, 585,503", "equal", _counted),
     Claim(
         "16 inputs: accurate on average over six hours, from short training to long",
         "II-H",

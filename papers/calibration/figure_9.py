@@ -109,9 +109,7 @@ def report(outcomes: Outcomes) -> Report:
         homings = range(errors(outcomes, *shown[0]).shape[2]) if shown else ()
         header = ["training", "model", *(f"{k} homings" if k != 1 else "1 homing" for k in homings)]
         tables.append(
-            TitledTable(
-                f"{joint} [{unit}], RMSE, mean of combinations, spread over robots", Table(header, rows)
-            )
+            TitledTable(f"{joint} [{unit}], RMSE, mean of combinations, spread over robots", Table(header, rows))
         )
     caption = (
         "RMSE after homings: mean over robots and combinations of sparsities; shades are the standard deviation over "
@@ -167,9 +165,7 @@ def _published(panel: Any, method: str, joint: int) -> None:
             for value in published.HOMINGS_J1[method, seen]:
                 panel.axhline(value, color=COLORS[chain], linestyle=":", linewidth=1)
     elif joint == 1:
-        panel.plot(
-            [0, HOMINGS], published.HOMINGS_J2[method], "x", color=COLORS[NONE], label="paper, none seen"
-        )
+        panel.plot([0, HOMINGS], published.HOMINGS_J2[method], "x", color=COLORS[NONE], label="paper, none seen")
         panel.axhline(published.HOMINGS_J2_SEEN[method], color=COLORS[ONE], linestyle=":", linewidth=1)
     else:
         for value in published.HOMINGS_J3:
@@ -199,8 +195,7 @@ def _joint_3(outcomes: Outcomes) -> Judgement:
 def _joint_2(outcomes: Outcomes) -> Judgement:
     ends = {method: per_robot(outcomes, NONE, method)[:, [0, -1], 1].T for method in MODELS}
     told = "; ".join(
-        f"{method} {mean_and_spread(first)} to {mean_and_spread(last)}"
-        for method, (first, last) in ends.items()
+        f"{method} {mean_and_spread(first)} to {mean_and_spread(last)}" for method, (first, last) in ends.items()
     )
     worse = all(last.mean() >= WORSE * first.mean() for first, last in ends.values())
     risen = all(less(first, last) for first, last in ends.values())
@@ -216,8 +211,7 @@ def _greatest(outcomes: Outcomes, chain: str, method: str) -> Floats:
 def _one_seen(outcomes: Outcomes) -> Judgement:
     greatest = {m: [_greatest(outcomes, chain, m) for chain in (NONE, ONE)] for m in MODELS}
     told = "; ".join(
-        f"{method} {mean_and_spread(none)}, {mean_and_spread(one)}"
-        for method, (none, one) in greatest.items()
+        f"{method} {mean_and_spread(none)}, {mean_and_spread(one)}" for method, (none, one) in greatest.items()
     )
     better = all(one.mean() <= BETTER * none.mean() for none, one in greatest.values())
     lower = all(less(one, none) for none, one in greatest.values())

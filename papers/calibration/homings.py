@@ -121,24 +121,18 @@ def homing_errors(
         for chain, logs in tests.items():
             reached[chain]["outside"].append([outside(models[0], log) for log in logs])
             reached[chain]["tool"].append([tool_shift(train, log) for log in logs])
-        _add(
-            reached, POSITIONING, [fitted(train, FitOptions(kind="linear", inputs=POSITIONING_INPUTS))], tests
-        )
+        _add(reached, POSITIONING, [fitted(train, FitOptions(kind="linear", inputs=POSITIONING_INPUTS))], tests)
     if ours:
         _add(reached, BEST, _trainings(train, METHODS[BEST], ours), tests)
     return reached
 
 
-def _part(
-    plant: CablePlant, seed: int | None, number: int, used: Sequence[Sequence[float]]
-) -> dict[float, MotionLog]:
+def _part(plant: CablePlant, seed: int | None, number: int, used: Sequence[Sequence[float]]) -> dict[float, MotionLog]:
     sparsities = sorted({sparsity for each in used for sparsity in each}, reverse=True)
     return {s: calibration_log(plant, draws(seed, number, round(1 / s)), sparsities=(s,)) for s in sparsities}
 
 
-def _trainings(
-    train: Sequence[MotionLog], options: FitOptions, networks: Sequence[int]
-) -> list[CalibrationModel]:
+def _trainings(train: Sequence[MotionLog], options: FitOptions, networks: Sequence[int]) -> list[CalibrationModel]:
     seeds = networks if options.kind == "neural" else (0,)
     return [fitted(train, replace(options, seed=network)) for network in seeds]
 
@@ -170,9 +164,7 @@ def tool_shift(train: Sequence[MotionLog], test: MotionLog) -> float:
 
 def errors(outcomes: Outcomes, chain: str, method: str) -> Floats:
     """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests; empty where none ran."""
-    found = [
-        result[chain][method] for result in outcomes.of(homing_errors) if method in result.get(chain, {})
-    ]
+    found = [result[chain][method] for result in outcomes.of(homing_errors) if method in result.get(chain, {})]
     return np.array(found) if found else np.zeros((0, 1, 1, 3))
 
 

@@ -76,8 +76,7 @@ def near(
     if not reached:
         return NOT_MEASURED
     close = all(
-        abs(values.mean() - published[name]) <= share * abs(published[name])
-        for name, values in reached.items()
+        abs(values.mean() - published[name]) <= share * abs(published[name]) for name, values in reached.items()
     )
     told = ", ".join(f"{name} {mean_and_spread(values)}" for name, values in reached.items())
     return graded(close, all(direction), told)

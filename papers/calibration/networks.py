@@ -15,12 +15,7 @@ from papers.calibration.recordings import fitted
 
 
 def network_model(
-    logs: Sequence[MotionLog],
-    settings: NetworkSettings,
-    *,
-    inputs: Sequence[str],
-    seed: int,
-    target: Target = "error",
+    logs: Sequence[MotionLog], settings: NetworkSettings, *, inputs: Sequence[str], seed: int, target: Target = "error"
 ) -> CalibrationModel:
     """Fit a network of given settings to recordings; in all else it is what `fitted` makes.
 
@@ -36,9 +31,7 @@ def network_model(
     data = calibration_data(logs, model.features)
     wanted = data.error if target == "error" else data.q_nominal + data.error
     nothing_late = np.zeros(len(data), dtype=bool)
-    network = fit_neural(
-        np.ascontiguousarray(data.X[:, group.columns]), wanted, settings, seed=seed, late=nothing_late
-    )
+    network = fit_neural(np.ascontiguousarray(data.X[:, group.columns]), wanted, settings, seed=seed, late=nothing_late)
     return replace(model, kind="neural", groups=(replace(group, predictor=network),))
 
 

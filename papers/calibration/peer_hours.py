@@ -60,14 +60,10 @@ def peer_hours(
     logs = session.training(training)
     rows = joined([rows_of_log(log, SIXTEEN) for log in logs])
     joints = identified(logs)
-    filters = {
-        UKF: Filter(joints),
-        UKF_TOLD: Filter(identified(logs, CablePlant(seed=seed).arm.cable.stiffness)),
-    }
+    filters = {UKF: Filter(joints), UKF_TOLD: Filter(identified(logs, CablePlant(seed=seed).arm.cable.stiffness))}
     fits: dict[str, list[Peer]] = {
         RECURRENT: [
-            fit_recurrent(rows, seed=each, spacing=SPACING, iterations=round(5000 * effort))
-            for each in trainings
+            fit_recurrent(rows, seed=each, spacing=SPACING, iterations=round(5000 * effort)) for each in trainings
         ],
         PROCESS: [
             fit_gaussian_process(rows, seed=each, carried=round(1000 * effort), chosen=round(300 * effort))

@@ -27,19 +27,7 @@ UNITS = ("deg", "deg", "mm")
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)  # 1013 s, of table I
 TEST_SECONDS = 1200.0
 # training sets of II-F to II-H: every combination of sparsities no longer than the last, the shortest first
-SETS = (
-    "1/2",
-    "1/3",
-    "1/4",
-    "1/2+1/3",
-    "1/5",
-    "1/2+1/4",
-    "1/3+1/4",
-    "1/2+1/5",
-    "1/6",
-    "1/3+1/5",
-    "1/2+1/3+1/4",
-)
+SETS = ("1/2", "1/3", "1/4", "1/2+1/3", "1/5", "1/2+1/4", "1/3+1/4", "1/2+1/5", "1/6", "1/3+1/5", "1/2+1/3+1/4")
 _NOTHING = np.zeros(0)
 EVERYWHERE = ValidRange(_NOTHING, _NOTHING, _NOTHING, np.zeros((0, 0)), _NOTHING, _NOTHING)
 START = (0.5, 1.5, 0.40)  # where the arm wakes up [rad, rad, m]
@@ -84,11 +72,7 @@ def calibration_log(
 
 
 def random_log(
-    plant: CablePlant,
-    rng: np.random.Generator,
-    seconds: float = TEST_SECONDS,
-    *,
-    columns: Sequence[str] = (),
+    plant: CablePlant, rng: np.random.Generator, seconds: float = TEST_SECONDS, *, columns: Sequence[str] = ()
 ) -> MotionLog:
     """Record independent random motion of every joint."""
     return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns)
@@ -124,10 +108,7 @@ def rmse(model: CalibrationModel, data: CalibrationData) -> list[float]:
 def baselines(model: CalibrationModel, data: CalibrationData) -> dict[str, list[float]]:
     """Return the RMSE of raw positions, and after the fixed offset of the model's training data."""
     joints = evaluate(model, data).joints
-    return {
-        "raw": [joint.raw_rmse for joint in joints],
-        "fixed offset": [joint.offset_rmse for joint in joints],
-    }
+    return {"raw": [joint.raw_rmse for joint in joints], "fixed offset": [joint.offset_rmse for joint in joints]}
 
 
 def mean(values: Sequence[Sequence[float]]) -> list[float]:

@@ -64,19 +64,14 @@ def recorded(
     number = CONDITIONS.index(condition)
     plant = homed(seed, payload=PAYLOAD if condition == "loaded" else 0.0)
     train = {
-        n: _stamped(
-            plant,
-            calibration_log(plant, draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns),
-        )
+        n: _stamped(plant, calibration_log(plant, draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns))
         for n in zigzags
     }
 
     def motion(seconds: float, *what: int) -> MotionLog:
         rng = draws(seed, 30 + number, *what)
         path = random_sinusoids(rng, seconds)
-        return _stamped(
-            plant, record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns)
-        )
+        return _stamped(plant, record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns))
 
     if condition == "idle":
         seconds = min(TEST_SECONDS, hour_seconds)

@@ -133,11 +133,7 @@ def six_hours(
         [mm], of `errors`. "raw" and "fixed offset" come with any models.
     """
     session = recorded(
-        seed,
-        condition,
-        zigzags=zigzags,
-        hour_seconds=hour_seconds,
-        columns=() if columns == "16" else ("all",),
+        seed, condition, zigzags=zigzags, hour_seconds=hour_seconds, columns=() if columns == "16" else ("all",)
     )
     found: dict[str, dict[str, list[Plain]]] = {RAW: {}}
     for name in sets:
@@ -155,12 +151,7 @@ def six_hours(
 
 def _raw(log: MotionLog) -> dict[str, Plain]:
     left = np.asarray(log.q_encoder) - log.q_nominal
-    return {
-        "errors": joint_rmse(left),
-        "guarded": joint_rmse(left),
-        "tip": tip_rmse(log, left),
-        "outside": 0.0,
-    }
+    return {"errors": joint_rmse(left), "guarded": joint_rmse(left), "tip": tip_rmse(log, left), "outside": 0.0}
 
 
 def cases_of(

@@ -56,16 +56,12 @@ def _joint_1_loses_most(outcomes: Outcomes) -> Judgement:
         for model in LEARNT:
             first, second = losses(outcomes, condition, model).T[:2]
             parts.append(less_lost(second, first))
-            told.append(
-                f"{condition}, {model} {mean_and_spread(first)} against {mean_and_spread(second)} deg"
-            )
+            told.append(f"{condition}, {model} {mean_and_spread(first)} against {mean_and_spread(second)} deg")
     return by_count(parts, "; ".join(told))
 
 
 def _idle_keeps(outcomes: Outcomes) -> Judgement:
-    parts = [
-        abs(loss) < STEADY for model in COMPARED for loss in losses(outcomes, "idle", model).mean(axis=0)
-    ]
+    parts = [abs(loss) < STEADY for model in COMPARED for loss in losses(outcomes, "idle", model).mean(axis=0)]
     return by_count(parts, "change " + _told(outcomes, "idle"))
 
 
@@ -73,9 +69,7 @@ def _loaded_worse(outcomes: Outcomes) -> Judgement:
     parts = []
     for model in LEARNT:
         parts += list(less_lost(losses(outcomes, "unloaded", model), losses(outcomes, "loaded", model)))
-    return by_count(
-        parts, "; ".join(f"{condition}, {_told(outcomes, condition, LEARNT)}" for condition in MOVED)
-    )
+    return by_count(parts, "; ".join(f"{condition}, {_told(outcomes, condition, LEARNT)}" for condition in MOVED))
 
 
 def _loaded_twice_on_joint_1(outcomes: Outcomes) -> Judgement:
@@ -127,9 +121,7 @@ def _numbers(outcomes: Outcomes, condition: Condition) -> Judgement:
 def _published(condition: Condition, models: Sequence[str] = COMPARED) -> str:
     return "; ".join(
         f"{model} "
-        + ", ".join(
-            f"{a:.3f} to {b:.3f}" for a, b in zip(*published.SIX_HOURS[condition][model], strict=True)
-        )
+        + ", ".join(f"{a:.3f} to {b:.3f}" for a, b in zip(*published.SIX_HOURS[condition][model], strict=True))
         for model in models
     )
 

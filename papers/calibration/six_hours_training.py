@@ -54,18 +54,13 @@ def _moved_polynomial(outcomes: Outcomes) -> Judgement:
 def _unstable_polynomial(outcomes: Outcomes) -> Judgement:
     worse, unstable, told = [], [], []
     for condition in CONDITIONS:
-        by_set = {
-            model: measured(outcomes, condition, model).mean(axis=2)[..., 1:]
-            for model in (POLYNOMIAL, *LEARNT)
-        }
+        by_set = {model: measured(outcomes, condition, model).mean(axis=2)[..., 1:] for model in (POLYNOMIAL, *LEARNT)}
         mean = {model: hourly(outcomes, condition, model).mean(axis=1)[:, 1:] for model in by_set}
         scatter = {model: found.std(axis=1).mean(axis=0) for model, found in by_set.items()}
         worse += list(np.all([less(mean[each], mean[POLYNOMIAL], CONSIDERABLE) for each in LEARNT], axis=0))
         unstable += list(np.all([scatter[POLYNOMIAL] > scatter[each] for each in LEARNT], axis=0))
         over = mean[POLYNOMIAL] / np.max([mean[each] for each in LEARNT], axis=0)
-        told.append(
-            f"{condition} J2 {mean_and_spread(over[:, 0], 2)}, J3 {mean_and_spread(over[:, 1], 2)} times"
-        )
+        told.append(f"{condition} J2 {mean_and_spread(over[:, 0], 2)}, J3 {mean_and_spread(over[:, 1], 2)} times")
     return statement(worse, unstable, "error over the worse of network and linear model: " + ", ".join(told))
 
 
@@ -81,9 +76,7 @@ def _longer_is_better(outcomes: Outcomes) -> Judgement:
 
 def _arrows(outcomes: Outcomes) -> Judgement:
     marked = {
-        model: np.concatenate(
-            [considerably_better(outcomes, condition, model).ravel() for condition in CONDITIONS]
-        )
+        model: np.concatenate([considerably_better(outcomes, condition, model).ravel() for condition in CONDITIONS])
         for model in (*REGRESSIONS, NETWORK)
     }
     told = ", ".join(f"{model} {each.sum()} of {each.size}" for model, each in marked.items())
@@ -94,8 +87,7 @@ def _arrows(outcomes: Outcomes) -> Judgement:
 
 def _linear_after_hour_3(outcomes: Outcomes) -> Judgement:
     ends = {
-        model: [hourly(outcomes, "unloaded", model, sets)[:, LATE, 0] for sets in (SHORT, LONG)]
-        for model in LEARNT
+        model: [hourly(outcomes, "unloaded", model, sets)[:, LATE, 0] for sets in (SHORT, LONG)] for model in LEARNT
     }
     gained = {model: 1.0 - long / short for model, (short, long) in ends.items()}
     told = "; ".join(

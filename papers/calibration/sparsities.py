@@ -75,9 +75,7 @@ def recorded(
     test = {}
     for sparsity, count in recordings.items():
         n = int(sparsity.removeprefix("1/"))
-        train[sparsity] = [
-            calibration_log(plant, draws(seed, 50, n, k), sparsities=(1.0 / n,)) for k in range(count)
-        ]
+        train[sparsity] = [calibration_log(plant, draws(seed, 50, n, k), sparsities=(1.0 / n,)) for k in range(count)]
         test[sparsity] = random_log(plant, draws(seed, 51, n), test_seconds)
         if sparsity == finest:
             break
@@ -127,9 +125,7 @@ def combinations(outcomes: Outcomes) -> dict[str, float]:
     seconds: dict[str, list[float]] = {}
     for told, result in outcomes.items(sparsity_errors):
         seconds.setdefault(told["name"], []).append(result["seconds"])
-    return dict(
-        sorted(((name, float(np.mean(each))) for name, each in seconds.items()), key=lambda one: one[1])
-    )
+    return dict(sorted(((name, float(np.mean(each))) for name, each in seconds.items()), key=lambda one: one[1]))
 
 
 def repetitions(outcomes: Outcomes, name: str, method: str) -> Floats:
@@ -160,6 +156,4 @@ def deviations(outcomes: Outcomes, name: str, method: str) -> Floats:
 def short_and_long(outcomes: Outcomes) -> tuple[list[str], list[str]]:
     """Return the combinations below 500 s and those above 800 s, each the shortest first."""
     seconds = combinations(outcomes)
-    return [n for n, time in seconds.items() if time < SHORT], [
-        n for n, time in seconds.items() if time > LONG
-    ]
+    return [n for n, time in seconds.items() if time < SHORT], [n for n, time in seconds.items() if time > LONG]

@@ -43,19 +43,12 @@ def speed(sparsities: Sequence[float], trainings: int, calls: int) -> Result:
             model = fitted([log], METHODS[kind])
             seconds.append(time.perf_counter() - begin)
         data = rows_of(model, log)
-        tick = Corrector(model).bind(
-            data.q_nominal[0].copy(), data.X[0].copy(), np.zeros(3), np.zeros(3, dtype=bool)
-        )
+        tick = Corrector(model).bind(data.q_nominal[0].copy(), data.X[0].copy(), np.zeros(3), np.zeros(3, dtype=bool))
         answer = partial(framework_model(kind, data.X, data.error).predict, data.X[:1].copy())
         found["train"][kind] = float(np.median(seconds))
         found["deployed"][kind] = 1e6 * _median(tick, calls)
         found["framework"][kind] = 1e6 * _median(answer, calls)
-    return {
-        "processor": processor(),
-        "recorded": float(stamps[-1] - stamps[0]),
-        "rows": len(log),
-        **found,
-    }
+    return {"processor": processor(), "recorded": float(stamps[-1] - stamps[0]), "rows": len(log), **found}
 
 
 def framework_model(kind: str, X: Any, Y: Any) -> Any:

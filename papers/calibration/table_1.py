@@ -70,11 +70,7 @@ MOST_REMOVED, LEAST_REMOVED = 0.76, 0.649
 
 @run(revision=2)
 def direction_errors(
-    seed: int | None,
-    direction: Direction,
-    networks: Sequence[int],
-    sparsities: Sequence[float],
-    test_seconds: float,
+    seed: int | None, direction: Direction, networks: Sequence[int], sparsities: Sequence[float], test_seconds: float
 ) -> Result:
     """Train every method along one direction and test it; return its RMSE on J1 [deg], J2 [deg], J3 [mm]."""
     plant = homed(seed)
@@ -97,11 +93,7 @@ def cases(scope: Scope) -> list[Case]:
     sparsities, seconds = ((1 / 2,), 120.0) if scope.quick else (SPARSITIES, TEST_SECONDS)
     return [
         direction_errors.case(
-            seed=seed,
-            direction=direction,
-            networks=scope.network_seeds,
-            sparsities=sparsities,
-            test_seconds=seconds,
+            seed=seed, direction=direction, networks=scope.network_seeds, sparsities=sparsities, test_seconds=seconds
         )
         for seed in scope.robots
         for direction in ((PAPERS_CHOICE,) if scope.quick else DIRECTIONS)
@@ -130,9 +122,7 @@ def report(outcomes: Outcomes) -> Report:
                     cells.append(f"{TABLE_1[direction][method][j]:.3f}")
             rows.append(cells)
         tables.append(TitledTable(f"{joint} [{unit}], RMSE", Table(header, rows)))
-    return Report(
-        tables, [TitledPicture("RMSE by direction; lines are the paper's", _picture(outcomes, directions))]
-    )
+    return Report(tables, [TitledPicture("RMSE by direction; lines are the paper's", _picture(outcomes, directions))])
 
 
 def _picture(outcomes: Outcomes, directions: Sequence[str]) -> "Figure":
@@ -184,13 +174,9 @@ def _best_direction(outcomes: Outcomes) -> Judgement:
 
 def _share_removed(outcomes: Outcomes, methods: Sequence[str], share: float) -> Judgement:
     shares = {method: removed(outcomes, method) for method in methods}
-    told = "; ".join(
-        f"{method} {by_joint(100.0 * each, digits=0, unit=' %')}" for method, each in shares.items()
-    )
+    told = "; ".join(f"{method} {by_joint(100.0 * each, digits=0, unit=' %')}" for method, each in shares.items())
     # to a per cent: the paper's own shares do not follow from its rounded errors more closely
-    return by_count(
-        [each >= share for one in shares.values() for each in np.round(one.mean(axis=0), 2)], told
-    )
+    return by_count([each >= share for one in shares.values() for each in np.round(one.mean(axis=0), 2)], told)
 
 
 def _joint_3_least(outcomes: Outcomes) -> Judgement:
@@ -202,9 +188,7 @@ def _joint_3_least(outcomes: Outcomes) -> Judgement:
     return by_count(holds, "; ".join(told))
 
 
-FITTED_PART = (
-    "the linear model's and the fixed offset's errors are among what the simulated robot was fitted to"
-)
+FITTED_PART = "the linear model's and the fixed offset's errors are among what the simulated robot was fitted to"
 
 CLAIMS = (
     Claim(

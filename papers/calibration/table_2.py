@@ -113,9 +113,7 @@ def report(outcomes: Outcomes) -> Report:
                 cells += [mean_and_spread(errors(outcomes, model, target)[:, j]), f"{paper[j]:.3f}"]
             rows.append(cells)
         header = ["model", "on the error", "paper", "end to end", "paper"]
-        tables.append(
-            TitledTable(f"{joint} [{unit}], RMSE, mean of all training sets and hours", Table(header, rows))
-        )
+        tables.append(TitledTable(f"{joint} [{unit}], RMSE, mean of all training sets and hours", Table(header, rows)))
     on_error, end_to_end, epochs = _epochs(outcomes)
     if len(on_error):
         told = [f"{epochs[0]} on the error", *(f"{count} end to end" for count in epochs)]
@@ -125,9 +123,7 @@ def report(outcomes: Outcomes) -> Report:
             for name, of_robots in zip(told, values, strict=True)
         ]
         header = ["epochs", *(f"{joint} [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True))]
-        tables.append(
-            TitledTable("Network on the longest training set, mean of six hours", Table(header, rows))
-        )
+        tables.append(TitledTable("Network on the longest training set, mean of six hours", Table(header, rows)))
     return Report(tables)
 
 
@@ -169,9 +165,7 @@ def _best_on_error(outcomes: Outcomes) -> Judgement:
 def _epochs_help(outcomes: Outcomes) -> Judgement:
     on_error, end_to_end, epochs = _epochs(outcomes)
     few, many = end_to_end[:, 0], end_to_end[:, -1]
-    told = (
-        f"end to end after {epochs[0]} and {epochs[-1]} epochs, on the error: {by_joint(few, many, on_error)}"
-    )
+    told = f"end to end after {epochs[0]} and {epochs[-1]} epochs, on the error: {by_joint(few, many, on_error)}"
     return statement(less(many, few), less(on_error, many), told)
 
 

@@ -101,8 +101,7 @@ def rows_of_ours(outcomes: Outcomes, kind: str) -> list[list[str]]:
         last = found[:, -1]
         spread = [""] * len(low) if len(last) < 2 else [f" ± {s:.3f}" for s in last.std(axis=0, ddof=1)]
         rows.append(
-            [f"{method}, here", SIMULATED]
-            + [f"{a:.3f}–{b:.3f}{s}" for a, b, s in zip(low, high, spread, strict=True)]
+            [f"{method}, here", SIMULATED] + [f"{a:.3f}–{b:.3f}{s}" for a, b, s in zip(low, high, spread, strict=True)]
         )
     return rows
 
@@ -120,11 +119,7 @@ def report(outcomes: Outcomes) -> Report:
     rows += rows_of_ours(outcomes, "errors")
     header = ["method", "robot", *(f"{j} [{u}]" for j, u in zip(JOINTS, UNITS, strict=True))]
     return Report(
-        [
-            TitledTable(
-                "RMSE, least to greatest of hours 0 to 5, ± over robots in hour 5", Table(header, rows)
-            )
-        ],
+        [TitledTable("RMSE, least to greatest of hours 0 to 5, ± over robots in hour 5", Table(header, rows))],
         [
             TitledPicture(
                 "RMSE in every hour, mean over robots; bands: the paper's network; dotted: the published filter",
@@ -161,12 +156,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
             found = hours(outcomes, method)
             if found.size:
                 panel.plot(
-                    range(found.shape[1]),
-                    found.mean(axis=0)[:, j],
-                    "o-",
-                    color=COLORS[method],
-                    ms=3,
-                    label=method,
+                    range(found.shape[1]), found.mean(axis=0)[:, j], "o-", color=COLORS[method], ms=3, label=method
                 )
         panel.axhline(TABLE_3_OTHERS["Haghighipanah [13]", "RAVEN-II", "UKF"][j], color=COLORS[UKF], ls=":")
         panel.set_ylim(bottom=0.0)
@@ -203,9 +193,7 @@ BEYOND = {
 
 
 def _claims(method: str, name: str) -> tuple[Claim, Claim]:
-    published = "; ".join(
-        f"{a} to {b} {unit}" for (a, b), unit in zip(TABLE_3_OURS[method], UNITS, strict=True)
-    )
+    published = "; ".join(f"{a} to {b} {unit}" for (a, b), unit in zip(TABLE_3_OURS[method], UNITS, strict=True))
     return (
         Claim(
             f"Over six unloaded hours the {name}'s errors stay in the range of table III",

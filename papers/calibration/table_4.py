@@ -22,16 +22,7 @@ from papers.calibration.recordings import BEST, NETWORK
 from papers.calibration.six_hours import OFFSET, RAW
 from papers.calibration.table_3 import COLORS, SHARE, cases, extremes, hours, rows_of_ours
 from papers.claims import by_count, mean_and_spread
-from papers.experiment import (
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, TitledPicture, TitledTable, after_headline
 from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:
@@ -55,16 +46,8 @@ def report(outcomes: Outcomes) -> Report:
     rows += rows_of_ours(outcomes, "tip")
     header = ["method", "robot", *(f"{axis} [mm]" for axis in AXES)]
     return Report(
-        [
-            TitledTable(
-                "RMSE, least to greatest of hours 0 to 5, ± over robots in hour 5", Table(header, rows)
-            )
-        ],
-        [
-            TitledPicture(
-                "RMSE in every hour, mean over robots; bands: the paper's network", _picture(outcomes)
-            )
-        ],
+        [TitledTable("RMSE, least to greatest of hours 0 to 5, ± over robots in hour 5", Table(header, rows))],
+        [TitledPicture("RMSE in every hour, mean over robots; bands: the paper's network", _picture(outcomes))],
     )
 
 

@@ -97,10 +97,7 @@ def end_to_end(outcomes: Outcomes, model: str) -> Floats:
 def report(outcomes: Outcomes) -> Report:
     """Return the seven aspects, network and linear model beside the paper's, and what was timed where."""
     rows = []
-    for told, sets, published in (
-        ("accuracy", LONGEST, TABLE_5_ACCURACY),
-        ("data hunger", SHORTEST, TABLE_5_HUNGER),
-    ):
+    for told, sets, published in (("accuracy", LONGEST, TABLE_5_ACCURACY), ("data hunger", SHORTEST, TABLE_5_HUNGER)):
         for condition in CONDITIONS:
             network, linear = (six_hours(outcomes, condition, model, sets) for model in KINDS)
             by = published.get(condition)
@@ -224,9 +221,7 @@ def _irrelevant(outcomes: Outcomes) -> Judgement:
     found = {model: growth(outcomes, model) for model in (*KINDS, LARGER)}
     told = "; ".join(f"{model} {by_joint(each, digits=2)}" for model, each in found.items())
     linear, larger = found["linear"], found[LARGER]
-    return statement(
-        linear.mean(axis=0) >= RUINED, less(larger, linear), f"in times the error of 16 inputs: {told}"
-    )
+    return statement(linear.mean(axis=0) >= RUINED, less(larger, linear), f"in times the error of 16 inputs: {told}")
 
 
 def _train_on_error(outcomes: Outcomes) -> Judgement:

@@ -33,14 +33,7 @@ from papers.experiment import (
 )
 from papers.gravity.figure_9 import LAST, UNITS, USUAL, error_table, errors, others_of, picture
 from papers.gravity.figure_10 import SENSED
-from papers.gravity.tracking import (
-    ADAPTIVE,
-    CALLED,
-    CONTROLLERS,
-    ROCKING,
-    ROCKING_ASIDE,
-    follow_sinusoids,
-)
+from papers.gravity.tracking import ADAPTIVE, CALLED, CONTROLLERS, ROCKING, ROCKING_ASIDE, follow_sinusoids
 
 LEARNT = tuple((name, "absolute") for name in ADAPTIVE)
 RELATIVE = tuple((name, "relative") for name in (*CONTROLLERS, *ADAPTIVE))
@@ -62,11 +55,7 @@ def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot, base and group of controllers; those of figures 9 and 10 are theirs."""
     if scope.quick:
         one = (("adaptive-dg", "absolute"),)
-        return [
-            follow_sinusoids.case(
-                seed=None, base=ROCKING, way="increments", controllers=one, cycles=1, axes=["y"]
-            )
-        ]
+        return [follow_sinusoids.case(seed=None, base=ROCKING, way="increments", controllers=one, cycles=1, axes=["y"])]
     usual = {LAST: USUAL, ROCKING: (*USUAL[:2], *SENSED)}
     return [
         *(
@@ -110,14 +99,10 @@ def _with_relative_damping(outcomes: Outcomes) -> list[str]:
     """Say how far the adaptive law is off where the damping is not the robot's own, which the claims rest on."""
     told = []
     for base in BASES:
-        plain, law = (
-            errors(outcomes, base, "joints", name, "relative")[:, 0] for name in ("pd", "adaptive-dg")
-        )
+        plain, law = (errors(outcomes, base, "joints", name, "relative")[:, 0] for name in ("pd", "adaptive-dg"))
         if len(plain) and len(law):
             where = "on the rocking base" if base == ROCKING else f"at {base} deg"
-            told.append(
-                f"{where} by {mean_and_spread(law, 2)} deg, PD alone by {mean_and_spread(plain, 2)} deg"
-            )
+            told.append(f"{where} by {mean_and_spread(law, 2)} deg, PD alone by {mean_and_spread(plain, 2)} deg")
     if not told:
         return []
     return [

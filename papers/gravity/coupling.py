@@ -122,9 +122,7 @@ def loop(arm: Linear, hz: ArrayLike, sensing: Sensing, base_hz: float, zeta: flo
     """Return the loop gain L (N,) of a base of mass or inertia 1: through sensor, torque and arm back to it."""
     s, w = 2j * np.pi * np.atleast_1d(np.asarray(hz, dtype=float)), 2.0 * np.pi * base_hz
     back = arm.h * (s * s)[:, None] + arm.t
-    around: Complexes = (back * joint_response(arm, hz, sensing)).sum(axis=1) / (
-        s * s + 2.0 * zeta * w * s + w * w
-    )
+    around: Complexes = (back * joint_response(arm, hz, sensing)).sum(axis=1) / (s * s + 2.0 * zeta * w * s + w * w)
     return around
 
 
@@ -161,9 +159,7 @@ def largest_unstable_base(
 
 def _around(arm: Linear, sensing: Sensing, base_hz: float, zeta: float, most_hz: float) -> Complexes:
     """Return L of a base of size 1 along the imaginary axis, densely near the base's own frequency."""
-    grid = np.unique(
-        np.concatenate([np.geomspace(1e-3, most_hz, 4000), base_hz * np.linspace(0.8, 1.2, 2001)])
-    )
+    grid = np.unique(np.concatenate([np.geomspace(1e-3, most_hz, 4000), base_hz * np.linspace(0.8, 1.2, 2001)]))
     return loop(arm, grid, sensing, base_hz, zeta)
 
 

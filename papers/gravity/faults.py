@@ -135,15 +135,7 @@ def outcome(start: Start, fault: str, fallback: str, healthy: Floats) -> Moved:
     else:
         off = np.abs(true - healthy)
     moved = (off.max(axis=0) * SHOWN).tolist()
-    return Moved(
-        fault,
-        fallback,
-        tuple(moved),
-        tuple(report.ticks),
-        tuple(report.faults),
-        report.messages,
-        stopped,
-    )
+    return Moved(fault, fallback, tuple(moved), tuple(report.ticks), tuple(report.faults), report.messages, stopped)
 
 
 @run(revision=1)
@@ -268,20 +260,14 @@ def report(outcomes: Outcomes) -> Report:
     """Return the largest motions, all of them, what was said, and the picture."""
     kinds, fallbacks = _shown(outcomes)
     unnamed = [
-        kind
-        for kind in kinds
-        if not any(one[kind]["faults"] for one in outcomes.of(break_sensor) if kind in one)
+        kind for kind in kinds if not any(one[kind]["faults"] for one in outcomes.of(break_sensor) if kind in one)
     ]
     worst = max(float(moved(outcomes, kind, name)[:, :2].max()) for kind in kinds for name in fallbacks)
     over = "more" if worst > LIMIT_DEG else "less"
     return Report(
         [
-            TitledTable(
-                "Largest motion because of any fault, by fallback, of all robots", largest_table(outcomes)
-            ),
-            TitledTable(
-                "Largest motion because of a fault, mean and spread over robots", fault_table(outcomes)
-            ),
+            TitledTable("Largest motion because of any fault, by fallback, of all robots", largest_table(outcomes)),
+            TitledTable("Largest motion because of a fault, mean and spread over robots", fault_table(outcomes)),
             TitledTable("What is said", message_table(outcomes)),
         ],
         [

@@ -37,9 +37,7 @@ def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and group of controllers."""
     if scope.quick:
         return [
-            follow_sinusoids.case(
-                seed=None, base=ROCKING, way="increments", controllers=USUAL, cycles=1, axes=["y"]
-            )
+            follow_sinusoids.case(seed=None, base=ROCKING, way="increments", controllers=USUAL, cycles=1, axes=["y"])
         ]
     return [
         *(
@@ -69,10 +67,7 @@ def report(outcomes: Outcomes) -> Report:
 def _little_effect(outcomes: Outcomes) -> Judgement:
     found = outcomes.of(follow_sinusoids, base=ROCKING, way="increments")
     changes = {
-        name: [
-            100.0 * (one[f"{name} absolute"]["tip_mm"][3] / one["pd absolute"]["tip_mm"][3] - 1.0)
-            for one in found
-        ]
+        name: [100.0 * (one[f"{name} absolute"]["tip_mm"][3] / one["pd absolute"]["tip_mm"][3] - 1.0) for one in found]
         for name in CONTROLLERS[1:]
     }
     told = ", ".join(f"{name.upper()} {mean_and_spread(values, 1)} %" for name, values in changes.items())

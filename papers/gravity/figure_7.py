@@ -18,27 +18,10 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.reports.page import Table
 from papers.claims import by_count, graded, mean_and_spread
-from papers.experiment import (
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, TitledPicture, TitledTable, after_headline
 from papers.figures import COLORS, panels
 from papers.gravity.published import FIGURE_7_DEG
-from papers.gravity.static_poses import (
-    DRIVEN,
-    Approach,
-    angles_of,
-    approaches_of,
-    cases,
-    rms,
-    static,
-)
+from papers.gravity.static_poses import DRIVEN, Approach, angles_of, approaches_of, cases, rms, static
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,8 +45,7 @@ def report(outcomes: Outcomes) -> Report:
     """Return how far the terms are from PD's torque by base, joint and way of coming to the poses."""
     tables = [
         TitledTable(
-            f"PD's torque less the term, RMS over RMS of PD's torque [%], {approach}",
-            _table(outcomes, approach),
+            f"PD's torque less the term, RMS over RMS of PD's torque [%], {approach}", _table(outcomes, approach)
         )
         for approach in approaches_of(outcomes)
     ]
@@ -91,12 +73,9 @@ def _table(outcomes: Outcomes, approach: Approach) -> Table:
     for angle in angles_of(outcomes):
         by_term = {term: differences(outcomes, term, angle, approach) for term in TERMS}
         rows.append(
-            [f"{angle}"]
-            + [mean_and_spread(by_term[term][:, joint], 1) for joint in range(3) for term in TERMS]
+            [f"{angle}"] + [mean_and_spread(by_term[term][:, joint], 1) for joint in range(3) for term in TERMS]
         )
-    return Table(
-        ["base [deg]", *(f"J{joint + 1}, {term.upper()}" for joint in range(3) for term in TERMS)], rows
-    )
+    return Table(["base [deg]", *(f"J{joint + 1}, {term.upper()}" for joint in range(3) for term in TERMS)], rows)
 
 
 def _picture(outcomes: Outcomes) -> "Figure":
@@ -108,16 +87,12 @@ def _picture(outcomes: Outcomes) -> "Figure":
                 poses, held = told["poses_deg"], result["pd"]
                 axis.plot(poses, _joint_1(held["torque"]), "o-", color=COLORS["pd"], label="PD: its torque")
                 for term in TERMS:
-                    axis.plot(
-                        poses, _joint_1(held[term]), "o-", color=COLORS[term], label=f"{term.upper()} term"
-                    )
+                    axis.plot(poses, _joint_1(held[term]), "o-", color=COLORS[term], label=f"{term.upper()} term")
             axis.set_title(f"base at {angle} deg, {approach}", fontsize=10)
         axes[2 * k].set_ylabel("torque of joint 1 [Nm]")
     for axis in axes[-2:]:
         axis.set_xlabel("joint 1 [deg]")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9
-    )
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 

@@ -15,28 +15,10 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.reports.page import Table
 from papers.claims import by_count, graded, mean_and_spread
-from papers.experiment import (
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, TitledPicture, TitledTable, after_headline
 from papers.figures import COLORS, LABELS, panels
 from papers.gravity.published import LARGEST_BASE_DEG
-from papers.gravity.static_poses import (
-    CONTROLLERS,
-    DRIVEN,
-    Approach,
-    angles_of,
-    approaches_of,
-    cases,
-    rms,
-    static,
-)
+from papers.gravity.static_poses import CONTROLLERS, DRIVEN, Approach, angles_of, approaches_of, cases, rms, static
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,9 +55,7 @@ def _of_joints_2_and_3(outcomes: Outcomes) -> list[str]:
     for approach in approaches_of(outcomes):
         found = shares(outcomes, "dg", 0, approach)
         if len(found):
-            told = ", ".join(
-                f"joint {joint + 1} {mean_and_spread(found[:, joint], 1)} %" for joint in range(3)
-            )
+            told = ", ".join(f"joint {joint + 1} {mean_and_spread(found[:, joint], 1)} %" for joint in range(3))
             remarks.append(f"{approach}: {told}")
     if not remarks:
         return []
@@ -101,9 +81,7 @@ def _errors(outcomes: Outcomes, approach: Approach) -> Table:
         for name in CONTROLLERS:
             results = outcomes.of(static, angle_deg=angle, approach=approach)
             errors = np.array([rms(result[name]["error"]) for result in results]).reshape(-1, 3)
-            rows.append(
-                [f"{angle} deg, {LABELS[name]}", *(mean_and_spread(errors[:, joint]) for joint in range(3))]
-            )
+            rows.append([f"{angle} deg, {LABELS[name]}", *(mean_and_spread(errors[:, joint]) for joint in range(3))])
     return Table(["base, controller", "J1 [deg]", "J2 [deg]", "J3 [mm]"], rows)
 
 
@@ -115,17 +93,13 @@ def _picture(outcomes: Outcomes) -> "Figure":
         for name in COMPENSATED:
             by_robot = np.array([shares(outcomes, name, angle, approach)[:, 0] for angle in angles]).T
             for k, share in enumerate(by_robot):
-                style = (
-                    {"linewidth": 2.0, "label": LABELS[name]} if k == 0 else {"linewidth": 0.7, "alpha": 0.6}
-                )
+                style = {"linewidth": 2.0, "label": LABELS[name]} if k == 0 else {"linewidth": 0.7, "alpha": 0.6}
                 axis.plot(angles, share, "o-", color=COLORS[name], markersize=3, **style)
         axis.set_title(approach, fontsize=10)
         axis.set_xlabel("base about Z0 [deg]")
         axis.set_ylim(bottom=0.0)
     axes[0].set_ylabel("PD share of joint 1 [%]")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9
-    )
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9)
     return figure
 
 

@@ -55,11 +55,7 @@ NO_GAIN = 2.0  # percent of PD's error below which a gain counts as lost
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot, base and way of sending, and further controllers on the nominal robot."""
     if scope.quick:
-        return [
-            follow_sinusoids.case(
-                seed=None, base=LAST, way="increments", controllers=USUAL, cycles=1, axes=["y"]
-            )
-        ]
+        return [follow_sinusoids.case(seed=None, base=LAST, way="increments", controllers=USUAL, cycles=1, axes=["y"])]
     usual = [
         follow_sinusoids.case(seed=seed, base=str(angle), way=way, controllers=USUAL)
         for seed in scope.robots
@@ -134,17 +130,7 @@ def others_of(outcomes: Outcomes, base: str, ways: Sequence[str] = WAYS[1:]) -> 
                         *(f"{100.0 * share:.1f} %" for share in one["pd_share"]),
                     ]
                 )
-    header = [
-        "controller",
-        "damping",
-        "sent as",
-        "J1 [deg]",
-        "J2 [deg]",
-        "J3 [mm]",
-        "PD share J1",
-        "J2",
-        "J3",
-    ]
+    header = ["controller", "damping", "sent as", "J1 [deg]", "J2 [deg]", "J3 [mm]", "PD share J1", "J2", "J3"]
     return Table(header, rows)
 
 
@@ -161,12 +147,8 @@ def picture(outcomes: Outcomes, bases: tuple[str, ...], names: tuple[str, ...]) 
                 color = COLORS.get(name, "#8fb8a8")
                 label = CALLED[name] if i == 0 else None
                 axes.bar(place, values.mean(), 0.72 / len(names), color=color, label=label)
-                axes.plot(
-                    np.full(len(values), place), values, "o", color="white", markeredgecolor="#1c2430", ms=2.5
-                )
-        axes.set_xticks(
-            range(len(bases)), [f"{base} deg" if base.isdigit() else base for base in bases], fontsize=8
-        )
+                axes.plot(np.full(len(values), place), values, "o", color="white", markeredgecolor="#1c2430", ms=2.5)
+        axes.set_xticks(range(len(bases)), [f"{base} deg" if base.isdigit() else base for base in bases], fontsize=8)
         axes.set_title(f"joint {joint + 1}", fontsize=10)
         axes.set_ylabel(f"RMS error [{UNITS[joint]}]")
     legend_below(drawn, three[0], columns=len(names))
@@ -176,22 +158,14 @@ def picture(outcomes: Outcomes, bases: tuple[str, ...], names: tuple[str, ...]) 
 def report(outcomes: Outcomes) -> Report:
     """Return the paper's picture, its table for either way of sending, and further controllers."""
     bases = tuple(str(angle) for angle in ANGLES_DEG if outcomes.of(follow_sinusoids, base=str(angle)))
-    titles = {
-        "increments": "Sent as workspace increments, as the paper did",
-        "joints": "Sent as joint references",
-    }
+    titles = {"increments": "Sent as workspace increments, as the paper did", "joints": "Sent as joint references"}
     tables = [TitledTable(titles[way], error_table(outcomes, bases, way, CONTROLLERS)) for way in WAYS]
     tables.append(
-        TitledTable(
-            f"Better sensors, and other controllers: nominal robot, base at {LAST} deg",
-            others_table(outcomes),
-        )
+        TitledTable(f"Better sensors, and other controllers: nominal robot, base at {LAST} deg", others_table(outcomes))
     )
     drawn = picture(outcomes, bases, CONTROLLERS)
     caption = "RMS of desired minus reported position by base angle; bars are means, dots are robots"
-    return Report(
-        [one for one in tables if one.table.rows], [TitledPicture(caption, drawn)], _efforts_told(outcomes)
-    )
+    return Report([one for one in tables if one.table.rows], [TitledPicture(caption, drawn)], _efforts_told(outcomes))
 
 
 def efforts(outcomes: Outcomes, base: str, controller: str, joint: int) -> Floats:
@@ -247,12 +221,9 @@ def _static_increases(outcomes: Outcomes) -> Judgement:
 
 
 def _less_effort(outcomes: Outcomes) -> Judgement:
-    pairs = {
-        angle: [efforts(outcomes, str(angle), name, 0) for name in ("sg", "dg")] for angle in ANGLES_DEG[1:]
-    }
+    pairs = {angle: [efforts(outcomes, str(angle), name, 0) for name in ("sg", "dg")] for angle in ANGLES_DEG[1:]}
     told = ", ".join(
-        f"{angle} deg {mean_and_spread(sg, 2)} to {mean_and_spread(dg, 2)}"
-        for angle, (sg, dg) in pairs.items()
+        f"{angle} deg {mean_and_spread(sg, 2)} to {mean_and_spread(dg, 2)}" for angle, (sg, dg) in pairs.items()
     )
     return by_count([dg.mean() < sg.mean() for sg, dg in pairs.values()], f"SG to DG: {told} Nm")
 

@@ -83,33 +83,22 @@ def responses(points: int) -> Result:
     for motion in MOTIONS:
         arm = raven_on(motion)
         stable[motion] = {name: [smallest_base(arm, way, hz) for hz in BASE_HZ] for name, way in ways.items()}
-        unstable[motion] = {
-            name: [largest_unstable_base(arm, way, hz) for hz in BASE_HZ] for name, way in ways.items()
-        }
+        unstable[motion] = {name: [largest_unstable_base(arm, way, hz) for hz in BASE_HZ] for name, way in ways.items()}
     return {
-        "response": {
-            name: np.abs(joint_response(turn, FREQUENCIES, way)[:, 0]).tolist() for name, way in ways.items()
-        },
+        "response": {name: np.abs(joint_response(turn, FREQUENCIES, way)[:, 0]).tolist() for name, way in ways.items()},
         "curves": {
             "rocking_hz": _rounded(kept),
-            "joint": {
-                name: _rounded(np.abs(joint_response(turn, kept, way)[:, 0])) for name, way in ways.items()
-            },
+            "joint": {name: _rounded(np.abs(joint_response(turn, kept, way)[:, 0])) for name, way in ways.items()},
             "around_hz": _rounded(near),
             "around": {
-                name: _rounded(np.abs(loop(sway, near, way, DRAWN_HZ)) / DRAWN_KG)
-                for name, way in ways.items()
+                name: _rounded(np.abs(loop(sway, near, way, DRAWN_HZ)) / DRAWN_KG) for name, way in ways.items()
             },
         },
         "stable": stable,
         "unstable": unstable,
         "own": {motion: raven_on(motion).own for motion in MOTIONS},
         "sustained": [
-            {
-                "acceleration": a,
-                "lacking": (sway.h * a).tolist(),
-                "off": (sway.h * a / sway.kp * SHOWN).tolist(),
-            }
+            {"acceleration": a, "lacking": (sway.h * a).tolist(), "off": (sway.h * a / sway.kp * SHOWN).tolist()}
             for a in ACCELERATIONS
         ],
     }
@@ -128,10 +117,7 @@ def report(outcomes: Outcomes) -> Report:
     """Return what joints feel of a base, which bases are stable, which swing up, and the picture."""
     (found,) = outcomes.of(responses)
     own = found["own"]
-    rows = [
-        [f"{hz:g}", *(f"{found['response'][name][k]:.5f}" for name in WAYS)]
-        for k, hz in enumerate(FREQUENCIES)
-    ]
+    rows = [[f"{hz:g}", *(f"{found['response'][name][k]:.5f}" for name in WAYS)] for k, hz in enumerate(FREQUENCIES)]
     pushed = [
         [
             f"{one['acceleration']:g}",
@@ -146,8 +132,7 @@ def report(outcomes: Outcomes) -> Report:
         "Smallest base that is stable by small gain": _sizes(found["stable"]),
         "Largest base that swings up, by the count of unstable roots": _sizes(found["unstable"]),
         "Sustained acceleration": Table(
-            ["along x [m/s2]", "lacking [Nm Nm N]", "tilt only: J1 J2 J3 off [deg deg mm]", "accelerometer"],
-            pushed,
+            ["along x [m/s2]", "lacking [Nm Nm N]", "tilt only: J1 J2 J3 off [deg deg mm]", "accelerometer"], pushed
         ),
     }
     return Report(
@@ -171,10 +156,7 @@ def _sizes(sizes: Result) -> Table:
     rows = [
         [
             f"{motion}, {hz:g} Hz",
-            *(
-                f"{sizes[motion][name][k]:.3g} {unit}" if sizes[motion][name][k] > 0.0 else "none"
-                for name in WAYS
-            ),
+            *(f"{sizes[motion][name][k]:.3g} {unit}" if sizes[motion][name][k] > 0.0 else "none" for name in WAYS),
         ]
         for motion, unit in MOTIONS.items()
         for k, hz in enumerate(BASE_HZ)

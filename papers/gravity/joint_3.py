@@ -120,9 +120,7 @@ def changes(
 ) -> Floats:
     """Return by how much a controller changes joint 3's error against PD [%], one for each robot."""
     found = outcomes.of(errors, friction=variation.friction, coupling=variation.coupling, damping=damping)
-    return np.array(
-        [100.0 * (result[controller] / result["pd"] - 1.0) for result in found if controller in result]
-    )
+    return np.array([100.0 * (result[controller] / result["pd"] - 1.0) for result in found if controller in result])
 
 
 def report(outcomes: Outcomes) -> Report:
@@ -130,13 +128,9 @@ def report(outcomes: Outcomes) -> Report:
     rows = []
     for damping in get_args(Damping):
         for variation in VARIATIONS:
-            found = outcomes.of(
-                errors, friction=variation.friction, coupling=variation.coupling, damping=damping
-            )
+            found = outcomes.of(errors, friction=variation.friction, coupling=variation.coupling, damping=damping)
             if found:
-                compared = [
-                    mean_and_spread(changes(outcomes, name, variation, damping), 2) for name in COMPENSATED
-                ]
+                compared = [mean_and_spread(changes(outcomes, name, variation, damping), 2) for name in COMPENSATED]
                 plain = mean_and_spread((result["pd"] for result in found), 4)
                 rows.append([f"{variation.name}, {damping} damping", plain, *compared])
     if not rows:
@@ -165,11 +159,7 @@ def _highest(outcomes: Outcomes) -> list[str]:
             values = found[variation, name]
             remarks.append(f"{damping} damping {mean_and_spread(values, 2)} % ({variation}, {LABELS[name]})")
     told = "; ".join(remarks)
-    return (
-        [f"Joint 3's error with compensation against PD alone, where it comes out highest: {told}."]
-        if told
-        else []
-    )
+    return [f"Joint 3's error with compensation against PD alone, where it comes out highest: {told}."] if told else []
 
 
 def _picture(outcomes: Outcomes) -> "Figure":
@@ -189,9 +179,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         )
         panel.set_title(f"{damping} damping", fontsize=10)
     axes[0].set_ylabel("joint 3's error against PD [%]")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9
-    )
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9)
     return figure
 
 

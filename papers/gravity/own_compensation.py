@@ -105,11 +105,7 @@ def _ours(name: str, plant: CablePlant, poses_deg: Sequence[float]) -> Floats:
 def cases(scope: Scope) -> list[Case]:
     """Return a case per robot and base."""
     angles, poses = (ANGLES_DEG[::5], QUICK_POSES_DEG) if scope.quick else (ANGLES_DEG, POSES_DEG)
-    return [
-        held.case(seed=seed, angle_deg=angle, poses_deg=list(poses))
-        for seed in scope.robots
-        for angle in angles
-    ]
+    return [held.case(seed=seed, angle_deg=angle, poses_deg=list(poses)) for seed in scope.robots for angle in angles]
 
 
 def report(outcomes: Outcomes) -> Report:
@@ -150,9 +146,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
     for joint, axes in enumerate(both):
         for law in LAWS:
             for k, seed in enumerate(seeds):
-                found = {
-                    told["angle_deg"]: result[law][joint] for told, result in outcomes.items(held, seed=seed)
-                }
+                found = {told["angle_deg"]: result[law][joint] for told, result in outcomes.items(held, seed=seed)}
                 values = [found.get(angle, np.nan) for angle in angles]
                 style = {"linewidth": 2.0, "label": law} if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
                 axes.plot(angles, values, "o-", color=LAW_COLORS[law], markersize=3, **style)
@@ -160,9 +154,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         axes.set_xlabel("base about Z0 [deg]")
         axes.set_ylim(bottom=0.0)
     both[0].set_ylabel("RMS error [deg]")
-    figure.legend(
-        *both[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(LAWS), frameon=False
-    )
+    figure.legend(*both[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(LAWS), frameon=False)
     return figure
 
 

@@ -94,9 +94,7 @@ def on_cables(*, seed: int | None, angle_deg: float, seconds: float) -> Result:
 def as_rigid_bodies(*, angle_deg: float, seconds: float) -> Result:
     """Hold the same arm's links without friction, springs and cables; returns as `on_cables`."""
     model = load_robot("raven2")
-    drift = {
-        name: _drift(rigid_arm(model, base=turned_base(angle_deg)), name, seconds) for name in CONTROLLERS
-    }
+    drift = {name: _drift(rigid_arm(model, base=turned_base(angle_deg)), name, seconds) for name in CONTROLLERS}
     return drift | {"missing": _missing(angle_deg)}
 
 
@@ -173,11 +171,7 @@ def cases(scope: Scope) -> list[Case]:
         else (ANGLES_DEG, (SECONDS, RIGID_SECONDS, NEUTRAL_SECONDS, ROCKED_SECONDS))
     )
     return [
-        *(
-            on_cables.case(seed=seed, angle_deg=angle, seconds=seconds[0])
-            for seed in scope.robots
-            for angle in angles
-        ),
+        *(on_cables.case(seed=seed, angle_deg=angle, seconds=seconds[0]) for seed in scope.robots for angle in angles),
         *(as_rigid_bodies.case(angle_deg=angle, seconds=seconds[1]) for angle in angles),
         *(neutral.case(angle_deg=angle, seconds=seconds[2]) for angle in angles),
         *(
@@ -192,8 +186,7 @@ def drifts(outcomes: Outcomes, function: Run, controller: str) -> dict[float, Fl
     """Return the largest drift by base [deg], each (robots, 3) [deg, deg, mm]."""
     angles = sorted({told["angle_deg"] for told, _ in outcomes.items(function)})
     return {
-        angle: np.array([result[controller] for result in outcomes.of(function, angle_deg=angle)])
-        for angle in angles
+        angle: np.array([result[controller] for result in outcomes.of(function, angle_deg=angle)]) for angle in angles
     }
 
 
@@ -219,8 +212,7 @@ def report(outcomes: Outcomes) -> Report:
     if outcomes.of(rocked):
         tables.append(
             TitledTable(
-                f"Simulated RAVEN-II on the rocking base, largest drift in {ROCKED_SECONDS:g} s",
-                _rocked(outcomes),
+                f"Simulated RAVEN-II on the rocking base, largest drift in {ROCKED_SECONDS:g} s", _rocked(outcomes)
             )
         )
     caption = "Largest drift of joint 1 by gravity compensation alone; less than 1e-6 deg is drawn there"
@@ -240,11 +232,7 @@ def _drift_table(outcomes: Outcomes, function: Run) -> Table:
         )
     units = ("J1 [deg]", "J2 [deg]", "J3 [mm]")
     return Table(
-        [
-            "base [deg]",
-            *(f"{name.upper()}, {unit}" for name in CONTROLLERS for unit in units),
-            "SG lacks [Nm Nm N]",
-        ],
+        ["base [deg]", *(f"{name.upper()}, {unit}" for name in CONTROLLERS for unit in units), "SG lacks [Nm Nm N]"],
         rows,
     )
 
@@ -267,26 +255,20 @@ def _picture(outcomes: Outcomes) -> "Figure":
             found = drifts(outcomes, function, name)
             for k, drift in enumerate(np.array([each[:, 0] for each in found.values()]).T):
                 style = (
-                    {"linewidth": 2.0, "label": f"{name.upper()} alone"}
-                    if k == 0
-                    else {"linewidth": 0.7, "alpha": 0.5}
+                    {"linewidth": 2.0, "label": f"{name.upper()} alone"} if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
                 )
                 axes.semilogy(list(found), np.maximum(drift, SEEN), "o-", ms=3, color=COLORS[name], **style)
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
     both[0].set_ylabel("largest drift of joint 1 [deg]")
-    figure.legend(
-        *both[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9
-    )
+    figure.legend(*both[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9)
     return figure
 
 
 def _sensed_holds(outcomes: Outcomes) -> Judgement:
     found = drifts(outcomes, on_cables, "dg")
     largest = np.max(list(found.values()), axis=0)  # of each robot's joints over all bases, (robots, 3)
-    told = ", ".join(
-        f"J{joint + 1} {mean_and_spread(largest[:, joint])} {unit}" for joint, unit in enumerate(UNITS)
-    )
+    told = ", ".join(f"J{joint + 1} {mean_and_spread(largest[:, joint])} {unit}" for joint, unit in enumerate(UNITS))
     measured = f"each robot's largest drift at any angle: {told}; at most {largest[:, 0].max():.2f} deg"
     return by_count([drift.max() < HELD for drift in found.values()], measured)
 
@@ -304,9 +286,7 @@ def _nominal_falls(outcomes: Outcomes) -> Judgement:
     ]
     least = [drift.min() for angle, drift in tilted.items() if fell[angle].all()]
     if least:
-        told.insert(
-            0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least"
-        )
+        told.insert(0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least")
     return by_count([*level, *(which.all() for which in fell.values())], "; ".join(told))
 
 

@@ -11,11 +11,7 @@ from catenary.simulation.base_motion import RockingBase
 
 SHOWN = frozen(np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0]))  # rad, rad, m to deg, deg, mm
 Z0 = frozen(np.array([0.0, -1.0, 0.0]))  # in base axes, whose z is up
-ASIDE = (
-    0.0,
-    0.1,
-    0.3,
-)  # [m] the base's origin seen from an axis that it is rocked about: the base accelerates too
+ASIDE = (0.0, 0.1, 0.3)  # [m] the base's origin seen from an axis that it is rocked about: the base accelerates too
 
 
 def turned_base(angle_deg: float) -> FixedBase:

@@ -101,10 +101,7 @@ def residuals(base: RockingBase = ROCKING, *, seed: int = 0, quick: bool = False
             of.append(Residual(name, tuple(float(v) for v in joints), float(np.sqrt(np.mean(joints**2)))))
         return max(of, key=lambda residual: residual.whole)
 
-    rows = [
-        row(LEVEL_BASE, np.tile(LEVEL, (len(times), 1))),
-        row(ATTITUDE, truth_base.gravity),
-    ]
+    rows = [row(LEVEL_BASE, np.tile(LEVEL, (len(times), 1))), row(ATTITUDE, truth_base.gravity)]
     believed = Mounting(rotation=TURNED, position=POSITION)
     real = SensorModel().mounting
     noisy = Mounting(TURNED, POSITION, acceleration_range=real.acceleration_range, rate_range=real.rate_range)
@@ -125,9 +122,7 @@ def residuals(base: RockingBase = ROCKING, *, seed: int = 0, quick: bool = False
         sensed = _sensed(base, sensor, mounting, angular=angular, seed=seed)
         rows.append(row(name, *sensed))
         if name == UNIT:
-            rows += [
-                mispositioned(f"{name}, joints {kind}", off, *sensed) for kind, off in JOINTS_OFF.items()
-            ]
+            rows += [mispositioned(f"{name}, joints {kind}", off, *sensed) for kind, off in JOINTS_OFF.items()]
     return rows
 
 
@@ -160,9 +155,7 @@ def _sensed(
     source = SensedGravity(mailbox, mounting, angular=angular, rules=rules, feed=feed)
     for tick in range(round(SETTLE / TICK)):
         source.read(tick * TICK)
-    readings = [source.read(tick * TICK) for tick in range(round(SETTLE / TICK), round(DURATION / TICK))][
-        ::EVERY
-    ]
+    readings = [source.read(tick * TICK) for tick in range(round(SETTLE / TICK), round(DURATION / TICK))][::EVERY]
     return np.array([r.gravity for r in readings]), np.array([r.base_rates for r in readings])
 
 
@@ -213,9 +206,7 @@ def _magnitude(outcomes: Outcomes) -> Judgement:
 def _falls(outcomes: Outcomes, names: Sequence[str]) -> Judgement:
     """Judge whether every joint lacks less from one source to the next."""
     found, *_ = outcomes.of(lacking_torque)
-    told = "; ".join(
-        f"J{joint} {' > '.join(f'{found[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3)
-    )
+    told = "; ".join(f"J{joint} {' > '.join(f'{found[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3))
     steps = list(itertools.pairwise(names))
     return by_count([found[a][joint] > found[b][joint] for joint in (1, 2, 3) for a, b in steps], told)
 

@@ -119,12 +119,7 @@ def _placed(plant: CablePlant, poses_deg: Sequence[float]) -> dict[str, list[Sto
 
 
 def stand(
-    arm: SimulatedArm,
-    controller: SplitController,
-    q: Floats,
-    *,
-    move: bool,
-    sensed: GravitySource | None = None,
+    arm: SimulatedArm, controller: SplitController, q: Floats, *, move: bool, sensed: GravitySource | None = None
 ) -> Stood:
     """Stand at q, after going there or at once; gravity is what the plant says where no source is given."""
     rest = Rest(q, SETTLE + WATCHED)

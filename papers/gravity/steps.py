@@ -92,13 +92,7 @@ def _step_table(outcomes: Outcomes) -> Table:
         for name in CONTROLLERS
         if results and name in results[0]
     ]
-    header = [
-        "controller",
-        "error before [deg]",
-        "10 to 90 % [s]",
-        "overshoot [deg]",
-        "error at the end [deg]",
-    ]
+    header = ["controller", "error before [deg]", "10 to 90 % [s]", "overshoot [deg]", "error at the end [deg]"]
     return Table(header, rows)
 
 
@@ -134,9 +128,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         if event == "reference":
             one = next(iter(by_name.values()))
             wanted = np.array(one["error"]) + one["moved"]
-            labelled["reference"] = axes.plot(one["time"], wanted - wanted[0], ":", color="#7a8699", lw=1.2)[
-                0
-            ]
+            labelled["reference"] = axes.plot(one["time"], wanted - wanted[0], ":", color="#7a8699", lw=1.2)[0]
         axes.set_title(TITLES[event], fontsize=10)
         axes.set_ylabel("joint 1 moved [deg]" if event == "reference" else "error of joint 1 [deg]")
         axes.set_xlabel("time since it began [s]")

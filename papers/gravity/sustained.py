@@ -57,12 +57,7 @@ FRICTION = ("rotor_friction", "rotor_load_friction", "link_friction", "link_load
 STEP = 1e-5  # [rad|m] of the finite differences of gravity
 AS_IT_IS, NO_FRICTION, BELIEVED = "as it is", "no friction", "no friction, drives as believed"
 # the arm, and how quickly the acceleration comes [s]
-RUNS: tuple[tuple[str, float], ...] = (
-    (AS_IT_IS, ONSET),
-    (AS_IT_IS, SLOW),
-    (NO_FRICTION, ONSET),
-    (BELIEVED, ONSET),
-)
+RUNS: tuple[tuple[str, float], ...] = ((AS_IT_IS, ONSET), (AS_IT_IS, SLOW), (NO_FRICTION, ONSET), (BELIEVED, ONSET))
 
 
 def without_friction(arm: CableArm) -> CableArm:
@@ -72,9 +67,7 @@ def without_friction(arm: CableArm) -> CableArm:
 
 def with_believed_drives(arm: CableArm) -> CableArm:
     """Return the arm with the ratios and the coupling that its firmware assumes."""
-    return arm._replace(
-        cable=arm.cable.replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
-    )
+    return arm._replace(cable=arm.cable.replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy()))
 
 
 def arm_of(name: str) -> CableArm:
@@ -109,9 +102,7 @@ def frictionless(arm: CableArm, controller: str) -> Floats:
     R = np.diag(1.0 + arm.cable.ratio_error)
     G = _gravity_stiffness(LEVEL - ACCELERATION * ALONG)
     Gc = _gravity_stiffness(LEVEL) if controller == "sg" else np.zeros((3, 3))
-    follow = (
-        np.linalg.inv(true) @ np.linalg.inv(R) @ believed
-    )  # true joints per reported, cables not stretched
+    follow = np.linalg.inv(true) @ np.linalg.inv(R) @ believed  # true joints per reported, cables not stretched
     stretch = np.linalg.inv(true) @ np.diag(1.0 / arm.cable.stiffness) @ np.linalg.inv(true.T)
     # y = loose (follow x - stretch delta g)
     loose = np.linalg.inv(np.eye(3) + stretch @ G)
@@ -174,9 +165,7 @@ def _gravity_stiffness(gravity: Floats) -> Floats:
 def cases(scope: Scope) -> list[Case]:
     """Return a case per robot and onset."""
     runs, controllers = (RUNS[2:3], CONTROLLERS[:1]) if scope.quick else (RUNS, CONTROLLERS)
-    return [
-        accelerated.case(robot=robot, onset=onset, controllers=list(controllers)) for robot, onset in runs
-    ]
+    return [accelerated.case(robot=robot, onset=onset, controllers=list(controllers)) for robot, onset in runs]
 
 
 def report(outcomes: Outcomes) -> Report:

@@ -79,11 +79,7 @@ ADAPTIVE = ("adaptive", "adaptive-dg", "recursive", "recursive-dg")
 BY_ORIENTATION = ("dg-attitude", "adaptive-attitude", "recursive-attitude")
 # the laws are for arms at rest; here they learn in motion too, as adaptive control does [rad/s, rad/s, m/s]
 ANY_SPEED = 10.0
-FRICTION = (
-    0.5,
-    0.5,
-    2.0,
-)  # [Nm, Nm, N] of torques in motion, noise to least squares: about what the joints' is
+FRICTION = (0.5, 0.5, 2.0)  # [Nm, Nm, N] of torques in motion, noise to least squares: about what the joints' is
 
 
 class Run(NamedTuple):
@@ -135,9 +131,7 @@ class LastSample:
         self._feed(time)
         while (sample := self._mailbox.take()) is not None:
             self._gravity, self._stamp = -np.array(sample.vector), sample.stamp
-        return GravityReading(
-            self._gravity, time - self._stamp, np.zeros((2, 3)), ReadingStatus.LIVE, Fault.NONE
-        )
+        return GravityReading(self._gravity, time - self._stamp, np.zeros((2, 3)), ReadingStatus.LIVE, Fault.NONE)
 
 
 def gravity_source(name: str, plant: CablePlant) -> GravitySource:

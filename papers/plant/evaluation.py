@@ -119,9 +119,7 @@ def _hour(model: CalibrationModel, log: MotionLog, part: slice) -> Hour:
     )
 
 
-def direction_errors(
-    arm: CableArm, direction: Direction, test_seconds: float = TEST_SECONDS
-) -> dict[str, Floats]:
+def direction_errors(arm: CableArm, direction: Direction, test_seconds: float = TEST_SECONDS) -> dict[str, Floats]:
     """Return errors of a direction of the zig-zag on a robot just homed; the test motion is that of every direction."""
     return errors(*recordings(homed(None, arm=arm), direction, test_seconds=test_seconds))
 

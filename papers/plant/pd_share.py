@@ -72,9 +72,7 @@ def poses_of_joint_1(start: Floats) -> SmoothedPath:
     return SmoothedPath(lines + [BrokenLine([0.0], [position], BLEND) for position in start[1:]])
 
 
-def pd_share(
-    arm: CableArm, base_deg: float, *, sensed: bool, corrector: StateCorrector | None = None
-) -> PDShare:
+def pd_share(arm: CableArm, base_deg: float, *, sensed: bool, corrector: StateCorrector | None = None) -> PDShare:
     """Hold all poses on a tilted base.
 
     Args:

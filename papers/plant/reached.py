@@ -24,17 +24,7 @@ from papers.calibration.published import (
     TABLE_1,
 )
 from papers.calibration.recordings import TEST_SECONDS, homed
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledTable, after_headline, run
 from papers.plant.evaluation import (
     HOMINGS,
     direction_errors,
@@ -46,14 +36,7 @@ from papers.plant.evaluation import (
     six_hours,
 )
 from papers.plant.pd_share import BASE_ANGLES_DEG, pd_share
-from papers.plant.targets import (
-    CLOSE,
-    JOINT_1_FRICTION,
-    PD_SHARE_LIMIT,
-    STATIC_SHARE_LIMIT,
-    TARGETS,
-    joint_1_friction,
-)
+from papers.plant.targets import CLOSE, JOINT_1_FRICTION, PD_SHARE_LIMIT, STATIC_SHARE_LIMIT, TARGETS, joint_1_friction
 
 UNITS = "deg, deg, mm"
 PAYLOAD = 0.5  # [kg]
@@ -223,9 +206,7 @@ def _homings(outcomes: Outcomes) -> Table:
         for k, here in enumerate(reached):
             paper = {0: HOMINGS_LINEAR_J2[0], HOMINGS: HOMINGS_LINEAR_J2[1]}.get(k)
             rows.append([f"after {k}", "-" if paper is None else f"-, {paper:.3f}, -", _text(here)])
-        for k, (name, values) in enumerate(
-            (("least", reached.min(axis=0)), ("greatest", reached.max(axis=0)))
-        ):
+        for k, (name, values) in enumerate((("least", reached.min(axis=0)), ("greatest", reached.max(axis=0)))):
             paper_range = (HOMINGS_LINEAR_J1[k], HOMINGS_LINEAR_J2[k], HOMINGS_J3[k])
             rows.append([f"{name} of all", _text(paper_range), _text(values)])
     return Table(["homings", f"paper [{UNITS}]", "reached"], rows)

@@ -17,18 +17,7 @@ from catenary.arrays import Floats
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from papers.plant.evaluation import mean_errors, six_hours
 from papers.plant.pd_share import pd_share
-from papers.plant.targets import (
-    DRIFT,
-    FITTED,
-    FREE,
-    FRICTION,
-    LAST_HOUR,
-    PD_SHARE,
-    PRIOR,
-    TARGETS,
-    Free,
-    with_factors,
-)
+from papers.plant.targets import DRIFT, FITTED, FREE, FRICTION, LAST_HOUR, PD_SHARE, PRIOR, TARGETS, Free, with_factors
 from papers.results_files import markdown
 
 FRICTION_STEPS, DRIFT_STEPS = 4, 4  # evaluations
@@ -99,9 +88,7 @@ def fit_drift(arm: CableArm) -> Floats:
     tried: list[tuple[Floats, Floats, Floats]] = []  # factors, shift, misses
     for _ in range(DRIFT_STEPS):
         last = six_hours(with_factors(arm, DRIFT, factors))[1]
-        print(
-            f"  set rates x {np.round(factors, 3).tolist()}: {np.round(last.linear, 3).tolist()}", flush=True
-        )
+        print(f"  set rates x {np.round(factors, 3).tolist()}: {np.round(last.linear, 3).tolist()}", flush=True)
         spread = np.square(last.linear) - np.square(last.shift)
         wanted = np.sign(last.shift) * np.sqrt(np.maximum(np.square(LAST_HOUR) - spread, 0.0))
         tried.append((factors, last.shift, np.abs(last.linear / LAST_HOUR - 1.0)))
@@ -147,13 +134,7 @@ def parameters(friction: float, table_1: Floats, drift: Floats) -> list[list[str
         ("six-hour drift", DRIFT, drift),
     )
     return [
-        [
-            free.field,
-            f"J{free.joint + 1}",
-            to,
-            f"{factor:.3f}",
-            f"{1 / free.factor:.2f} to {free.factor:.2f}",
-        ]
+        [free.field, f"J{free.joint + 1}", to, f"{factor:.3f}", f"{1 / free.factor:.2f} to {free.factor:.2f}"]
         for to, group, factors in groups
         for free, factor in zip(group, factors, strict=True)
     ]

@@ -22,14 +22,10 @@ def drawn_arm(rng: np.random.Generator, rows: int) -> MotionLog:
     coupling = _coupling(rng, n)
     cables = q @ coupling.T  # what each motor winds up
     load, friction = _load(rng, q), _friction(rng, cables)
-    stretch = _scales(rng, n, -0.5, 1.0) * load + _scales(rng, n, 0.0, 1.0) * friction * (
-        1.0 + 0.2 * np.abs(load)
-    )
+    stretch = _scales(rng, n, -0.5, 1.0) * load + _scales(rng, n, 0.0, 1.0) * friction * (1.0 + 0.2 * np.abs(load))
     error = stretch @ np.linalg.pinv(coupling).T * _scales(rng, n, 0.0, 0.7)
     believed = rng.normal(size=(n, n)) * _scales(rng, (n, n), -1.5, 1.0) * (rng.random((n, n)) < 0.5)
-    error += q @ believed.T + q * rng.normal(size=n) * _scales(
-        rng, n, -0.5, 1.0
-    )  # wrong couplings and ratios
+    error += q @ believed.T + q * rng.normal(size=n) * _scales(rng, n, -0.5, 1.0)  # wrong couplings and ratios
     error += _scales(rng, n, -1.0, 1.0) * np.sin(q * rng.uniform(1.0, 12.0, n) + _phases(rng, n))  # run-out
     error /= error.std(axis=0)
     error += _slow(rng, rows, n) * np.exp(rng.uniform(np.log(0.01), np.log(0.5), n))
@@ -65,9 +61,7 @@ def motion(rng: np.random.Generator, rows: int, n: int) -> Floats:
 
 def _coupling(rng: np.random.Generator, n: int) -> Floats:
     """Return how much of each joint each cable winds up: joints before it, and a wrist's last two one another."""
-    coupling = np.tril(
-        rng.normal(size=(n, n)) * _scales(rng, (n, n), -1.0, 0.8) * (rng.random((n, n)) < 0.6), -1
-    )
+    coupling = np.tril(rng.normal(size=(n, n)) * _scales(rng, (n, n), -1.0, 0.8) * (rng.random((n, n)) < 0.6), -1)
     coupling += np.eye(n)
     if rng.random() < 0.5:
         coupling[-2, -1] = rng.uniform(0.3, 1.0) * rng.choice([-1.0, 1.0])

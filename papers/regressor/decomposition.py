@@ -47,13 +47,8 @@ def parameter_texts(model: RobotModel) -> list[str]:
     for k in range(n):
         beyond = carried_links(model.tree, k)
         for j in range(-1, n):
-            texts += [
-                expression_text(moment_expression(model, j, axis)) if j in beyond else "0"
-                for axis in range(3)
-            ]
-    return texts + [
-        expression_text(mass_expression(model, int(j))) for j in np.flatnonzero(model.tree.prismatic)
-    ]
+            texts += [expression_text(moment_expression(model, j, axis)) if j in beyond else "0" for axis in range(3)]
+    return texts + [expression_text(mass_expression(model, int(j))) for j in np.flatnonzero(model.tree.prismatic)]
 
 
 def block_texts(model: RobotModel, joint: int) -> list[str]:

@@ -40,20 +40,11 @@ from catenary.plant import JointState
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.trajectories.smoothed_path import SmoothedPath
 from papers.experiment import Result, run
-from papers.regressor.published import (
-    APPROACH_ONE,
-    APPROACH_POSE,
-    APPROACH_TWO,
-    ESTIMATION,
-    HOMING,
-    HOMING_AGAIN,
-)
+from papers.regressor.published import APPROACH_ONE, APPROACH_POSE, APPROACH_TWO, ESTIMATION, HOMING, HOMING_AGAIN
 
 # printed: as the paper prints it, damping -Kd qd, and estimation from 7 to 12 s on the compact or the full Z; longer:
 # the same to the end of the motion
-ControllerName = Literal[
-    "pd", "law", "rls", "printed-pd", "printed-compact", "printed-full", "printed-longer"
-]
+ControllerName = Literal["pd", "law", "rls", "printed-pd", "printed-compact", "printed-full", "printed-longer"]
 Start = Literal["zero", "wrong"]
 ALONE = ("pd", "printed-pd")
 LIMBS = {"trunk": slice(0, 3), "left arm": slice(3, 11), "right arm": slice(11, 19)}
@@ -156,9 +147,7 @@ def wrong_parameters(model: RobotModel, seed: int = 1, *, form: Form = "compact"
     mass = model.tree.mass * 2.0 ** rng.uniform(-1.0, 1.0, links)
     com = model.tree.com * rng.uniform(0.5, 1.5, (links, 1))
     wrong = replace(model, tree=model.tree._replace(mass=mass, com=com))
-    return (
-        compact_regressor(model).parameters(wrong) if form == "compact" else gravity_parameters(wrong).values
-    )
+    return compact_regressor(model).parameters(wrong) if form == "compact" else gravity_parameters(wrong).values
 
 
 class Scheduled:
@@ -175,9 +164,7 @@ class Scheduled:
         return self._estimator.torque(state.q, state.gravity)
 
 
-def controller_of(
-    controller: ControllerName, start: Start, model: RobotModel, *, pace: float = 1.0
-) -> Controller:
+def controller_of(controller: ControllerName, start: Start, model: RobotModel, *, pace: float = 1.0) -> Controller:
     """Return a controller; gains are for the nominal robot, and estimators know the geometry and `start`."""
     kd = damping_gains(robot(None))
     if controller in ALONE:

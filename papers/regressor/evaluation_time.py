@@ -59,9 +59,7 @@ def full_line(model: RobotModel) -> Line:
 def full_kernel(model: RobotModel) -> Kernel:
     """Return the compiled full Z of an arm whose joints all turn."""
     n = len(model.tree.parent)
-    return Kernel(
-        f"{model.name.replace('_', '-')}-full-regressor", full_line(model), (model.n, 3 * n * (n + 1))
-    )
+    return Kernel(f"{model.name.replace('_', '-')}-full-regressor", full_line(model), (model.n, 3 * n * (n + 1)))
 
 
 def medians(calls: list[Callable[[], object]], repeats: int) -> Floats:

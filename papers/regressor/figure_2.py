@@ -111,10 +111,7 @@ def _compact(planar: Result) -> Table:
     entries = planar["entries"]
     return Table(
         ["", "column of Z", "formula"],
-        [
-            [f"s{k}", ", ".join(row[k - 1] for row in entries), label]
-            for k, label in enumerate(planar["parameters"], 1)
-        ],
+        [[f"s{k}", ", ".join(row[k - 1] for row in entries), label] for k, label in enumerate(planar["parameters"], 1)],
     )
 
 
@@ -201,10 +198,7 @@ def _is_compact(outcomes: Outcomes) -> Judgement:
     entries = [tuple(row) for row in planar["entries"]] == list(COMPACT)
     return by_count(
         [entries, tuple(planar["parameters"]) == PARAMETERS],
-        "Z "
-        + "; ".join(" ".join(row) for row in planar["entries"])
-        + ", s "
-        + ", ".join(planar["parameters"]),
+        "Z " + "; ".join(" ".join(row) for row in planar["entries"]) + ", s " + ", ".join(planar["parameters"]),
     )
 
 
@@ -213,13 +207,8 @@ def _is_full(outcomes: Outcomes) -> Judgement:
     if planar is None:
         return NOT_MEASURED
     same = [tuple(block) == FULL_BLOCK for block in planar["blocks"]]
-    places = {
-        number: tuple(k for k, group in enumerate(planar["groups"]) if group == number)
-        for number in (1, 2, 3)
-    }
-    told = (
-        f"blocks {' '.join(planar['blocks'][0])}; s1, s2, s3 at {', '.join(str(p) for p in places.values())}"
-    )
+    places = {number: tuple(k for k, group in enumerate(planar["groups"]) if group == number) for number in (1, 2, 3)}
+    told = f"blocks {' '.join(planar['blocks'][0])}; s1, s2, s3 at {', '.join(str(p) for p in places.values())}"
     return by_count([*same, tuple(places.values()) == PLACES], told)
 
 

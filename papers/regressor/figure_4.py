@@ -24,15 +24,7 @@ from papers.experiment import (
     after_headline,
 )
 from papers.regressor.dual_arm import LIMBS
-from papers.regressor.dual_arm_tables import (
-    BEFORE,
-    LEARNT,
-    Condition,
-    cases_of,
-    errors_picture,
-    rms,
-    window_table,
-)
+from papers.regressor.dual_arm_tables import BEFORE, LEARNT, Condition, cases_of, errors_picture, rms, window_table
 
 PRINTED, OURS = Condition("printed-pd"), Condition("pd")
 STAYS = 0.9  # of the error, through what would be the estimation
@@ -47,17 +39,11 @@ def report(outcomes: Outcomes) -> Report:
     """Return errors by limb and window, and the paper's picture."""
     tables = [
         TitledTable("RMS error [deg], damping as printed", window_table(outcomes, (PRINTED,))),
-        TitledTable(
-            "RMS error [deg], the velocity's error damped in its place", window_table(outcomes, (OURS,))
-        ),
+        TitledTable("RMS error [deg], the velocity's error damped in its place", window_table(outcomes, (OURS,))),
     ]
     return Report(
         [one for one in tables if one.table.rows],
-        [
-            TitledPicture(
-                "Error of each joint under PD alone; shaded: 7 to 12 s", errors_picture(outcomes, (PRINTED,))
-            )
-        ],
+        [TitledPicture("Error of each joint under PD alone; shaded: 7 to 12 s", errors_picture(outcomes, (PRINTED,)))],
     )
 
 

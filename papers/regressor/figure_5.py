@@ -100,14 +100,9 @@ def _tenth(outcomes: Outcomes, title: str, conditions: Sequence[Condition]) -> s
     return f"{title}. A tenth of PD alone in trunk and both arms, {when}: {'; '.join(words)}."
 
 
-def _parts(
-    outcomes: Outcomes, conditions: Sequence[Condition], windows: Sequence[str]
-) -> list[tuple[Condition, str]]:
+def _parts(outcomes: Outcomes, conditions: Sequence[Condition], windows: Sequence[str]) -> list[tuple[Condition, str]]:
     return [
-        (condition, window)
-        for condition in conditions
-        for window in windows
-        if len(rms(outcomes, condition, window))
+        (condition, window) for condition in conditions for window in windows if len(rms(outcomes, condition, window))
     ]
 
 
@@ -160,8 +155,7 @@ def _longer_is_better(outcomes: Outcomes) -> Judgement:
         if len(short):
             holds += list(longer < short)
             told.append(
-                f"{window}: {_limbs_mean(outcomes, COMPACT, window)} to "
-                f"{_limbs_mean(outcomes, condition, window)} deg"
+                f"{window}: {_limbs_mean(outcomes, COMPACT, window)} to {_limbs_mean(outcomes, condition, window)} deg"
             )
     return by_count(holds, f"mean of the limbs, {'; '.join(told)}")
 

@@ -78,20 +78,13 @@ def report(outcomes: Outcomes) -> Report:
     ]
     tables = [
         TitledTable(
-            "Gravity torque at poses on another base, RMS error",
-            Table(["parameters", "positions", *AXES], errors),
+            "Gravity torque at poses on another base, RMS error", Table(["parameters", "positions", *AXES], errors)
         ),
         TitledTable("What the poses tell", Table(["fit", "rank", "base parameters"], ranks)),
         TitledTable(
             "PD+DG at static poses on that base, reported positions",
             Table(
-                [
-                    "parameters",
-                    *(f"PD share J{j} [%]" for j in (1, 2, 3)),
-                    "error J1 [deg]",
-                    "J2 [deg]",
-                    "J3 [mm]",
-                ],
+                ["parameters", *(f"PD share J{j} [%]" for j in (1, 2, 3)), "error J1 [deg]", "J2 [deg]", "J3 [mm]"],
                 held,
             ),
         ),
@@ -99,9 +92,7 @@ def report(outcomes: Outcomes) -> Report:
     remarks = [str(one["identify_Nm_Nm_N"]) for one in results if isinstance(one["identify_Nm_Nm_N"], str)]
     told = [one["identify_Nm_Nm_N"] for one in results if not isinstance(one["identify_Nm_Nm_N"], str)]
     if told:
-        words = ", ".join(
-            f"{axis} {value}" for axis, value in zip(AXES, _cells(np.array(told), 3), strict=True)
-        )
+        words = ", ".join(f"{axis} {value}" for axis, value in zip(AXES, _cells(np.array(told), 3), strict=True))
         remarks.append(
             "`identify` (terms static) of the level base's poses with reported positions, at other poses there, RMS "
             f"error: {words}."

@@ -71,11 +71,7 @@ def trials_of(outcomes: Outcomes, condition: tuple[float, bool]) -> list[Plain]:
 
 def after(trials: Sequence[Plain], poses: int) -> list[tuple[Plain, Plain]]:
     """Return every loaded trial with what was believed after some poses."""
-    return [
-        (one, next(seen for seen in one["seen"] if seen["poses"] == poses))
-        for one in trials
-        if one["link"] > 0
-    ]
+    return [(one, next(seen for seen in one["seen"] if seen["poses"] == poses)) for one in trials if one["link"] > 0]
 
 
 def noticed(seen: Plain) -> bool:
@@ -133,15 +129,7 @@ def _row(name: str, pairs: Sequence[tuple[Plain, Plain]]) -> list[str]:
     ]
 
 
-HEADER = (
-    "loads",
-    "noticed",
-    "right link",
-    "among the likely",
-    "likely links",
-    "mass error, median [kg]",
-    "in 2 sd",
-)
+HEADER = ("loads", "noticed", "right link", "among the likely", "likely links", "mass error, median [kg]", "in 2 sd")
 
 
 def _by_poses(trials: Sequence[Plain]) -> Table:
@@ -155,9 +143,7 @@ def _by_poses(trials: Sequence[Plain]) -> Table:
 def _by_link(trials: Sequence[Plain]) -> Table:
     pairs = after(trials, LOOKED_AT[-1])
     links = sorted({one["link"] for one, _ in pairs})
-    return Table(
-        ["link", *HEADER], [_row(str(k), [pair for pair in pairs if pair[0]["link"] == k]) for k in links]
-    )
+    return Table(["link", *HEADER], [_row(str(k), [pair for pair in pairs if pair[0]["link"] == k]) for k in links])
 
 
 def _by_mass(trials: Sequence[Plain]) -> Table:

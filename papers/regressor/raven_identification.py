@@ -99,14 +99,10 @@ def calibration(seed: int | None, sparsities: Sequence[float] = (1 / 2, 1 / 3, 1
     """Fit a linear model of the joint errors to the published zig-zag on a level base."""
     plant = CablePlant(seed=seed, substeps=1)
     plant.home()
-    return linear_model(
-        record_simulated(plant, zigzag("J2-J3", sparsities), "zig-zag", np.random.default_rng(7))
-    )
+    return linear_model(record_simulated(plant, zigzag("J2-J3", sparsities), "zig-zag", np.random.default_rng(7)))
 
 
-def hold_poses(
-    base: FixedBase, count: int, seed: int, robot: int | None, model: CalibrationModel | None
-) -> Poses:
+def hold_poses(base: FixedBase, count: int, seed: int, robot: int | None, model: CalibrationModel | None) -> Poses:
     """Record random poses on a base, each reached from both sides.
 
     Args:
@@ -139,9 +135,7 @@ def hold_poses(
         return both
 
     tau = means(log.tau)
-    rows = MotionLog(
-        "poses", log.joint_names, log.joint_units, means(log.q_nominal), np.ones(count, bool), tau=tau
-    )
+    rows = MotionLog("poses", log.joint_names, log.joint_units, means(log.q_nominal), np.ones(count, bool), tau=tau)
     return Poses({k: means(v) for k, v in positions.items()}, tau, base.sample(np.zeros(1)).gravity[0], rows)
 
 
@@ -154,9 +148,7 @@ def _through(stops: Floats) -> tuple[SmoothedPath, Floats]:
     return SmoothedPath.through(times, points, BLEND), np.array(times[1::2])
 
 
-def fit_compact(
-    regressor: CompactRegressor, s0: Floats, poses: Sequence[Poses], positions: Positions, on: str
-) -> Fit:
+def fit_compact(regressor: CompactRegressor, s0: Floats, poses: Sequence[Poses], positions: Positions, on: str) -> Fit:
     """Fit compact parameters to the torques by least squares, with the believed parameters as prior."""
     Z = np.concatenate([regressor.Z(p.q[positions], p.gravity) / NOISE[:, None] for p in poses])
     tau = np.concatenate([p.tau / NOISE for p in poses])
@@ -166,9 +158,7 @@ def fit_compact(
     return Fit(on, positions, s, int(np.linalg.matrix_rank(rows, rtol=1e-6)))
 
 
-def torque_error(
-    regressor: CompactRegressor, s: Floats, poses: Poses, model: RobotModel, at: Positions
-) -> Floats:
+def torque_error(regressor: CompactRegressor, s: Floats, poses: Poses, model: RobotModel, at: Positions) -> Floats:
     """Return the RMS of Z s at given positions minus true gravity at true positions, (n,) [Nm|N]."""
     truth = gravity_torque(model, poses.q["true"], poses.gravity)
     error: Floats = np.sqrt(np.mean((regressor.Z(poses.q[at], poses.gravity) @ s - truth) ** 2, axis=0))
@@ -225,9 +215,7 @@ def identified_error(poses: Poses, test: Poses, model: RobotModel) -> Floats | s
     except ExcitationError as error:
         return str(error)
     predicted = result.predict(test.q["reported"])
-    rms: Floats = np.sqrt(
-        np.mean((predicted - gravity_torque(model, test.q["true"], test.gravity)) ** 2, axis=0)
-    )
+    rms: Floats = np.sqrt(np.mean((predicted - gravity_torque(model, test.q["true"], test.gravity)) ** 2, axis=0))
     return rms
 
 
@@ -244,9 +232,7 @@ def identified(seed: int | None, poses: int, sparsities: Sequence[float]) -> Res
     regressor = compact_regressor(model)
     s0 = regressor.parameters(believed(model))
     corrected = calibration(seed, sparsities)
-    held_on = {
-        name: hold_poses(base, poses, 10 + k, seed, corrected) for k, (name, base) in enumerate(BASES.items())
-    }
+    held_on = {name: hold_poses(base, poses, 10 + k, seed, corrected) for k, (name, base) in enumerate(BASES.items())}
     test = hold_poses(TEST_BASE, poses, 50, seed, corrected)
     level_test = hold_poses(BASES["level"], poses, 51, seed, corrected)
     fits: dict[str, Fit] = {}

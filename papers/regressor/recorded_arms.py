@@ -26,10 +26,7 @@ RECORDINGS = {
 }
 LEARNT_SHARE = 0.6  # of a recording, before the part that is held out
 OMEGA = 4.0  # [1/s] as for the 19 joints
-HELD, TICK = (
-    2.0,
-    0.05,
-)  # [s] how long a pose is replayed to the law, and how often; least squares hear it once
+HELD, TICK = (2.0, 0.05)  # [s] how long a pose is replayed to the law, and how often; least squares hear it once
 EVERY = 4  # rows of a motion, 200 Hz, that they hear
 NOISE_SHARE = 0.3  # of the torque: what friction and inertia are to an estimator of gravity
 FAST = 1e3  # [rad/s] no gate: these motions hardly rest
@@ -59,9 +56,7 @@ def least_squares(model: RobotModel, tau: Floats) -> RecursiveGravityEstimator:
     )
 
 
-def replayed(
-    estimator: EstimatedGravity, samples: Samples, *, static: bool, until: int
-) -> tuple[Floats, Floats]:
+def replayed(estimator: EstimatedGravity, samples: Samples, *, static: bool, until: int) -> tuple[Floats, Floats]:
     """Let an estimator hear a recording, up to a row and then no more.
 
     Returns:
@@ -103,9 +98,7 @@ def replay(recording: str, rows: int | None, data: Path) -> Result:
     samples = prepare(read_torque_log(data / recording, model), model, options)
     if rows is not None:
         chosen = np.zeros(len(samples), dtype=bool)
-        chosen[
-            np.linspace(0, len(samples) - 1, min(rows, len(samples))).astype(int) if static else slice(rows)
-        ] = True
+        chosen[np.linspace(0, len(samples) - 1, min(rows, len(samples))).astype(int) if static else slice(rows)] = True
         samples = samples.rows(chosen, samples.name)
     until = round(LEARNT_SHARE * len(samples))
     predicted: dict[str, Floats] = {"none": np.zeros_like(samples.tau)}
@@ -122,9 +115,7 @@ def replay(recording: str, rows: int | None, data: Path) -> Result:
     shown = np.linspace(0, len(samples) - 1, min(POINTS, len(samples))).astype(int)
     if static:  # neighbouring poses differ: those about where the held-out part begins
         shown = np.arange(max(0, until - POINTS // 2), min(len(samples), until + POINTS // 2))
-    rms = {
-        key: np.sqrt(np.mean((samples.tau - value)[later] ** 2, axis=0)) for key, value in predicted.items()
-    }
+    rms = {key: np.sqrt(np.mean((samples.tau - value)[later] ** 2, axis=0)) for key, value in predicted.items()}
     series = {"measured": samples.tau, "law, as it learns": ahead, **predicted}
     return {
         "axes": list(model.joint_names),

@@ -107,9 +107,7 @@ def _picture(result: Result, axes_shown: Sequence[int]) -> Any:
     return figure
 
 
-def _left(
-    outcomes: Outcomes, recordings: Sequence[str], axes: Sequence[int]
-) -> tuple[list[float], list[str]]:
+def _left(outcomes: Outcomes, recordings: Sequence[str], axes: Sequence[int]) -> tuple[list[float], list[str]]:
     """Return which share of the torque the law leaves on axes of the later part, and the same in words."""
     shares, told = [], []
     for recording in recordings:

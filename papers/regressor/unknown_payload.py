@@ -33,12 +33,7 @@ def poses(model: RobotModel, count: int, rng: np.random.Generator) -> Floats:
 
 
 def trial(
-    model: RobotModel,
-    rng: np.random.Generator,
-    noise: float,
-    *,
-    loaded: bool,
-    load: tuple[float, float] = LOAD,
+    model: RobotModel, rng: np.random.Generator, noise: float, *, loaded: bool, load: tuple[float, float] = LOAD
 ) -> Result:
     """Let an arm learn itself, take up a load, and go through more poses; return what was believed on the way.
 
@@ -60,9 +55,7 @@ def trial(
     )  # fmt: skip
     before = int(rng.integers(*POSES_BEFORE, endpoint=True))
     q = poses(model, before + LOOKED_AT[-1], rng)
-    gravity = np.concatenate(
-        [gravity_torque(model, q[:before], LEVEL), gravity_torque(carrying, q[before:], LEVEL)]
-    )
+    gravity = np.concatenate([gravity_torque(model, q[:before], LEVEL), gravity_torque(carrying, q[before:], LEVEL)])
     tau = gravity + noise * rng.normal(size=q.shape)
     rest = np.zeros(model.n)
     seen = []
@@ -93,12 +86,7 @@ def trial(
                     "mass_std_kg": first.mass_std,
                 }
             )
-    return {
-        "link": link + 1 if loaded else 0,
-        "mass_kg": mass if loaded else 0.0,
-        "alarm": alarm,
-        "seen": seen,
-    }
+    return {"link": link + 1 if loaded else 0, "mass_kg": mass if loaded else 0.0, "alarm": alarm, "seen": seen}
 
 
 @run(revision=3)
@@ -117,7 +105,6 @@ def payload_trials(seed: int | None, noise_ratio: float, told_sizes: bool, trial
     rng = np.random.default_rng([20261123, 0 if seed is None else seed + 1])
     return {
         "trials": [
-            trial(model, rng, noise_ratio * NOISE, loaded=number % 4 != 3, load=load)
-            for number in range(trials)
-        ],
+            trial(model, rng, noise_ratio * NOISE, loaded=number % 4 != 3, load=load) for number in range(trials)
+        ]
     }

@@ -62,9 +62,7 @@ class Run(NamedTuple):
     tau: Floats  # (T, n) [Nm|N]
 
 
-def simulate(
-    model: RobotModel, controller: Controller, trajectory: Trajectory, gravity: Floats = LEVEL
-) -> Run:
+def simulate(model: RobotModel, controller: Controller, trajectory: Trajectory, gravity: Floats = LEVEL) -> Run:
     """Let an ideal arm, without friction and with perfect sensors, follow a motion from its start.
 
     M(q) qdd = tau - C(q, qd) qd - g(q), by Runge-Kutta of fourth order over each tick, the torque held.
@@ -150,9 +148,7 @@ def report(outcomes: Outcomes) -> Report:
             rows.append([told["controller"], *cells])
         if rows:
             header = ["controller", "largest error q0 [deg]", "q1 [deg]", "at rest q0 [deg]", "q1 [deg]"]
-            tables.append(
-                TitledTable(f"The {name} motion, up to {speed * FASTEST:g} rad/s", Table(header, rows))
-            )
+            tables.append(TitledTable(f"The {name} motion, up to {speed * FASTEST:g} rad/s", Table(header, rows)))
     return Report(tables, [TitledPicture("Errors of both joints over the fast motion", _picture(outcomes))])
 
 
@@ -181,8 +177,7 @@ def _gravity(outcomes: Outcomes) -> Judgement:
     left = {name: _reached(outcomes, name, "at_rest_deg") for name in NAMES}
     told = ", ".join(f"{name} {values.max():.3f}" for name, values in left.items())
     holds = [
-        float(values.max()) < 0.01 if "gravity" in name else float(values.max()) > 0.1
-        for name, values in left.items()
+        float(values.max()) < 0.01 if "gravity" in name else float(values.max()) > 0.1 for name, values in left.items()
     ]
     return by_count(holds, f"deg at rest: {told}")
 

@@ -84,9 +84,7 @@ def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()
     return array
 
 
-def as_not_negative(
-    name: str, values: ArrayLike, shape: tuple[int | None, ...] = (), *, finite: bool = True
-) -> Floats:
+def as_not_negative(name: str, values: ArrayLike, shape: tuple[int | None, ...] = (), *, finite: bool = True) -> Floats:
     """Return `as_array` of numbers that are all zero or more."""
     array = as_array(name, values, shape, finite=finite)
     if not (array >= 0.0).all():
@@ -125,8 +123,7 @@ def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
     first = tuple(int(i) for i in bad[0])
     where = f"[{', '.join(map(str, first))}]" if first else ""
     raise InputError(
-        f"{name}{where} is {array[first]}: expected finite numbers "
-        f"({len(bad)} of {array.size} values are not)"
+        f"{name}{where} is {array[first]}: expected finite numbers ({len(bad)} of {array.size} values are not)"
     )
 
 
@@ -160,9 +157,7 @@ def _as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> F
 
 
 def _has_shape(array: NDArray[Any], shape: tuple[int | None, ...]) -> bool:
-    return array.ndim == len(shape) and all(
-        n is None or n == m for n, m in zip(shape, array.shape, strict=True)
-    )
+    return array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
 
 
 def _shape_text(shape: tuple[int | None, ...]) -> str:

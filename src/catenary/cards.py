@@ -69,9 +69,7 @@ def card_of(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> dict
     """Return the card that an archive's arrays were written with; it tells damage and slips, not who changes both."""
     card = json_table(str(arrays.get("card")), "card", finite=False)
     if card.get(SEAL) != sha256_of_arrays(arrays):
-        why = (
-            f"its numbers are not those that its card was written for ({SEAL}): something changed them since"
-        )
+        why = f"its numbers are not those that its card was written for ({SEAL}): something changed them since"
         raise FileFormatError(damage(path, why, remedy))
     return card
 

@@ -231,9 +231,7 @@ def _refuse_depth(content: Any, where: str) -> None:
 def _real(digits: str, text: str, where: str) -> float:
     value = float(digits)
     if math.isinf(value) and not digits.endswith("inf"):  # TOML may say inf; a schema may take it
-        raise FileFormatError(
-            f"{where}: {_place(text, digits)}number {cut(digits)}: expected at most 1.8e308"
-        )
+        raise FileFormatError(f"{where}: {_place(text, digits)}number {cut(digits)}: expected at most 1.8e308")
     return value
 
 

@@ -77,9 +77,7 @@ def sweep_partial(folder: Path) -> None:
     with contextlib.suppress(OSError):
         for name in filter(_OURS.fullmatch, os.listdir(folder)):
             with contextlib.suppress(OSError):  # locked, another user's, or gone meanwhile
-                descriptor = os.open(
-                    folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-                )
+                descriptor = os.open(folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
                 try:
                     fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     state, is_folder = os.fstat(descriptor), (folder / name).is_dir()

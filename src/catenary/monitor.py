@@ -50,9 +50,7 @@ class Snapshot(NamedTuple):
     late: int = 0  # ticks late within the last second
     silent: str | None = None  # the error that the robot's silence raised
     recording: str | None = None  # state of a recording made at the same time
-    error: Floats | None = (
-        None  # (k,) reported less true position of the first k joints; None but in a simulation
-    )
+    error: Floats | None = None  # (k,) reported less true position of the first k joints; None but in a simulation
     tip: Floats | None = None  # (3,) [m] in the base frame, by reported joints
     tip_error: float | None = None  # [m] from where the tip really is; None but in a simulation
     tip_from_encoders: float | None = None  # [m] from where external encoders say that it is
@@ -90,9 +88,7 @@ class Snapshot(NamedTuple):
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI; null for what is not known."""
         left_out = ("lower", "upper", "silent")  # of the robot, and a warning
-        data = {
-            _KEYS.get(name, name): value for name, value in self._asdict().items() if name not in left_out
-        }
+        data = {_KEYS.get(name, name): value for name, value in self._asdict().items() if name not in left_out}
         return data | {
             "state": None if self.operating is None else self.operating._asdict(),
             "fault": self.fault or None,
@@ -141,9 +137,7 @@ _COLUMNS = {  # by heading: field of the snapshot, characters
 }
 
 
-def monitor_lines(
-    name: str, shot: Snapshot, columns: int = 80, lines: int = 24, *, colour: bool = False
-) -> list[str]:
+def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24, *, colour: bool = False) -> list[str]:
     """Return exactly `lines` lines of at most `columns` characters, colours not counted.
 
     Args:

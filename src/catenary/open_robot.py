@@ -83,9 +83,7 @@ PSM = KINDS["dvrk_psm"]
 
 def kind_with_joints(joints: Sequence[str], arm: str = "gold") -> RobotKind | None:
     """Return the kind that has these joints among its own, of a RAVEN-II the one on a side; None of others."""
-    return next(
-        (k for k in KINDS.values() if set(joints) <= set(k.joints) and (k is PSM or k.arm == arm)), None
-    )
+    return next((k for k in KINDS.values() if set(joints) <= set(k.joints) and (k is PSM or k.arm == arm)), None)
 
 
 def tilted_base(angles_deg: tuple[float, float]) -> FixedBase:
@@ -138,13 +136,9 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
             f'robot "{name}": friction comes from its cables; joint friction is for robots without'
         )
     if kind is PSM and where.payload:
-        raise UnsupportedModelError(
-            f'robot "{name}": has no payload; a RAVEN-II and robots without cables have one'
-        )
+        raise UnsupportedModelError(f'robot "{name}": has no payload; a RAVEN-II and robots without cables have one')
     if name not in RAVEN_SIDES and where.grav_dir is not None:
-        raise UnsupportedModelError(
-            f'robot "{name}": has no grav_dir; its own gravity compensation is a RAVEN-II\'s'
-        )
+        raise UnsupportedModelError(f'robot "{name}": has no grav_dir; its own gravity compensation is a RAVEN-II\'s')
 
 
 def spoken_dialect(robot: str, dialect: str | None) -> DialectName:
@@ -174,9 +168,7 @@ def _simulated(robot: str | RobotModel, where: Simulated) -> SimulatedRobotPlant
         return PsmPlant(seed=where.seed, base=where.base)
     if kind is not None:
         side = RAVEN_SIDES[kind.robot]
-        return CablePlant(
-            side=side, seed=where.seed, payload=where.payload, base=where.base, grav_dir=where.grav_dir
-        )
+        return CablePlant(side=side, seed=where.seed, payload=where.payload, base=where.base, grav_dir=where.grav_dir)
     model = robot if isinstance(robot, RobotModel) else load_robot(robot)
     payload = Payload(where.payload) if where.payload != 0.0 else None
     return MujocoPlant(model, base=where.base, start=where.start, hardware=where.hardware, payload=payload)

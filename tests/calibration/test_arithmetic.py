@@ -16,9 +16,7 @@ def test_layers_are_matrix_products(inputs: int, outputs: int) -> None:
     X, W, b = rng.normal(size=(4, inputs)), rng.normal(size=(inputs, outputs)), rng.normal(size=outputs)
     Y = np.empty((4, outputs))
     dense(X, W, b, Y)
-    assert_allclose(
-        Y, X @ W + b, rtol=0.0, atol=1e-12
-    )  # sums of a hundred terms of order one, in another order
+    assert_allclose(Y, X @ W + b, rtol=0.0, atol=1e-12)  # sums of a hundred terms of order one, in another order
 
 
 def test_sums_run_along_the_inputs_and_do_not_depend_on_how_many_columns_lie_beside() -> None:

@@ -24,9 +24,7 @@ def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options
     inputs = choose_inputs([log], asked)
     early, late = calibration_data([log], inputs.features).split_by_time(0.2)
     model = fit(early, inputs, asked)
-    spread = (
-        cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds).spread if folds else ()
-    )
+    spread = cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds).spread if folds else ()
     return model_card(
         model,
         early,
@@ -118,9 +116,7 @@ def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> N
         for inputs in [choose_inputs([log], asked)]
     }
     kinds = ("polynomial", "offset", "offset")
-    choices = [
-        JointChoice(j, "deg", kind, {kind: 1.0}) for j, kind in zip(log.joint_names, kinds, strict=True)
-    ]
+    choices = [JointChoice(j, "deg", kind, {kind: 1.0}) for j, kind in zip(log.joint_names, kinds, strict=True)]
     model = composed(models, choices)
     data = calibration_data([log], model.features)
     asked = FitOptions(history=1)
@@ -132,8 +128,7 @@ def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> N
         low, high = entry["valid"]["lower"], entry["valid"]["upper"]
         X[:, column] = low - 1e-9, low + 1e-9, high - 1e-9, high + 1e-9
         box = [
-            (group.valid_range.lower <= X[:, group.watched])
-            & (X[:, group.watched] <= group.valid_range.upper)
+            (group.valid_range.lower <= X[:, group.watched]) & (X[:, group.watched] <= group.valid_range.upper)
             for group in model.groups
         ]
         assert np.all([each.all(axis=1) for each in box], axis=0).tolist() == [False, True, True, False]

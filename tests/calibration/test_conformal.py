@@ -42,10 +42,7 @@ def test_rows_of_a_new_block_lie_within_as_often_as_stated_whatever_depends_in_a
     assert np.mean(shares) <= level + 2.0 / (blocks + 1) + 3.0 * np.std(shares) / math.sqrt(2000)
 
 
-@given(
-    st.lists(st.lists(st.integers(0, 50), min_size=1, max_size=6), min_size=10, max_size=14),
-    st.integers(1, 90),
-)
+@given(st.lists(st.lists(st.integers(0, 50), min_size=1, max_size=6), min_size=10, max_size=14), st.integers(1, 90))
 def test_the_quantile_is_that_of_exact_weights(errors: list[list[int]], per_cent: int) -> None:
     level = Fraction(per_cent, 100)
     scores = np.array([e for block in errors for e in block], dtype=float)
@@ -132,12 +129,7 @@ def shares_held(blocks: int, rows: int, share: float) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("blocks", "share", "verdict"),
-    [
-        (50, 0.95, "held"),
-        (50, 0.85, "held"),
-        (50, 0.7, "too narrow"),
-        (10, 0.8, "below, which may be chance"),
-    ],
+    [(50, 0.95, "held"), (50, 0.85, "held"), (50, 0.7, "too narrow"), (10, 0.8, "below, which may be chance")],
 )
 def test_coverage_is_judged_by_blocks(blocks: int, share: float, verdict: str) -> None:
     rows = ROWS if blocks == BLOCKS else FEWEST_ROWS

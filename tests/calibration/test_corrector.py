@@ -145,11 +145,7 @@ HOT = replace(FEATURES, signals=(*FEATURES.signals[:4], "motor_temperature"))
 @pytest.mark.parametrize(
     ("made", "robot", "message"),
     [
-        (
-            model(),
-            (NAMES[:2], UNITS[:2], 1000.0),
-            r'the robot has no joint "j2"; it has j0 \[rad\], j1',
-        ),
+        (model(), (NAMES[:2], UNITS[:2], 1000.0), r'the robot has no joint "j2"; it has j0 \[rad\], j1'),
         (model(), (NAMES, ("rad",) * 3, 1000.0), 'the robot has joint "j2" in rad, not m'),
         (replace(model(), features=HOT), (NAMES, UNITS, 1e3), '"motor_temperature" is in no joint state'),
         (model(history=1, rate_hz=50.0), (NAMES, UNITS, 500.0), "made for 1000 Hz, the loop runs at 500 Hz"),

@@ -85,10 +85,7 @@ def test_split_holds_out_the_end_of_every_recording(held_out: float) -> None:
 
 @pytest.mark.parametrize(
     ("held_out", "message"),
-    [
-        *[(share, "held-out share") for share in (0.0, 1.0, -0.2, 1.5, np.nan)],
-        (0.1, "leaves no rows on one side"),
-    ],
+    [*[(share, "held-out share") for share in (0.0, 1.0, -0.2, 1.5, np.nan)], (0.1, "leaves no rows on one side")],
 )
 def test_held_out_share_that_is_none_or_leaves_a_side_empty_is_refused(held_out: float, message: str) -> None:
     with pytest.raises(InputError, match=message):

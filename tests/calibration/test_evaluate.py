@@ -19,9 +19,7 @@ from recordings import data_of, fitted, recording
 def off_by(errors: Any, **changes: Any) -> MotionLog:
     """One turning and one sliding joint, off by the errors (N, 2) in rad and m."""
     values = np.asarray(errors, dtype=float)
-    return recording(
-        np.random.default_rng(0), rows=len(values), units=("rad", "m"), error=lambda _: values, **changes
-    )
+    return recording(np.random.default_rng(0), rows=len(values), units=("rad", "m"), error=lambda _: values, **changes)
 
 
 def offset_model(*errors: float) -> CalibrationModel:
@@ -141,11 +139,7 @@ ONE_INPUT = {"inputs": ("q:J1",)}
     [
         *[(lambda: data_of(RUN), length, "window: expected a pos") for length in (0.0, -1.0, float("nan"))],
         (lambda: data_of(RUN, history=1), None, r"data: holds q:J1, .*q:J1\[-1\].*; the model takes q:J1$"),
-        (
-            lambda: data_of(SLIDING, **ONE_INPUT),
-            None,
-            r"has joints J1 \[rad\], J2 \[m\]; the model is for J1 \[rad\]",
-        ),
+        (lambda: data_of(SLIDING, **ONE_INPUT), None, r"has joints J1 \[rad\], J2 \[m\]; the model is for J1 \[rad\]"),
         (lambda: data_of(RUN).rows(np.zeros(300, dtype=bool)), None, "data: no row"),
     ],
 )
@@ -189,10 +183,7 @@ def test_spread_over_blocks_is_that_of_their_errors_about_the_others_mean() -> N
         expected.append(1000.0 * np.sqrt(np.mean((errors[block, 1] - others) ** 2)))
     sliding = spread[1]
     assert (sliding.joint, sliding.unit, sliding.folds) == ("J2", "mm", 4)
-    for mean, sd in (
-        (sliding.rmse_mean, sliding.rmse_sd),
-        (sliding.offset_rmse_mean, sliding.offset_rmse_sd),
-    ):
+    for mean, sd in ((sliding.rmse_mean, sliding.rmse_sd), (sliding.offset_rmse_mean, sliding.offset_rmse_sd)):
         assert mean == pytest.approx(np.mean(expected))
         assert sd == pytest.approx(np.sqrt(np.sum((expected - np.mean(expected)) ** 2) / 3.0))
 

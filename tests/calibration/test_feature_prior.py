@@ -13,13 +13,7 @@ import catenary
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.feature_prior import (
-    PRIORS,
-    load_prior,
-    posterior,
-    prior_of_features,
-    rows_per_independent,
-)
+from catenary.calibration.feature_prior import PRIORS, load_prior, posterior, prior_of_features, rows_per_independent
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.fit_rows import choose_inputs, fit
@@ -82,9 +76,7 @@ def test_many_rows_outweigh_the_prior(rng: np.random.Generator) -> None:
     Z, truth = rng.normal(size=(20_000, 3)), np.array([0.5, -1.0, 2.0])
     y = Z @ truth + 0.1 * rng.normal(size=len(Z))
     found = posterior(Z, y, np.zeros(3, dtype=np.int64), Known(np.array([-6.0]), 1.0, 1.0))
-    np.testing.assert_allclose(
-        found.mean, truth, atol=0.01
-    )  # noise 0.1 over the root of 20,000, and a small pull
+    np.testing.assert_allclose(found.mean, truth, atol=0.01)  # noise 0.1 over the root of 20,000, and a small pull
 
 
 fast = pytest.fixture(short_training)
@@ -192,18 +184,11 @@ def test_a_fit_says_which_joints_began_at_a_prior(rng: np.random.Generator) -> N
 
 
 @pytest.mark.usefixtures("fast")
-def test_a_model_with_a_prior_is_saved_corrects_and_has_intervals(
-    rng: np.random.Generator, tmp_path: Path
-) -> None:
+def test_a_model_with_a_prior_is_saved_corrects_and_has_intervals(rng: np.random.Generator, tmp_path: Path) -> None:
     log = hysteretic(rng, 300)
     assert log.q_encoder is not None
     model = catenary.fit(
-        log.q_nominal,
-        log.q_encoder,
-        units=log.joint_units,
-        model="linear",
-        play=PLAY_SHARES,
-        prior="simulated",
+        log.q_nominal, log.q_encoder, units=log.joint_units, model="linear", play=PLAY_SHARES, prior="simulated"
     )
     model.save(tmp_path / "arm.npz")
     loaded = catenary.load_model(tmp_path / "arm.npz")
@@ -215,9 +200,7 @@ def test_a_model_with_a_prior_is_saved_corrects_and_has_intervals(
 @pytest.mark.usefixtures("fast")
 def test_auto_remembers_which_joints_began_at_a_prior(rng: np.random.Generator) -> None:
     log = hysteretic(rng, 300)
-    result = fit_logs(
-        [log], FitOptions(kind="auto", play=PLAY_SHARES, prior="simulated"), FitRun(accept=("shift",))
-    )
+    result = fit_logs([log], FitOptions(kind="auto", play=PLAY_SHARES, prior="simulated"), FitRun(accept=("shift",)))
     took = [choice.chosen in ("linear", "neural") for choice in result.choices]
     assert any(took)
     assert result.model.priors == tuple("simulated" if each else None for each in took)

@@ -27,11 +27,7 @@ def play(x: np.ndarray, r: float) -> np.ndarray:
     features = FeatureSet(("q:J1",), ("rad",), play=(("q:J1", r),))
     memory, places = features.memory(), []
     for position in x:
-        run(
-            features.row_steps(
-                np.array([[position]]), memory, np.empty((1, 2)), np.ones(1), np.zeros(1, bool)
-            )
-        )
+        run(features.row_steps(np.array([[position]]), memory, np.empty((1, 2)), np.ones(1), np.zeros(1, bool)))
         places.append(memory.play[0])
     return np.array(places)
 
@@ -153,9 +149,7 @@ def test_unknown_input_is_refused_with_those_there_are(word: str | None) -> None
 
 def test_unit_of_a_signal_follows_from_its_joint() -> None:
     log = replace(LOG, tau=np.ones((12, 3)), qd=np.ones((12, 3)), signals={"current": np.ones(12)})
-    units = {
-        name: unit for name, (_, unit) in signals_of(replace(log, signal_units={"current": "A"})).items()
-    }
+    units = {name: unit for name, (_, unit) in signals_of(replace(log, signal_units={"current": "A"})).items()}
     expected = {"q": ("rad", "rad", "m"), "tau": ("Nm", "Nm", "N"), "qd": ("rad/s", "rad/s", "m/s")}
     joints = {f"{group}:J{j + 1}": of[j] for group, of in expected.items() for j in range(3)}
     assert units == joints | {"current": "A"}

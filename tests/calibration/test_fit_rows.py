@@ -66,8 +66,7 @@ def test_correction_is_the_same_whichever_the_target(kind: str, atol: float) -> 
     # q_nominal is among the inputs, so position = error + q_nominal is as linear as the error
     data = data_of(log())
     one, two = (
-        fitted(log(), kind=kind, target=target).correction(data.X, data.q_nominal)
-        for target in ("error", "position")
+        fitted(log(), kind=kind, target=target).correction(data.X, data.q_nominal) for target in ("error", "position")
     )
     assert_allclose(one, two, rtol=0.0, atol=atol)
 
@@ -138,8 +137,7 @@ def test_play_half_widths_do_not_look_at_the_held_out_part() -> None:
 def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
     monkeypatch.setattr(
-        "catenary.calibration.fit_rows.fit_neural",
-        lambda X, Y, *_, late, **__: seen.append(late) or fit_linear(X, Y),
+        "catenary.calibration.fit_rows.fit_neural", lambda X, Y, *_, late, **__: seen.append(late) or fit_linear(X, Y)
     )
     fitted(log(rows=100), log(1, rows=50), kind="neural", preset="best")
     assert_array_equal(seen[0], np.concatenate([np.arange(100) >= 80, np.arange(50) >= 40]))
@@ -181,10 +179,7 @@ def test_options_that_contradict_each_other_are_refused(options: dict[str, Any],
         ({"inputs": {"J9": ("q",)}}, 'inputs of joint "J9": no such joint; joints: J1, J2, J3'),
         ({"inputs": {"J1": ()}}, "expected at least one"),
         ({"inputs": ("tau",), "history": 2}, "history: 2 previous commands of no joint"),
-        (
-            {"inputs": ("tau",), "play": (0.1,)},
-            "play: none of the inputs tau:J1, tau:J2, tau:J3 is the position",
-        ),
+        ({"inputs": ("tau",), "play": (0.1,)}, "play: none of the inputs tau:J1, tau:J2, tau:J3 is the position"),
     ],
 )
 def test_inputs_that_cannot_be_had_are_refused(options: dict[str, Any], message: str) -> None:

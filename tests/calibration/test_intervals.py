@@ -60,9 +60,7 @@ def test_an_unknown_input_has_the_offsets_half_width_and_an_unknown_position_non
     q = X[:, :3].copy()
     X[0, 4] = np.nan
     q[1, 2] = np.nan
-    assert_array_equal(
-        model().correct(X, q)[2], [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]]
-    )
+    assert_array_equal(model().correct(X, q)[2], [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]])
 
 
 def test_a_model_without_intervals_gives_nan() -> None:
@@ -102,24 +100,14 @@ def test_a_saved_model_keeps_its_intervals_and_one_without_has_none(tmp_path) ->
     save_model(model(), {}, path)
     kept = load_model(path)[0].intervals
     assert kept is not None
-    assert (kept.level, kept.inside.tolist(), kept.outside.tolist()) == (
-        0.9,
-        [0.1, 0.2, 0.3],
-        [0.3, 0.2, 0.7],
-    )
+    assert (kept.level, kept.inside.tolist(), kept.outside.tolist()) == (0.9, [0.1, 0.2, 0.3], [0.3, 0.2, 0.7])
     save_model(replace(model(), intervals=None), {}, path)
     assert load_model(path)[0].intervals is None
 
 
 @pytest.mark.parametrize(
     ("level", "inside", "outside"),
-    [
-        (1.0, [0.1], [0.1]),
-        (0.9, [-0.1], [0.1]),
-        (0.9, [0.2], [0.1]),
-        (0.9, [np.nan], [0.1]),
-        (0.9, [0.1], [0.1, 0.1]),
-    ],
+    [(1.0, [0.1], [0.1]), (0.9, [-0.1], [0.1]), (0.9, [0.2], [0.1]), (0.9, [np.nan], [0.1]), (0.9, [0.1], [0.1, 0.1])],
 )
 def test_impossible_intervals_are_refused(level: float, inside: list[float], outside: list[float]) -> None:
     with pytest.raises(InputError):
@@ -136,9 +124,7 @@ def test_a_fit_has_intervals_that_hold_on_what_it_has_not_seen() -> None:
     assert result.held_out is not None
     assert result.card["intervals"]["coverage"] == 0.9
     for joint in result.held_out.joints:
-        assert (
-            0.87 <= joint.coverage <= 0.97
-        )  # independent errors, 900 rows: three standard deviations and K + 1
+        assert 0.87 <= joint.coverage <= 0.97  # independent errors, 900 rows: three standard deviations and K + 1
     scale = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])
     widths = [joint.half_width for joint in result.held_out.joints]
     # noise of 0.01 rad and 1 mm: 90 % lie within 1.64 standard deviations
@@ -151,8 +137,7 @@ def test_a_fit_that_cannot_know_its_intervals_says_why() -> None:
     assert without.card["intervals"] is None
     assert any("no intervals: they are estimated from the cross-validation" in note for note in without.notes)
     assert any(
-        "39 rows are too few to hold 90% of errors; that takes 40" in note
-        for note in run(39, accept=("short",)).notes
+        "39 rows are too few to hold 90% of errors; that takes 40" in note for note in run(39, accept=("short",)).notes
     )
     wide, narrow = run(coverage=0.95).model.intervals, run(coverage=0.5).model.intervals
     assert wide is not None

@@ -83,9 +83,7 @@ def test_kinds_that_were_tried_on_different_rows_are_not_compared() -> None:
         choose({"offset": validation(HARD), "linear": other})
 
 
-@pytest.mark.parametrize(
-    ("features", "rows", "is_tried"), [(6, 55, False), (6, 56, True), (60, 10**6, False)]
-)
+@pytest.mark.parametrize(("features", "rows", "is_tried"), [(6, 55, False), (6, 56, True), (60, 10**6, False)])
 def test_a_polynomial_is_tried_where_rows_determine_it_and_its_fit_is_short(
     features: int, rows: int, is_tried: bool
 ) -> None:
@@ -140,18 +138,11 @@ def test_without_blocks_nothing_is_chosen(log: MotionLog) -> None:
 
 
 @pytest.mark.parametrize("kind", ["auto", "neural"])
-def test_arrays_and_the_command_give_the_same_model_to_the_bit(
-    kind: Any, log: MotionLog, tmp_path: Any
-) -> None:
+def test_arrays_and_the_command_give_the_same_model_to_the_bit(kind: Any, log: MotionLog, tmp_path: Any) -> None:
     assert log.q_encoder is not None
     assert log.time is not None
     np.savez(
-        tmp_path / "run.npz",
-        q_des=log.q_nominal,
-        q_act=log.q_encoder,
-        ok=log.ok,
-        t=log.time,
-        units=log.joint_units,
+        tmp_path / "run.npz", q_des=log.q_nominal, q_act=log.q_encoder, ok=log.ok, t=log.time, units=log.joint_units
     )
     typed = ("--model", kind, "--held-out", "0.2", "--out", tmp_path / "typed.npz")
     assert catenary("fit", tmp_path / "run.npz", *typed).code == 0

@@ -79,9 +79,7 @@ def test_recording_of_other_joints_is_refused_with_both(change: dict[str, tuple[
         one_of_each().calibrate(log)
 
 
-@pytest.mark.parametrize(
-    ("features", "q"), [((4, 3), (4, 2)), ((2,), (1, 2)), ((4, 2), (3, 2)), ((4, 2), (4, 1))]
-)
+@pytest.mark.parametrize(("features", "q"), [((4, 3), (4, 2)), ((2,), (1, 2)), ((4, 2), (3, 2)), ((4, 2), (4, 1))])
 def test_arrays_of_another_shape_are_refused(features: tuple[int, ...], q: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="expected shape"):
         one_of_each().correction(np.zeros(features), np.zeros(q))
@@ -99,15 +97,9 @@ def with_group(**changes: Any) -> CalibrationModel:
             lambda: with_group(predictor=Linear(np.zeros((3, 1)), np.zeros(1))),
             "take 2 features, .* the predictor takes 3",
         ),
-        (
-            lambda: with_group(predictor=Linear(np.zeros((2, 2)), np.zeros(2))),
-            "the predictor takes 2 and gives 2",
-        ),
+        (lambda: with_group(predictor=Linear(np.zeros((2, 2)), np.zeros(2))), "the predictor takes 2 and gives 2"),
         (lambda: with_group(valid_range=unit_box(1)), "2 of them watched; .* the valid range is of 1"),
-        (
-            lambda: with_group(columns=np.array([1, 2])),
-            r"joints \(0,\) take features beyond the 2 that there",
-        ),
+        (lambda: with_group(columns=np.array([1, 2])), r"joints \(0,\) take features beyond the 2 that there"),
         (lambda: with_group(columns=np.array([0.0, 1.0])), "columns: expected indices of features"),
         (lambda: with_group(joints=(1,)), "each of its 2 joints in one group"),
         (lambda: Linear(np.zeros((4, 2)), np.zeros(3)), r"bias: expected shape \(2,\), got \(3,\)"),

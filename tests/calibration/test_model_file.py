@@ -135,10 +135,7 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
         (lambda path: None, "no such file"),
         (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "damaged: cannot be read"),
         (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "damaged: cannot be read"),
-        (
-            lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)),
-            r"is no .* \(it holds weights, bias\)",
-        ),
+        (lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)), r"is no .* \(it holds weights, bias\)"),
         (np.savez, r"is no calibration model \(it holds nothing\)"),
     ],
     ids=["missing", "pickle", "noise", "foreign", "empty"],
@@ -221,9 +218,7 @@ def test_any_missing_array_is_noticed(path: Path) -> None:
 
 def test_any_number_that_was_changed_is_noticed_and_so_is_a_card_of_another_model(path: Path) -> None:
     save_model(MODEL, CARD, path)
-    message = (
-        "arm.npz: damaged: its numbers are not those that its card was written for .*; `catenary fit` makes"
-    )
+    message = "arm.npz: damaged: its numbers are not those that its card was written for .*; `catenary fit` makes"
     for key, values in dict(np.load(path)).items():
         if values.dtype.kind == "f":
             other = values.copy()
@@ -268,7 +263,5 @@ def test_loading_a_model_for_a_loop_imports_nothing_that_fits_one() -> None:
         "print({'sklearn', 'pyarrow', 'matplotlib'} & set(sys.modules))"
     )
     environment = {"PYTHONPATH": str(Path(__file__).parents[2] / "src")}
-    outcome = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, check=True, env=environment
-    )
+    outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, env=environment)
     assert outcome.stdout.strip() == b"set()"

@@ -68,9 +68,7 @@ def rmse(model: CalibrationModel, log: MotionLog) -> Floats:
 
 
 @pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position"])
-def test_a_corner_of_the_motion_does_not_turn_the_rest(
-    models: dict[str, CalibrationModel], kind: str
-) -> None:
+def test_a_corner_of_the_motion_does_not_turn_the_rest(models: dict[str, CalibrationModel], kind: str) -> None:
     whole = a_day(3, 1800)
     q = np.array([0.6, 0.7]) + 0.05 * whole.q_nominal  # a twentieth of what the model was trained on
     ripple = 0.01 * np.sin(40.0 * q)  # steep there, and nothing over the whole motion
@@ -123,9 +121,7 @@ def test_what_is_left_is_the_same_to_the_bit(models: dict[str, CalibrationModel]
 
 
 @pytest.mark.parametrize("kind", ["offset", "linear", "polynomial", "network"])
-def test_an_adjusted_predictor_gives_the_sum_that_defines_it(
-    models: dict[str, CalibrationModel], kind: str
-) -> None:
+def test_an_adjusted_predictor_gives_the_sum_that_defines_it(models: dict[str, CalibrationModel], kind: str) -> None:
     group, rng = models[kind].groups[0], np.random.default_rng(5)
     X = rng.uniform(-1.0, 1.0, (50, len(group.columns)))
     layer = layer_inputs(group.predictor, X)
@@ -147,9 +143,7 @@ def test_rows_outside_widen_the_range_where_the_model_holds(models: dict[str, Ca
     assert any("takes them in" in note for note in refreshed.notes)
 
 
-def test_rows_outside_leave_the_range_where_the_model_does_not_hold(
-    models: dict[str, CalibrationModel],
-) -> None:
+def test_rows_outside_leave_the_range_where_the_model_does_not_hold(models: dict[str, CalibrationModel]) -> None:
     old, log = models["linear"], a_day(6, 1800)
     q = 2.5 * log.q_nominal
     error = np.clip(q, -1.0, 1.0) @ -BEND

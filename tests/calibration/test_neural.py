@@ -39,9 +39,7 @@ def problem(rows: int, outputs: int = 2, seed: int = 0) -> tuple[np.ndarray, np.
     return X, 0.02 * np.column_stack(waves) + 0.3
 
 
-def train(
-    X: np.ndarray, Y: np.ndarray, settings: NetworkSettings, *, late: Any = None, **options: Any
-) -> Network:
+def train(X: np.ndarray, Y: np.ndarray, settings: NetworkSettings, *, late: Any = None, **options: Any) -> Network:
     late = np.zeros(len(X), dtype=bool) if late is None else late
     return fit_neural(X, Y, settings, **({"seed": 0} | options), late=late)
 
@@ -160,9 +158,7 @@ def test_steps_are_those_of_scikit_learns_adam(activation: Any, outputs: int) ->
         part = slice(32 * (k % 2), 32 * (k % 2) + 32)
         theirs.partial_fit(X[part], Y[part].squeeze())
         ours.step(ours.gradient(X[part], Y[part], 0.3), 0.01)
-    for values, expected in zip(
-        (*ours.weights, *ours.biases), (*theirs.coefs_, *theirs.intercepts_), strict=True
-    ):
+    for values, expected in zip((*ours.weights, *ours.biases), (*theirs.coefs_, *theirs.intercepts_), strict=True):
         # the activations are ours, and round otherwise than NumPy's and SciPy's
         assert_allclose(values, expected, rtol=1e-4, atol=1e-6)
 
@@ -184,9 +180,7 @@ def test_every_epoch_takes_every_row_once_in_another_order(steps: list[dict[str,
     assert (first != second).any()
 
 
-@pytest.mark.parametrize(
-    ("rows", "batch", "steps_of_an_epoch"), [(100, 64, 2), (64, 64, 1), (10, 64, 1), (129, 64, 3)]
-)
+@pytest.mark.parametrize(("rows", "batch", "steps_of_an_epoch"), [(100, 64, 2), (64, 64, 1), (10, 64, 1), (129, 64, 3)])
 def test_number_of_steps_is_epochs_times_batches(steps, rows, batch, steps_of_an_epoch) -> None:
     train(*problem(rows), replace(SMALL, batch=batch, epochs=4))
     assert len(steps) == 4 * steps_of_an_epoch

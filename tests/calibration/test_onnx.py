@@ -35,9 +35,7 @@ def run(session: onnxruntime.InferenceSession, **inputs: Floats) -> dict[str, np
     return dict(zip(names, session.run(names, inputs), strict=True))
 
 
-def step_through(
-    session: onnxruntime.InferenceSession, signals: Floats, q: Floats
-) -> tuple[Floats, np.ndarray]:
+def step_through(session: onnxruntime.InferenceSession, signals: Floats, q: Floats) -> tuple[Floats, np.ndarray]:
     """Corrections and flags of a motion, the graph's memory carried from step to step."""
     memory = {
         name: np.full((1, *tensor.shape[1:]), np.nan)
@@ -136,9 +134,7 @@ def test_missing_and_infinite_signals_are_outside_the_valid_range() -> None:
 
 def test_metadata_say_what_goes_in_and_hold_the_card() -> None:
     rng = np.random.default_rng(5)
-    model = random_model(
-        "linear", rng.normal(size=(50, 4)), rng, joints=3, torques=1, history=2, rate_hz=30.0
-    )
+    model = random_model("linear", rng.normal(size=(50, 4)), rng, joints=3, torques=1, history=2, rate_hz=30.0)
     made = to_onnx(model, CARD, decimation=33)
     props = {prop.key: prop.value for prop in made.metadata_props}
     assert json.loads(props["card"]) == CARD
@@ -171,9 +167,7 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("target", ["error", "position"])
-def test_half_widths_are_those_of_the_model_also_far_outside_and_where_an_input_is_missing(
-    target: Any,
-) -> None:
+def test_half_widths_are_those_of_the_model_also_far_outside_and_where_an_input_is_missing(target: Any) -> None:
     rng = np.random.default_rng(7)
     signals = rng.normal(size=(200, 5))
     made = random_model("linear", signals, rng, joints=3, torques=2, per_joint=True, target=target)

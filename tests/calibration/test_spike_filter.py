@@ -129,9 +129,7 @@ def test_other_joints_targets_make_it_another_motion_too(rng: np.random.Generato
         steps=(("q:J1", STEP), ("q:J2", STEP)), period=0.02,
     )  # fmt: skip
     q = np.column_stack([spiked([300]), np.concatenate([np.zeros(200), sparse(rng, 600)])])
-    X, leaping, _ = features.rows(
-        MotionLog("run", ("J1", "J2"), ("rad",) * 2, q, np.ones(800, dtype=bool), time=T)
-    )
+    X, leaping, _ = features.rows(MotionLog("run", ("J1", "J2"), ("rad",) * 2, q, np.ones(800, dtype=bool), time=T))
     assert not leaping[:200].any()
     assert leaping[210:].all()
     assert_array_equal(X[210:], replace(features, steps=(), period=None).matrix(log_of_two(q))[210:])

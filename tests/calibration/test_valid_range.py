@@ -52,8 +52,7 @@ def test_range_does_not_depend_on_units() -> None:
     X, asked = rng.normal(size=(200, 3)), 2.0 * rng.normal(size=(500, 3))
     factors = np.array([1.0, 1000.0, 57.3])
     assert_array_equal(
-        inside(fit_valid_range(X, MARGIN), asked),
-        inside(fit_valid_range(X * factors, MARGIN), asked * factors),
+        inside(fit_valid_range(X, MARGIN), asked), inside(fit_valid_range(X * factors, MARGIN), asked * factors)
     )
 
 
@@ -70,9 +69,7 @@ def test_joint_that_never_moved_is_outside_as_soon_as_it_does(constant: float) -
 def test_direction_that_was_never_taken_is_outside() -> None:
     a = np.random.default_rng(6).normal(size=1000)
     X = np.column_stack([a, 2.0 * a + 7.0])
-    assert_array_equal(
-        inside(fit_valid_range(X, MARGIN), X + np.array([0.0, 0.01])), np.zeros(1000, dtype=bool)
-    )
+    assert_array_equal(inside(fit_valid_range(X, MARGIN), X + np.array([0.0, 0.01])), np.zeros(1000, dtype=bool))
 
 
 def test_directions_beyond_a_few_rows_are_watched() -> None:

@@ -74,9 +74,7 @@ def test_deploy_tells_errors_and_latency(recorded: Path, raven_model: Path) -> N
     assert "RMSE while the loop ran" in catenary(*line).out
 
 
-def test_a_loop_of_no_length_or_of_another_model_is_refused(
-    recorded: Path, raven_model: Path, model: Path
-) -> None:
+def test_a_loop_of_no_length_or_of_another_model_is_refused(recorded: Path, raven_model: Path, model: Path) -> None:
     for seconds in ("nan", "inf", "0", "-1"):
         assert "duration" in refusal("deploy", raven_model, recorded, f"--seconds={seconds}")
     assert "J1" in refusal("deploy", model, recorded, "--seconds", "2", "--fast")
@@ -130,17 +128,13 @@ def test_calibrate_takes_the_options_of_fit(tmp_path: Path, monkeypatch: pytest.
     run = card["run"]
     assert (run["held_out"], run["folds"], run["coverage"], run["seed"]) == (0.25, 3, 0.8, 4)
     assert run["max_error"] == [9.0, 9.0, 9.0]
-    assert "expected one of raven2, dvrk_psm, got panda" in refusal(
-        "calibrate", tmp_path / "q", "--robot", "panda"
-    )
+    assert "expected one of raven2, dvrk_psm, got panda" in refusal("calibrate", tmp_path / "q", "--robot", "panda")
     assert "folds 0" in refusal("calibrate", tmp_path / "q", train, "--test", test, "--folds", 0)
     assert not (tmp_path / "q").exists()
 
 
 @pytest.mark.usefixtures("_no_page")
-def test_calibrate_warns_of_a_recommended_model_that_does_harm(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_calibrate_warns_of_a_recommended_model_that_does_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = {f"J{j}": (f"q:J{j}",) for j in (1, 2, 3)}  # so that a joint's valid range is its own
     models = {name: FitOptions(kind="linear", inputs=own) for name in QUICK_MODELS}
     monkeypatch.setattr(calibrate, "models_for", lambda *_: models)
@@ -171,9 +165,7 @@ def test_the_demo_writes_a_page_and_compares_its_models(tmp_path: Path, quick: N
 def test_commands_on_a_finished_project_write_nothing(finished_folder: Path, quick: None) -> None:
     def state() -> dict[str, tuple[int, int, int, int]]:
         paths = [finished_folder, *finished_folder.rglob("*")]
-        return {
-            str(p): (s.st_ino, s.st_mtime_ns, s.st_ctime_ns, s.st_size) for p in paths for s in [p.stat()]
-        }
+        return {str(p): (s.st_ino, s.st_mtime_ns, s.st_ctime_ns, s.st_size) for p in paths for s in [p.stat()]}
 
     model, log = finished_folder / "models" / "linear.npz", finished_folder / "test.parquet"
     before = state()
@@ -191,13 +183,9 @@ def test_commands_on_a_finished_project_write_nothing(finished_folder: Path, qui
         assert state() == before, command
 
 
-@pytest.mark.parametrize(
-    "file", ["evaluation.json", "deployment.json", "robot/home.json", "models/linear.card.json"]
-)
+@pytest.mark.parametrize("file", ["evaluation.json", "deployment.json", "robot/home.json", "models/linear.card.json"])
 @pytest.mark.usefixtures("_no_page")
-def test_a_torn_file_of_a_finished_project_is_made_again(
-    finished_folder: Path, quick: None, file: str
-) -> None:
+def test_a_torn_file_of_a_finished_project_is_made_again(finished_folder: Path, quick: None, file: str) -> None:
     path = finished_folder / file
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])

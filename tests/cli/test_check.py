@@ -92,9 +92,7 @@ def test_facts_of_a_model_are_numbers_with_units(model: Path) -> None:
     assert [log["sha256"] for log in facts["fitted_to"]] == [log["sha256"] for log in card["data"]]
 
 
-def test_copy_of_another_models_card_is_told_and_a_lost_one_is_not(
-    model: Path, run: Path, tmp_path: Path
-) -> None:
+def test_copy_of_another_models_card_is_told_and_a_lost_one_is_not(model: Path, run: Path, tmp_path: Path) -> None:
     mine = copy(model, tmp_path / "mine.npz")
     assert catenary("check", mine).code == 0
     catenary("fit", run, "--model", "offset", "--out", tmp_path / "other.npz")

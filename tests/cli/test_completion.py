@@ -42,6 +42,8 @@ def test_the_script_completes_in_a_shell(tmp_path: Path) -> None:
     command.chmod(0o755)
     environment = os.environ | {"_CATENARY_COMPLETE": "source_bash"}
     script = subprocess.run(RUN, env=environment, capture_output=True, text=True, check=True).stdout
-    line = f"{script}\nCOMP_WORDS=(catenary fk rav); COMP_CWORD=2; _catenary_completion {command}; echo ${{COMPREPLY[@]}}"
+    line = (
+        f"{script}\nCOMP_WORDS=(catenary fk rav); COMP_CWORD=2; _catenary_completion {command}; echo ${{COMPREPLY[@]}}"
+    )
     shell = subprocess.run(["bash", "--norc", "-c", line], capture_output=True, text=True, check=True)
     assert shell.stdout.split() == [name for name in robot_names() if name.startswith("rav")]

@@ -46,10 +46,7 @@ def test_the_date_since_when_a_joint_drifts_is_told(tmp_path: Path, folds: str) 
 def test_a_homing_cuts_a_recording(tmp_path: Path) -> None:
     model = str(tmp_path / "arm.npz")
     assert (
-        catenary(
-            "fit", written(a_day(0, 0.0), tmp_path / "0.parquet"), "--model", "linear", "--out", model
-        ).code
-        == 0
+        catenary("fit", written(a_day(0, 0.0), tmp_path / "0.parquet"), "--model", "linear", "--out", model).code == 0
     )
     log = a_day(1, 0.0)
     homed = np.arange(len(log)) >= 900

@@ -27,14 +27,10 @@ def test_a_robot_without_limits_takes_them_and_is_told_that_collisions_are_unche
     design = ("excitation", "dvrk_psm_motors", "--static", 12, *bounds, "--out", tmp_path / "p.npz")
     outcome = catenary(*design, "--json", "--no-notes")
     assert outcome.json["terms"] == "static"
-    assert (
-        "COLLISIONS ARE UNCHECKED: dvrk_psm_motors has no shapes" in outcome.err
-    )  # --no-notes leaves warnings
+    assert "COLLISIONS ARE UNCHECKED: dvrk_psm_motors has no shapes" in outcome.err  # --no-notes leaves warnings
     assert (
         "UNCHECKED"
-        in catenary(
-            "excitation", "panda", "--trials", 2, "--no-collision-check", "--out", tmp_path / "m.npz"
-        ).out
+        in catenary("excitation", "panda", "--trials", 2, "--no-collision-check", "--out", tmp_path / "m.npz").out
     )
     assert catenary(*design, "--link-radius-mm", 5, "--json").json["collisions"]["checked"]
 
@@ -42,16 +38,7 @@ def test_a_robot_without_limits_takes_them_and_is_told_that_collisions_are_unche
 def test_it_keeps_clear_of_a_floor_a_box_and_a_mesh(tmp_path: Path) -> None:
     arm = write_arm(tmp_path)
     mesh = tmp_path / "meshes" / "elbow.stl"
-    around = (
-        "--floor-m",
-        -0.2,
-        "--box",
-        "1,0,0.5,0.3,0.3,0.3",
-        "--mesh",
-        f"{mesh}@-1,0.5,0",
-        "--margin-mm",
-        15,
-    )
+    around = ("--floor-m", -0.2, "--box", "1,0,0.5,0.3,0.3,0.3", "--mesh", f"{mesh}@-1,0.5,0", "--margin-mm", 15)
     files = ("--out", tmp_path / "m.npz", "--trajectory", tmp_path / "m.yaml")
     found = catenary("excitation", arm, *around, "--trials", 4, *files, "--ros", 1, "--json").json
     assert found["collisions"]["closest"]["distance_mm"] >= 15.0

@@ -297,9 +297,7 @@ def test_a_model_that_does_harm_on_what_was_held_out_is_warned_of(tmp_path: Path
     assert "note: warning" not in outcome.err
 
 
-def test_what_the_verdict_advises_of_large_errors_every_command_takes(
-    run: Path, model: Path, tmp_path: Path
-) -> None:
+def test_what_the_verdict_advises_of_large_errors_every_command_takes(run: Path, model: Path, tmp_path: Path) -> None:
     arrays = simulated_arm.arrays(seed=3)
     arrays["q_act"][100:110] = 0.0
     spoilt = tmp_path / "spoilt.npz"

@@ -38,19 +38,13 @@ def test_gravity_gives_torques_with_their_units(options: tuple[str, ...], gravit
 
 
 def test_a_reading_is_corrected_and_turned_by_its_mounting_file(tmp_path: Path) -> None:
-    R, bias, path = (
-        Rotation.from_euler("XYZ", [0.2, -0.4, 1.0]),
-        np.array([0.1, -0.2, 0.3]),
-        tmp_path / "m.toml",
-    )
+    R, bias, path = (Rotation.from_euler("XYZ", [0.2, -0.4, 1.0]), np.array([0.1, -0.2, 0.3]), tmp_path / "m.toml")
     save_mounting(path, Mounting(rotation=R.as_matrix(), bias=bias))
     reading = ",".join(str(v) for v in R.inv().apply(-TILTED) + bias)
     content = catenary("gravity", *POSE, "--imu-reading", reading, "--mounting", path, "--json").json
     assert_allclose(content["gravity"], TILTED, atol=1e-12)
     assert "--mounting: goes with --imu-reading" in refusal("gravity", *POSE, "--mounting", path)
-    assert "does not go with" in refusal(
-        "gravity", *POSE, "--imu-reading", "0,0,9.8", "--gravity", "0,0,-9.8"
-    )
+    assert "does not go with" in refusal("gravity", *POSE, "--imu-reading", "0,0,9.8", "--gravity", "0,0,-9.8")
     assert "with commas" in refusal("gravity", *POSE, "--imu-reading", "0", "0", "9.8")
 
 
@@ -138,9 +132,7 @@ def test_nineteen_joints_are_moved() -> None:
         (("gravity", "raven2", "--q", "0.1,0.1,0.3"), "elbow: 0.1 rad is outside its limits"),
     ],
 )
-def test_numbers_that_are_hardly_meant_are_noted_unless_notes_are_left_out(
-    typed: tuple[str, ...], said: str
-) -> None:
+def test_numbers_that_are_hardly_meant_are_noted_unless_notes_are_left_out(typed: tuple[str, ...], said: str) -> None:
     assert said in catenary(*typed).err
     quiet = catenary(*typed, "--no-notes")
     assert quiet.err == ""
@@ -168,9 +160,7 @@ def test_links_are_declared_massless_by_name_or_all_at_once(tmp_path: Path) -> N
     for links in ("upper,fore", "all"):
         shown = catenary("gravity", path, "--q", "0,0.1", "--massless", links, "--json")
         assert shown.json["tau"] == [0.0, 0.0]
-    assert 'massless link "nose" is not a link' in refusal(
-        "gravity", path, "--q", "0,0.1", "--massless", "nose"
-    )
+    assert 'massless link "nose" is not a link' in refusal("gravity", path, "--q", "0,0.1", "--massless", "nose")
 
 
 def test_a_robot_may_be_given_as_the_text_of_its_urdf() -> None:
@@ -182,18 +172,7 @@ HELD = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.3", "--json")
 
 
 def test_an_arm_on_a_deck_that_heaves_is_held_by_a_simulated_sensor() -> None:
-    deck = (
-        "--rock",
-        "x,8,0.1",
-        "--rock",
-        "y,4,0.14,40",
-        "--heave",
-        "2,0.12",
-        "--surge",
-        "1,0.1,90",
-        "--sway",
-        "1,0.2",
-    )
+    deck = ("--rock", "x,8,0.1", "--rock", "y,4,0.14,40", "--heave", "2,0.12", "--surge", "1,0.1,90", "--sway", "1,0.2")
     sensor = ("--mounting-on", "ship", "--sensor-bias", "0.02,0.02,-0.01", "--rule", "confirm=3")
     content = catenary(*HELD, *deck, *sensor).json
     assert set(content["gravity_ticks"]) == {"live"}
@@ -205,9 +184,7 @@ def test_an_arm_on_a_deck_that_heaves_is_held_by_a_simulated_sensor() -> None:
 
 def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
     level = ("--base-tilt-deg", "30,30", "--controller", "sg")
-    free, stuck = (
-        catenary(*HELD, *level, *more).json for more in ((), ("--friction", "50", "--kp", "100,50"))
-    )
+    free, stuck = (catenary(*HELD, *level, *more).json for more in ((), ("--friction", "50", "--kp", "100,50")))
     assert max(joint["drift"] for joint in free["joints"]) > 1.0
     assert max(joint["drift"] for joint in stuck["joints"]) < 1e-6
     assert stuck["kp"] == "100,50"

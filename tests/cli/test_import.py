@@ -87,17 +87,13 @@ def test_identification_takes_a_csv_of_positions_and_torques(tmp_path: Path) -> 
     rng = np.random.default_rng(0)
     t = np.arange(0.0, 20.0, 0.01)
     phases = rng.uniform(0.0, 6.0, (2, 3))
-    q = np.stack(
-        [sum(0.5 / (k + 1) * np.sin((k + 1) * t + phases[j, k]) for k in range(3)) for j in range(2)], 1
-    )
+    q = np.stack([sum(0.5 / (k + 1) * np.sin((k + 1) * t + phases[j, k]) for k in range(3)) for j in range(2)], 1)
     from catenary.dynamics.inverse_dynamics import inverse_dynamics
     from catenary.robots.catalog import load_robot
 
     model = load_robot("two_link")
     qd, qdd = np.gradient(q, t, axis=0), np.gradient(np.gradient(q, t, axis=0), t, axis=0)
-    tau = np.array(
-        [inverse_dynamics(model, *row, np.array([0, 0, -9.81])) for row in zip(q, qd, qdd, strict=True)]
-    )
+    tau = np.array([inverse_dynamics(model, *row, np.array([0, 0, -9.81])) for row in zip(q, qd, qdd, strict=True)])
     table = tmp_path / "arm.csv"
     rows = "\n".join(",".join(f"{v:.9f}" for v in row) for row in np.column_stack([t, np.rad2deg(q), tau]))
     table.write_text("time,pos1_deg,pos2_deg,tau1,tau2\n" + rows + "\n")
@@ -106,9 +102,7 @@ def test_identification_takes_a_csv_of_positions_and_torques(tmp_path: Path) -> 
     assert catenary("import", table, *options, "--robot", "two_link", "--out", log).code == 0
     outcomes = []
     for source, how in ((table, options), (log, ())):
-        done = catenary(
-            "identify", source, *how, "--robot", "two_link", "--out", tmp_path / "id.npz", "--json"
-        )
+        done = catenary("identify", source, *how, "--robot", "two_link", "--out", tmp_path / "id.npz", "--json")
         assert done.code == 0, done.err
         outcomes.append(json.loads(done.out)["training"])
     for of_table, of_log in zip(*outcomes, strict=True):
@@ -119,11 +113,7 @@ def day_in_degrees(path: Path, seed: int, *, turned: bool = False) -> Path:
     """A lab's CSV in degrees and millimetres, semicolons and decimal commas: reported and measured joints at 17 Hz."""
     rng, t = np.random.default_rng(seed), np.arange(0.0, 24.0, 0.06)
     phase = rng.uniform(0.0, 6.0, (3, 2))
-    q = np.column_stack([np.sin(0.7 * t + a) + 0.5 * np.sin(1.7 * t + b) for a, b in phase]) * [
-        30.0,
-        20.0,
-        25.0,
-    ]
+    q = np.column_stack([np.sin(0.7 * t + a) + 0.5 * np.sin(1.7 * t + b) for a, b in phase]) * [30.0, 20.0, 25.0]
     q += [10.0, 60.0, 150.0]
     seen = 1.02 * q + [0.5, -0.4, 1.0] + 0.01 * rng.standard_normal(q.shape)
     rows = np.column_stack([1000.0 * t, q, -seen if turned else seen])
@@ -144,18 +134,13 @@ def test_a_project_is_calibrated_from_foreign_csvs_up_to_its_report(
 ) -> None:
     kinds = {"polynomial": FitOptions(kind="polynomial"), "recommended": FitOptions(kind="linear")}
     monkeypatch.setattr(calibrate, "models_for", lambda *_: kinds)
-    train, test = (
-        day_in_degrees(tmp_path / f"{name}.csv", k) for k, name in enumerate(("monday", "tuesday"))
-    )
+    train, test = (day_in_degrees(tmp_path / f"{name}.csv", k) for k, name in enumerate(("monday", "tuesday")))
     project = tmp_path / "project"
     line = ("calibrate", project, train, "--test", test, *LAB)
     done = catenary(*line, "--json")
     assert done.code == 0, done.err
     found = json.loads(done.out)
-    assert {path.name.rpartition("-")[0] for path in (project / "imported").iterdir()} == {
-        "monday",
-        "tuesday",
-    }
+    assert {path.name.rpartition("-")[0] for path in (project / "imported").iterdir()} == {"monday", "tuesday"}
     for joint in found["models"]["recommended"]:  # deg and mm; what is left is the camera's noise
         assert joint["raw_rmse"] > 0.3
         assert joint["rmse"] < 0.05

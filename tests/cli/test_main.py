@@ -113,10 +113,7 @@ def run(*arguments: str, **settings: object) -> subprocess.CompletedProcess[byte
 def test_a_full_disk_is_a_message() -> None:
     with open("/dev/full", "wb") as full:
         outcome = run("robots", stdout=full)
-    assert (outcome.returncode, outcome.stderr) == (
-        2,
-        b"catenary: standard output: No space left on device\n",
-    )
+    assert (outcome.returncode, outcome.stderr) == (2, b"catenary: standard output: No space left on device\n")
 
 
 def test_a_reader_that_goes_away_is_no_traceback() -> None:

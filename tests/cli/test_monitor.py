@@ -58,10 +58,7 @@ def test_a_model_that_takes_more_than_joints_is_played_beside_its_recording(tmp_
     train = log()
     path = tmp_path / "train.parquet"
     write_parquet(train, path)
-    assert (
-        catenary("fit", path, "--model", "linear", "--inputs", "q,tau:roll", "--out", tmp_path / "m.npz").code
-        == 0
-    )
+    assert catenary("fit", path, "--model", "linear", "--inputs", "q,tau:roll", "--out", tmp_path / "m.npz").code == 0
     model, _ = load_model(tmp_path / "m.npz")
     outcome = catenary(
         "monitor", "--log", path, "--model", tmp_path / "m.npz", "--json", "--speed", "1e4", "--rate", "200"
@@ -87,7 +84,4 @@ def test_a_model_of_other_joints_is_refused_with_both(tmp_path: Path) -> None:
     assert catenary("fit", path, "--model", "linear", "--out", tmp_path / "m.npz").code == 0
     other = simulated_arm.write(tmp_path / "other.npz", joint_names=["a", "b", "c"])
     message = refusal("monitor", "--log", other, "--model", tmp_path / "m.npz")
-    assert (
-        'recording "other" has no joint "J1"; it has a [rad], b [rad], c [m], the model is for J1 [rad]'
-        in message
-    )
+    assert 'recording "other" has no joint "J1"; it has a [rad], b [rad], c [m], the model is for J1 [rad]' in message

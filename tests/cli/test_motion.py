@@ -58,9 +58,7 @@ def test_goto_a_place_says_how_far_from_it_the_tool_ended() -> None:
 def test_a_simulation_tells_the_true_error_of_joints_and_wrist() -> None:
     told = catenary("goto", "--q-deg", "33,88,395", "--fast", "--json").json
     plant = operated_robot("raven2", Simulated(), real_time=False).plant
-    go_to_joints(
-        OperatedRobot("raven2", plant, load_robot("raven2"), lambda: 0), np.array([0.57596, 1.53589, 0.395])
-    )
+    go_to_joints(OperatedRobot("raven2", plant, load_robot("raven2"), lambda: 0), np.array([0.57596, 1.53589, 0.395]))
     true = plant.telemetry()["q_true"]
     error = [joint["true_error"] for joint in told["joints"]]
     assert_allclose(

@@ -55,20 +55,7 @@ def test_what_is_not_typed_has_its_default() -> None:
 
 def test_a_type_says_how_a_text_is_read() -> None:
     seen = given(
-        "a",
-        "b",
-        "--tilt",
-        "1,-2e1",
-        "--box",
-        "1 2",
-        "--box",
-        "3,4",
-        "--q",
-        "7",
-        "--ros",
-        "2",
-        "--topic",
-        "/a",
+        "a", "b", "--tilt", "1,-2e1", "--box", "1 2", "--box", "3,4", "--q", "7", "--ros", "2", "--topic", "/a"
     )
     assert seen == {
         "tilt": (1.0, -20.0), "ros": 2, "topic": "/a", "fast": False,

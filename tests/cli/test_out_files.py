@@ -24,11 +24,7 @@ WRITING = {
     "drift --report": ("drift {model} {another} --report", ".csv", PAGE),
     "identify --out": ("identify {motion} --robot raven2 --out", ".csv", PARAMETERS),
     "identify --report": ("identify {motion} --robot raven2 --out {new}/o.npz --report", ".npz", PAGE),
-    "identify --urdf": (
-        "identify {motion} --robot raven2 --out {new}/o.npz --urdf",
-        ".npz",
-        URDF,
-    ),
+    "identify --urdf": ("identify {motion} --robot raven2 --out {new}/o.npz --urdf", ".npz", URDF),
     "excitation --out": ("excitation raven2 --static 12 --trials 1 --out", ".txt", EXCITATION),
     "import --out": ("import {run} --units rad,rad,m --out", ".csv", LOG),
     "export --c": ("export two_link --c", ".c", HEADER),
@@ -57,9 +53,7 @@ NAMES = ("run", "model", "motion", "another", "new")
 def line(case: str, request: pytest.FixtureRequest, folder: Path, **instead: str) -> list[str]:
     """The words of a case's line, its fixtures made, `new` a folder of its own."""
     text = WRITING[case][0].format_map({name: f"{{{name}}}" for name in NAMES} | instead)
-    names = {
-        name: request.getfixturevalue(name) for name in ("run", "model", "motion") if f"{{{name}}}" in text
-    }
+    names = {name: request.getfixturevalue(name) for name in ("run", "model", "motion") if f"{{{name}}}" in text}
     new = folder / "beside"
     new.mkdir()
     if "{another}" in text:

@@ -13,17 +13,7 @@ from command_line import catenary, refusal
 def test_pictures_have_the_kind_that_their_names_say(tmp_path: Path, ending: str, begins: bytes) -> None:
     out = tmp_path / f"arm{ending}"
     content = catenary(
-        "plot",
-        "two_link",
-        "--q-deg",
-        "30,60",
-        "--base-tilt-deg",
-        "0,20",
-        "--hide",
-        "torques",
-        "--out",
-        out,
-        "--json",
+        "plot", "two_link", "--q-deg", "30,60", "--base-tilt-deg", "0,20", "--hide", "torques", "--out", out, "--json"
     ).json
     assert out.read_bytes().startswith(begins)
     assert content["out"] == str(out)
@@ -42,9 +32,7 @@ def test_a_robot_without_masses_is_drawn_without_torques_and_that_is_said(tmp_pa
 
 
 def test_a_joint_beyond_its_limits_and_gravity_upwards_are_noted(tmp_path: Path) -> None:
-    err = catenary(
-        "plot", "raven2", "--q", "0,1.57,9", "--gravity", "0,0,9.81", "--out", tmp_path / "a.png"
-    ).err
+    err = catenary("plot", "raven2", "--q", "0,1.57,9", "--gravity", "0,0,9.81", "--out", tmp_path / "a.png").err
     assert "insertion: 9 m is outside its limits" in err
     assert "points up" in err
 
@@ -53,15 +41,9 @@ def test_what_cannot_be_drawn_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("MPLBACKEND", "agg")
     assert "no window can be opened here; give --out" in refusal("plot", "raven2")
     assert "--json: goes with --out" in refusal("plot", "raven2", "--json")
-    assert 'ending ".npz": expected .png or .svg or .pdf' in refusal(
-        "plot", "raven2", "--out", tmp_path / "a.npz"
-    )
-    assert "hide: x: expected some of" in refusal(
-        "plot", "raven2", "--hide", "x", "--out", tmp_path / "a.png"
-    )
-    assert "slides without limits" in refusal(
-        "plot", "dvrk_psm_motors", "--workspace", "--out", tmp_path / "a.png"
-    )
+    assert 'ending ".npz": expected .png or .svg or .pdf' in refusal("plot", "raven2", "--out", tmp_path / "a.npz")
+    assert "hide: x: expected some of" in refusal("plot", "raven2", "--hide", "x", "--out", tmp_path / "a.png")
+    assert "slides without limits" in refusal("plot", "dvrk_psm_motors", "--workspace", "--out", tmp_path / "a.png")
     assert "does not go with" in refusal("plot", "raven2", "--gravity", "0,0,-9", "--base-tilt-deg", "0,1")
     page = tmp_path / "other.png"
     page.write_text("mine")

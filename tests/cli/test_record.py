@@ -57,18 +57,14 @@ def test_unattended_terminal_gives_up(on_ros: RobotOnLoopback, tmp_path: Path) -
 
 def test_record_without_motion_keeps_what_others_do(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
     on_ros.robot.plant.state_command("home")
-    outcome = catenary(
-        "record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.005", "--simulated", "--json"
-    )
+    outcome = catenary("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.005", "--simulated", "--json")
     assert outcome.code == 0, outcome
     assert {topic["name"] for topic in outcome.json["topics"]} >= {"/ravenstate", "/ext_jpos"}
     assert open_recording(tmp_path / "p" / "recordings" / "test").about.simulated
     assert on_ros.robot.commands == 0
 
 
-def test_recording_others_leaves_the_settings_of_a_project_as_they_are(
-    on_ros: RobotOnLoopback, tmp_path: Path
-) -> None:
+def test_recording_others_leaves_the_settings_of_a_project_as_they_are(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
     on_ros.robot.plant.state_command("home")
     before = ProjectSettings(test_minutes=33.0, seed=7)
     Project(tmp_path / "p", before)
@@ -78,9 +74,7 @@ def test_recording_others_leaves_the_settings_of_a_project_as_they_are(
     assert project_settings(tmp_path / "p") == before
 
 
-def test_what_others_did_extracts_and_its_name_is_not_used_twice(
-    on_ros: RobotOnLoopback, tmp_path: Path
-) -> None:
+def test_what_others_did_extracts_and_its_name_is_not_used_twice(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
     on_ros.robot.plant.state_command("home")
     line = ("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.001", "--name", "hand")
     assert catenary(*line).code == 0

@@ -32,9 +32,7 @@ def days(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "arm.npz", a_day(tmp_path / "tuesday.parquet", MAY_15, 1, 0.00098)
 
 
-def test_the_command_says_what_moved_since_when_and_the_card_of_what_it_was_made(
-    days: tuple[Path, Path],
-) -> None:
+def test_the_command_says_what_moved_since_when_and_the_card_of_what_it_was_made(days: tuple[Path, Path]) -> None:
     model, tuesday = days
     out = model.with_name("new.npz")
     result = catenary("refresh", str(model), str(tuesday), "--out", str(out))

@@ -57,9 +57,7 @@ def test_browser_is_opened_where_it_is_asked_for_and_not_from_a_pipe(
     monkeypatch.setattr(simulated.DrivenArm, "run", lambda *_: None)
     monkeypatch.setenv("DISPLAY", screen)
     assert catenary("view", "two_link", "--port", 18092, *option).code == 0
-    assert [bool(re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}/", url)) for url in opened] == [
-        True
-    ] * expected
+    assert [bool(re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}/", url)) for url in opened] == [True] * expected
 
 
 @pytest.mark.parametrize(

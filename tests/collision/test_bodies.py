@@ -11,9 +11,7 @@ from catenary.spatial import Pose, rotation_from_vector
 
 POSE = Pose(rotation_from_vector([0.3, -0.5, 0.2]), np.array([0.1, 0.2, -0.3]))
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
-TETRAHEDRON = TriangleMesh(
-    np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-)
+TETRAHEDRON = TriangleMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
 
 
 def body(form):

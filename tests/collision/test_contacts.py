@@ -3,13 +3,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.collision.bodies import box_at, floor_at
-from catenary.collision.contacts import (
-    is_free,
-    keep_apart,
-    require_free_pose,
-    touching,
-    without_constant_contacts,
-)
+from catenary.collision.contacts import is_free, keep_apart, require_free_pose, touching, without_constant_contacts
 from catenary.collision.scene import scene_of
 from catenary.errors import InputError
 from colliding_arm import PANDA, apart, box_arm, capsule_arm
@@ -36,12 +30,8 @@ def test_pairs_that_touch_everywhere_are_left_out_and_told():
     assert not any("floor" in pair for pair in names)  # obstacles stay: a floor above the robot is no joint
 
 
-@pytest.mark.parametrize(
-    ("obstacle", "name"), [(floor_at(0.5), "floor"), (box_at(1, [0, 0, 0.5, 2, 2, 2]), "box 1")]
-)
+@pytest.mark.parametrize(("obstacle", "name"), [(floor_at(0.5), "floor"), (box_at(1, [0, 0, 0.5, 2, 2, 2]), "box 1")])
 def test_a_robot_that_stands_in_something_is_refused_by_its_name(obstacle, name):
     scene = apart(capsule_arm(), [obstacle])
-    with pytest.raises(
-        InputError, match=f"in none of 60 poses .* keep 10 mm apart; within it are .*{name} in 100 %"
-    ):
+    with pytest.raises(InputError, match=f"in none of 60 poses .* keep 10 mm apart; within it are .*{name} in 100 %"):
         require_free_pose(scene, Q, 0.01)

@@ -105,10 +105,7 @@ def test_boxes_cylinders_balls_and_meshes_of_a_urdf_are_as_far_apart_as_pinocchi
     assert len(geometry.collisionPairs) == len(scene.pairs)
     data, shapes = theirs.createData(), geometry.createData()
     objects = geometry.geometryObjects
-    order = {
-        frozenset(objects[i].name for i in (p.first, p.second)): k
-        for k, p in enumerate(geometry.collisionPairs)
-    }
+    order = {frozenset(objects[i].name for i in (p.first, p.second)): k for k, p in enumerate(geometry.collisionPairs)}
     q = np.random.default_rng(0).uniform(-3.0, 3.0, (60, model.n))
     placed = scene.place(q)
     bounds = scene.lower_bounds(placed)

@@ -65,13 +65,9 @@ def of_rows(model: CalibrationModel, signals: Floats) -> Given:
 
 
 def of_onnx(model: CalibrationModel, signals: Floats) -> Given:
-    session = onnxruntime.InferenceSession(
-        to_onnx(model, {}).SerializeToString(), providers=["CPUExecutionProvider"]
-    )
+    session = onnxruntime.InferenceSession(to_onnx(model, {}).SerializeToString(), providers=["CPUExecutionProvider"])
     given = {"signals": signals, "q_nominal": np.ascontiguousarray(signals[:, :N])}
-    named = session.run(
-        ["correction", "inside"], {tensor.name: given[tensor.name] for tensor in session.get_inputs()}
-    )
+    named = session.run(["correction", "inside"], {tensor.name: given[tensor.name] for tensor in session.get_inputs()})
     return named[0], named[1]
 
 

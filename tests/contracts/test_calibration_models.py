@@ -29,9 +29,7 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 MIXED = "each joint its own"
 CASES = [(kind, "error") for kind in (*KINDS, MIXED)]
-CASES += [
-    (kind, "position") for kind in ("linear with history", "polynomial", "neural best", "neural per joint")
-]
+CASES += [(kind, "position") for kind in ("linear with history", "polynomial", "neural best", "neural per joint")]
 
 
 def truth(q: np.ndarray) -> np.ndarray:
@@ -145,9 +143,7 @@ def test_calibration_is_causal(case: Case) -> None:
     assert_array_equal(changed[:40], case.model.calibrate(NEW)[:40])
 
 
-def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(
-    case: Case, tmp_path: Path
-) -> None:
+def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(case: Case, tmp_path: Path) -> None:
     save_model(case.model, {"robot": None}, tmp_path / "model.npz")
     back, _ = load_model(tmp_path / "model.npz")
     assert back.calibrate(NEW).tobytes() == case.model.calibrate(NEW).tobytes()
@@ -175,9 +171,7 @@ def test_joint_that_never_moved_breaks_no_model_and_is_watched(kind: str) -> Non
     assert_allclose(model.calibrate(still)[:, 1], 0.1 + truth(np.array(0.1)), atol=1e-9)  # a constant error
     q = q.copy()
     q[:, 1] = 0.2
-    takes_it = [
-        j for g in model.groups if "q:J2" in [model.features.names[c] for c in g.watched] for j in g.joints
-    ]
+    takes_it = [j for g in model.groups if "q:J2" in [model.features.names[c] for c in g.watched] for j in g.joints]
     X = model.features.matrix(replace(still, q_nominal=q))
     assert not model.inside(X)[:, takes_it].any()
 

@@ -104,9 +104,7 @@ def test_a_copy_computes_apart(controller: SplitController) -> None:
     parts = controller.feedback.copy(), controller.feedforward.copy()
     twin.torque(at_rest._replace(q=np.zeros(N)), wanted)
     np.testing.assert_array_equal((controller.feedback, controller.feedforward), parts)
-    np.testing.assert_array_equal(
-        deepcopy(controller).torque(at_rest, wanted), controller.torque(at_rest, wanted)
-    )
+    np.testing.assert_array_equal(deepcopy(controller).torque(at_rest, wanted), controller.torque(at_rest, wanted))
     assert np.isfinite(tau).all()
 
 
@@ -124,9 +122,7 @@ def read_only(values: Floats) -> Floats:
 def test_arrays_of_any_layout_and_read_only_ones_are_taken(controller: SplitController, change: Any) -> None:
     measured, wanted = tick()
     expected = deepcopy(controller).torque(measured, wanted)
-    q, gravity, rates = (
-        change(values.copy()) for values in (measured.q, measured.gravity, measured.base_rates)
-    )
+    q, gravity, rates = (change(values.copy()) for values in (measured.q, measured.gravity, measured.base_rates))
     changed = measured._replace(q=q, gravity=gravity, base_rates=rates)
     np.testing.assert_array_equal(
         controller.torque(changed, Reference(*(change(np.array(values)) for values in wanted))), expected

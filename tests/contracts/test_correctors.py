@@ -74,9 +74,7 @@ def test_nan_gives_the_fixed_offset_and_no_flag(kind: str) -> None:
     for row in (50, 60):
         assert not flags[row].any()
         assert_array_equal(out[row], signals[row, :n] + model.offset)
-    sound = (np.arange(len(signals)) != 50) & (
-        np.arange(len(signals)) < 60
-    )  # later, a play state missed a push
+    sound = (np.arange(len(signals)) != 50) & (np.arange(len(signals)) < 60)  # later, a play state missed a push
     assert_array_equal(out[sound], whole[sound])
     assert_array_equal(flags[sound], inside[sound])
 

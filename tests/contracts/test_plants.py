@@ -122,11 +122,7 @@ def test_arrays_are_the_receivers_own(ready, arrays):
 
 @pytest.mark.parametrize(
     "make",
-    [
-        lambda: CablePlant(base=ROCKING),
-        lambda: PsmPlant(base=ROCKING),
-        lambda: homed_mujoco("two_link", ROCKING),
-    ],
+    [lambda: CablePlant(base=ROCKING), lambda: PsmPlant(base=ROCKING), lambda: homed_mujoco("two_link", ROCKING)],
 )
 def test_joint_state_holds_what_an_inertial_unit_on_a_moving_base_reads(make):
     plant = make()
@@ -189,9 +185,7 @@ def test_disabled_plant_is_not_moved(ready, verb):
 @pytest.mark.parametrize("fault", ["short", "long", "nan", "text"])
 def test_bad_commands_are_refused(ready, verb, fault):
     n = len(ready.joint_names)
-    bad = {"short": np.zeros(n - 1), "long": np.zeros(n + 1), "nan": np.full(n, np.nan), "text": ["a"] * n}[
-        fault
-    ]
+    bad = {"short": np.zeros(n - 1), "long": np.zeros(n + 1), "nan": np.full(n, np.nan), "text": ["a"] * n}[fault]
     with pytest.raises((InputError, UnsupportedCommandError)):
         getattr(ready, verb)(bad)
 
@@ -220,12 +214,7 @@ def test_setpoint_stays_within_the_limits(ready):
 
 
 def test_states_are_those_of_crtk(ready):
-    for command, state in (
-        ("disable", "DISABLED"),
-        ("enable", "ENABLED"),
-        ("pause", "PAUSED"),
-        ("resume", "ENABLED"),
-    ):
+    for command, state in (("disable", "DISABLED"), ("enable", "ENABLED"), ("pause", "PAUSED"), ("resume", "ENABLED")):
         ready.state_command(command)
         assert ready.operating_state().state == state
 

@@ -77,10 +77,7 @@ def test_lines_go_on_over_the_ends_of_all_counters(bench: Any) -> None:
 @pytest.mark.parametrize(
     "damaged",
     [
-        *(
-            lambda line, noise=noise: noise
-            for noise in (b"\xff\x00\xfe\n", b"$*\n", b"___\n", b"x" * 1000 + b"\n")
-        ),
+        *(lambda line, noise=noise: noise for noise in (b"\xff\x00\xfe\n", b"$*\n", b"___\n", b"x" * 1000 + b"\n")),
         lambda line: b"1_2_3_4\r\n",
         lambda line: line()[:3] + b"\r\n",
         lambda line: line().rstrip() + line(),

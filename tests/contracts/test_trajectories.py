@@ -13,13 +13,7 @@ from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.trajectories.reference import Embedded, InTurn, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import follow_waypoints, go_to
-from catenary.trajectories.zigzag import (
-    CALIBRATION_LOWER,
-    CALIBRATION_UPPER,
-    DIRECTIONS,
-    FORMS,
-    zigzag,
-)
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, FORMS, zigzag
 
 Floats = NDArray[np.float64]
 

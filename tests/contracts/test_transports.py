@@ -74,9 +74,7 @@ def connected(transport: Transport, topic: str, subscribers: int = 1) -> None:
     eventually(lambda: len(transport.connections(topic).subscribers) >= subscribers, transport)
 
 
-def pair(
-    transport: Transport, topic: str, *, queue: int = 100, **options: Any
-) -> tuple[Subscription, Publisher]:
+def pair(transport: Transport, topic: str, *, queue: int = 100, **options: Any) -> tuple[Subscription, Publisher]:
     """A subscription of texts, and a publisher that is connected to it."""
     subscription = transport.subscribe(topic, TEXT, **options)
     publisher = transport.publisher(topic, TEXT, queue=queue)
@@ -131,9 +129,7 @@ def test_two_subscriptions_each_get_every_message(transport: Transport, topic: s
 
 def test_callbacks_run_in_poll_and_in_its_thread_and_are_counted(transport: Transport, topic: str) -> None:
     threads: list[Any] = []
-    subscription, publisher = pair(
-        transport, topic, callback=lambda _: threads.append(threading.current_thread())
-    )
+    subscription, publisher = pair(transport, topic, callback=lambda _: threads.append(threading.current_thread()))
     assert transport.poll() == 0
     publisher.publish(text("a"))
     publisher.publish(text("b"))
@@ -161,9 +157,7 @@ def test_the_oldest_gives_way_and_is_counted_when_nobody_takes(transport: Transp
 
 def test_callbacks_get_what_is_left_after_an_overflow(transport: Transport, topic: str) -> None:
     got: list[str] = []
-    subscription, publisher = pair(
-        transport, topic, callback=lambda one: got.append(one.message.data), depth=3
-    )
+    subscription, publisher = pair(transport, topic, callback=lambda one: got.append(one.message.data), depth=3)
     for i in range(10):
         publisher.publish(text(str(i)))
     until(lambda: subscription.overflowed >= 7)
@@ -260,10 +254,7 @@ def test_a_name_that_is_none_is_refused(transport: Transport, name: str) -> None
     ("use", "complaint"),
     [
         (lambda transport, topic: transport.publisher(topic, "raven_2/raven_mood"), "unknown"),
-        (
-            lambda transport, topic: transport.service(topic, "std_srvs/Mood", lambda request: request),
-            "unknown",
-        ),
+        (lambda transport, topic: transport.service(topic, "std_srvs/Mood", lambda request: request), "unknown"),
         (lambda transport, topic: [transport.publisher(topic, TEXT) for _ in range(2)], "already"),
         (lambda transport, topic: [transport.service(topic, TRIGGER, print) for _ in range(2)], "already"),
         (lambda transport, topic: transport.call(topic, TRIGGER, timeout=0.5), "nobody offers"),

@@ -25,11 +25,7 @@ def test_small_torques_pass_unchanged_and_large_ones_are_cut() -> None:
 
 @pytest.mark.parametrize(
     ("applied", "demanded", "sent"),
-    [
-        (0.0, [5.0, 5.0, 1.5, -9.0], [1.0, 2.0, 1.5, 0.5]),
-        (7.0, [0.0], [6.0]),
-        (5.0, [np.nan, 5.0], [4.0, 5.0]),
-    ],
+    [(0.0, [5.0, 5.0, 1.5, -9.0], [1.0, 2.0, 1.5, 0.5]), (7.0, [0.0], [6.0]), (5.0, [np.nan, 5.0], [4.0, 5.0])],
     ids=["from zero", "from the torque being applied", "at a single NaN"],
 )
 def test_torque_changes_no_faster_than_the_slew_rate(applied, demanded, sent) -> None:

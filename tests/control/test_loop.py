@@ -223,15 +223,9 @@ def positions_seen(start: float, corrector: Any, seconds: float = 2.0) -> tuple[
     """Return what the controller saw, what the robot reported, and half-widths, of an arm that rests at 0."""
     seen: list[Tick] = []
     run_loop(
-        MassPlant(ZERO, friction=1.0),
-        PD,
-        Rest(ZERO + start, seconds),
-        corrector=corrector,
-        observers=[seen.append],
+        MassPlant(ZERO, friction=1.0), PD, Rest(ZERO + start, seconds), corrector=corrector, observers=[seen.append]
     )
-    q, nominal = (
-        np.array(rows)[:, 0] for rows in zip(*((t.state.q, t.q_nominal) for t in seen), strict=True)
-    )
+    q, nominal = (np.array(rows)[:, 0] for rows in zip(*((t.state.q, t.q_nominal) for t in seen), strict=True))
     return q, nominal, np.array([t.state.q_interval[0] for t in seen])
 
 
@@ -398,9 +392,7 @@ class Scripted:
     def read(self, time: float) -> GravityReading:
         status, faults = self.script[len(self.times)]
         self.times.append(time)
-        return GravityReading(
-            np.full(3, time), 0.001 * len(self.times), np.full((2, 3), -time), status, faults
-        )
+        return GravityReading(np.full(3, time), 0.001 * len(self.times), np.full((2, 3), -time), status, faults)
 
 
 def sensed(*faults: InjectedFault, fallback: str = "fade") -> SensedGravity:
@@ -442,11 +434,7 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     assert report.gravity is not None
     assert report.gravity.ticks == {"nominal": 2, "live": 5, "stale": 4}
     assert report.gravity.faults == {"nothing_received": 2, "stuck": 4, "interrupted": 3}
-    assert report.gravity.messages == (
-        Fault.NOTHING_RECEIVED.message,
-        Fault.STUCK.message,
-        Fault.INTERRUPTED.message,
-    )
+    assert report.gravity.messages == (Fault.NOTHING_RECEIVED.message, Fault.STUCK.message, Fault.INTERRUPTED.message)
     assert report.gravity.largest_age == pytest.approx(0.011)
     assert "gravity: stuck in 4 ticks: the accelerometer repeats" in str(report)
 

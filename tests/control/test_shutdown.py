@@ -45,9 +45,7 @@ def test_a_loop_without_finite_torques_gives_up(limit: int) -> None:
     plant = MassPlant(AT)
     with pytest.raises(NotFiniteError) as caught:
         run_loop(plant, Gaps(*range(6, 100)), Rest(AT, 0.2), give_up_after=limit)
-    assert re.match(
-        rf'not finite for {limit} ticks in a row: torque of "j0" \({limit} ticks\);', str(caught.value)
-    )
+    assert re.match(rf'not finite for {limit} ticks in a row: torque of "j0" \({limit} ticks\);', str(caught.value))
     report = caught.value.loop_report  # type: ignore[attr-defined]
     assert (report.ticks, report.not_finite_ticks, report.finished) == (5 + limit - 1, limit, False)
     verbs = [verb for verb, _ in plant.log]

@@ -28,9 +28,7 @@ class Said:
         plants: Any = {"gold": homed_plant("left"), "green": homed_plant("right")}
         server = make_server(Serving(dialect=dialect), Loopback("robot", network), plants=plants)
         client = Loopback("client", network)
-        heard = {
-            key: client.subscribe(one.topic.name, one.topic.type) for key, one in server.publishers.items()
-        }
+        heard = {key: client.subscribe(one.topic.name, one.topic.type) for key, one in server.publishers.items()}
         for lazy in server.publishers.values():
             lazy.watch()
         rng = np.random.default_rng(5)
@@ -55,10 +53,7 @@ def at_tip(q: Any) -> list[float]:
 @pytest.mark.parametrize("arm", ARMS)
 def test_joint_states_are_the_plants(said: Said, arm: Arm) -> None:
     served = said.arms[arm]
-    for verb, state in (
-        ("measured_js", served.plant.measured_js()),
-        ("setpoint_js", served.plant.setpoint_js()),
-    ):
+    for verb, state in (("measured_js", served.plant.measured_js()), ("setpoint_js", served.plant.setpoint_js())):
         message = said.messages[verb, arm]
         assert message.name == served.plant.joint_names
         assert np.abs(message.position).min() > 0.0
@@ -82,10 +77,7 @@ def test_the_opening_of_the_jaws_is_their_sum_and_its_effort_their_mean(said: Sa
 def test_poses_are_those_of_forward_kinematics(said: Said, arm: Arm) -> None:
     served = said.arms[arm]
     assert served.tool is not None
-    for verb, state in (
-        ("measured_cp", served.plant.measured_js()),
-        ("setpoint_cp", served.plant.setpoint_js()),
-    ):
+    for verb, state in (("measured_cp", served.plant.measured_js()), ("setpoint_cp", served.plant.setpoint_js())):
         message, expected = said.messages[verb, arm], forward_kinematics(served.tool.model, at_tip(state.q))
         assert message.header.frame_id == "base"
         assert said.dialect == "crtk" or message.child_frame_id == "tool"
@@ -94,9 +86,7 @@ def test_poses_are_those_of_forward_kinematics(said: Said, arm: Arm) -> None:
 
 
 def test_all_messages_of_a_tick_have_its_stamp(said: Said) -> None:
-    every_tick = [
-        m[0].stamp for (verb, _), m in said.messages.items() if verb.endswith(("_js", "_cp", "_cv"))
-    ]
+    every_tick = [m[0].stamp for (verb, _), m in said.messages.items() if verb.endswith(("_js", "_cp", "_cv"))]
     assert len(set(every_tick)) == 1
 
 
@@ -120,9 +110,7 @@ def test_the_whole_state_is_in_the_robots_own_units() -> None:
             pose = relative_pose(served.tool.model, at_tip(state.q), "tool", "frame0")
             assert_allclose(position[3 * k : 3 * k + 3], 1e6 * pose.position, atol=1.0)  # whole um
             assert_allclose(rotation[9 * k : 9 * k + 9], pose.rotation.ravel(), atol=1e-6)
-        twist = (
-            served.measured_tool.twist.reshape(2, 3) @ served.measured_tool.pose.rotation
-        )  # in the tool's axes
+        twist = served.measured_tool.twist.reshape(2, 3) @ served.measured_tool.pose.rotation  # in the tool's axes
         assert np.abs(twist).max() > 1e-3
         assert_allclose(message.jac_vel[6 * k : 6 * k + 6], twist.ravel(), rtol=1e-5, atol=1e-7)
         assert message.grasp_d[k] == np.float32(served.plant.setpoint_js().q[-2:].sum())

@@ -71,8 +71,7 @@ def test_a_straight_way_that_the_mechanism_cannot_follow_is_refused_before_anyth
 
 
 @pytest.mark.parametrize(
-    "quaternion",
-    [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0), (np.nan, 0.0, 0.0, 1.0), (1e300, 0.0, 0.0, 0.0)],
+    "quaternion", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0), (np.nan, 0.0, 0.0, 1.0), (1e300, 0.0, 0.0, 0.0)]
 )
 def test_quaternions_that_are_none_are_refused(quaternion):
     robot = ServedRobot("crtk")

@@ -205,9 +205,7 @@ def test_homing_is_waited_for() -> None:
 
 def test_transition_that_does_not_come_is_reported() -> None:
     _, client = connected(ideal(ready=False))
-    with pytest.raises(
-        NotReadyError, match="resume: not confirmed within 2 s; the robot is DISABLED, not homed"
-    ):
+    with pytest.raises(NotReadyError, match="resume: not confirmed within 2 s; the robot is DISABLED, not homed"):
         client.state_command("resume")
 
 
@@ -277,9 +275,7 @@ def test_gravity_is_what_an_accelerometer_reads_turned_round() -> None:
 
 
 @pytest.mark.parametrize(("on", "believed"), [("table", False), ("ship", True)])
-def test_a_reading_on_a_deck_that_heaves_is_believed_where_a_ship_carries_the_base(
-    on: str, believed: bool
-) -> None:
+def test_a_reading_on_a_deck_that_heaves_is_believed_where_a_ship_carries_the_base(on: str, believed: bool) -> None:
     client, read = with_imu(on)
     read(0.0, 0.0, 11.8)  # 2 m/s2 upwards
     assert_allclose(client.measured_js().gravity, [0.0, 0.0, -11.8 if believed else -9.81], atol=1e-12)

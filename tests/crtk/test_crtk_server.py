@@ -139,9 +139,7 @@ def test_a_move_ends_for_good_by_hold_and_by_pausing(robot, commands):
 
 def test_move_cp_goes_straight_and_arrives(robot):
     start = pose(robot)
-    goal = Pose(
-        rotation_from_rpy((0.1, 0.0, 0.0)) @ start.rotation, start.position + np.array([0.01, -0.01, -0.02])
-    )
+    goal = Pose(rotation_from_rpy((0.1, 0.0, 0.0)) @ start.rotation, start.position + np.array([0.01, -0.01, -0.02]))
     robot.say("move_cp", pose_message(goal, 0, ""))
     robot.tick()
     arm = robot.server.arms["gold"]
@@ -158,13 +156,8 @@ def test_move_cp_goes_straight_and_arrives(robot):
 def test_moves_keep_their_bounds_and_differentiate(robot):
     arm = robot.server.arms["gold"]
     start = arm.tool.pose(arm.setpoint.q)
-    goal = Pose(
-        rotation_from_rpy((0.2, 0.1, 0.0)) @ start.rotation, start.position + np.array([0.02, 0.0, -0.02])
-    )
-    for move in (
-        joint_move(arm, arm.setpoint.q + shoulder(0.3))(),
-        next(filter(None, straight_move(arm, goal))),
-    ):
+    goal = Pose(rotation_from_rpy((0.2, 0.1, 0.0)) @ start.rotation, start.position + np.array([0.02, 0.0, -0.02]))
+    for move in (joint_move(arm, arm.setpoint.q + shoulder(0.3))(), next(filter(None, straight_move(arm, goal)))):
         h = 1e-5
         times = np.linspace(0.1, move.duration - 0.1, 50)
         _, qd, qdd = move.sample(times)
@@ -179,11 +172,7 @@ def test_moves_keep_their_bounds_and_differentiate(robot):
     ("verb", "message", "reason"),
     [
         ("move_jp", lambda robot: JointState(position=robot.setpoint + shoulder(3.0)), "outside [0"),
-        (
-            "move_cp",
-            lambda robot: pose_message(Pose(pose(robot).rotation, np.zeros(3)), 0, ""),
-            "remote centre",
-        ),
+        ("move_cp", lambda robot: pose_message(Pose(pose(robot).rotation, np.zeros(3)), 0, ""), "remote centre"),
     ],
 )
 def test_an_impossible_move_is_refused_with_the_reason_before_anything_moves(robot, verb, message, reason):

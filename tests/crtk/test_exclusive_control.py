@@ -89,9 +89,7 @@ def test_a_client_refuses_to_begin_while_another_program_moves_the_arm() -> None
     first, other = client_of(robot, "first"), client_of(robot, "second")
     first.servo_jr(np.full(7, 1e-3))
     first.wait()
-    with pytest.raises(
-        RobotHeldError, match=r"first holds the arm: it commanded /arm1/servo_jp 0\.\d\d s ago"
-    ):
+    with pytest.raises(RobotHeldError, match=r"first holds the arm: it commanded /arm1/servo_jp 0\.\d\d s ago"):
         other.require_free()
     with pytest.raises(NotReadyError, match="first holds the arm"):
         other.servo_jp(START)
@@ -239,9 +237,7 @@ def stalled(robot: ServedRobot, seconds: float) -> None:
 
 @pytest.mark.parametrize("seconds", [0.4, 3.0, 12.0, 3600.0])
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])
-def test_an_arm_whose_program_went_while_the_server_stood_still_is_paused(
-    dialect: str, seconds: float
-) -> None:
+def test_an_arm_whose_program_went_while_the_server_stood_still_is_paused(dialect: str, seconds: float) -> None:
     robot, program = moved(dialect)
     stalled(robot, seconds)
     program.close()
@@ -326,9 +322,7 @@ def test_commands_that_wait_count_from_when_they_came(monkeypatch: pytest.Monkey
     monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
     robot, program = moved()
     for _ in range(1000):
-        robot.network.topics[robot.name("servo_jr")].publishers["program"].publish(
-            JointState(position=shoulder(1e-6))
-        )
+        robot.network.topics[robot.name("servo_jr")].publishers["program"].publish(JointState(position=shoulder(1e-6)))
     ticks = round(lapse * 200)
     for k in range(ticks + 700):
         if k == ticks:

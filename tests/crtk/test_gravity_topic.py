@@ -32,10 +32,7 @@ def heard(type_name, *messages, **options):
 
 def test_an_imu_gives_rates_then_specific_force_at_its_stamp():
     topic, samples = heard(IMU, imu())
-    assert samples == [
-        (7.0, (0.01, 0.02, 0.03), Kind.ANGULAR_RATE),
-        (7.0, (0.1, 0.2, 9.8), Kind.SPECIFIC_FORCE),
-    ]
+    assert samples == [(7.0, (0.01, 0.02, 0.03), Kind.ANGULAR_RATE), (7.0, (0.1, 0.2, 9.8), Kind.SPECIFIC_FORCE)]
     assert topic.frame_id == "imu_link"
 
 

@@ -103,9 +103,7 @@ def test_whoever_waits_for_one_topic_is_not_given_what_comes_on_another() -> Non
 def test_four_threads_lose_and_repeat_nothing() -> None:
     inbox = Inbox()
     one = subscription(inbox, depth=10_000)
-    threads = [
-        threading.Thread(target=lambda k=k: [one.push((k, i), 0) for i in range(1000)]) for k in range(4)
-    ]
+    threads = [threading.Thread(target=lambda k=k: [one.push((k, i), 0) for i in range(1000)]) for k in range(4)]
     got = []
     for thread in threads:
         thread.start()

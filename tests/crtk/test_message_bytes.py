@@ -13,16 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from catenary.crtk.message import HEADER, has_header, header, message_class
 from catenary.crtk.message_bytes import CDR, ROS1, Bounds, Encoding, codec, most_bytes, names_within
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.messages import (
-    MESSAGES,
-    NUMBERS,
-    SERVICES,
-    TIMES,
-    Field,
-    fields,
-    ros2_name,
-    typestore,
-)
+from catenary.recording.messages import MESSAGES, NUMBERS, SERVICES, TIMES, Field, fields, ros2_name, typestore
 from oracles.random_messages import assert_same, random_message
 
 HALVES = [f"{service}{half}" for service in SERVICES for half in ("Request", "Response")]
@@ -97,10 +88,7 @@ def check(name: str, encoding: Encoding, message: Any) -> None:
     known = bytes(typestore(2).cdr_to_ros1(data, ros2_name(name)))
     assert_same(one.decode(data), codec(name).decode(known))
     if ros2_name(name) in HUMBLE.fielddefs:
-        assert (
-            bytes(HUMBLE.serialize_cdr(HUMBLE.deserialize_cdr(data, ros2_name(name)), ros2_name(name)))
-            == data
-        )
+        assert bytes(HUMBLE.serialize_cdr(HUMBLE.deserialize_cdr(data, ros2_name(name)), ros2_name(name))) == data
 
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
@@ -109,9 +97,7 @@ TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=
 @both
 @given(TEXTS, st.lists(TEXTS, max_size=4), st.integers(0, 4), st.integers(0, 2**40))
 @settings(deadline=None)
-def test_numbers_stand_where_they_belong_behind_texts_of_any_length(
-    encoding, frame, names, count, stamp
-) -> None:
+def test_numbers_stand_where_they_belong_behind_texts_of_any_length(encoding, frame, names, count, stamp) -> None:
     message = JointState(header(stamp, frame), tuple(names), np.arange(float(count)), (), [0.5])
     data = codec(JOINTS, encoding).encode(message)
     assert data == rosbags_bytes(JOINTS, message, encoding.ros)

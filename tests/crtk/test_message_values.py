@@ -85,9 +85,7 @@ def test_a_joint_state_survives_the_way_there_and_back() -> None:
 
 
 def test_velocities_that_were_not_sent_are_nan_and_not_zero() -> None:
-    got = message_values.joint_state(
-        message_values.joint_state_message(NAMES, 1, Q), NAMES, gravity=np.zeros(3)
-    )
+    got = message_values.joint_state(message_values.joint_state_message(NAMES, 1, Q), NAMES, gravity=np.zeros(3))
     assert np.isnan(got.qd).all()
     assert np.isnan(got.tau).all()
 
@@ -120,9 +118,7 @@ def test_operating_states_survive_the_way_there_and_back(state: Any) -> None:
     sent = OperatingState(state, True, False)
     one = codec("crtk_msgs/operating_state")
     assert (
-        message_values.operating_state(
-            one.decode(one.encode(message_values.operating_state_message(sent, 3), 1))
-        )
+        message_values.operating_state(one.decode(one.encode(message_values.operating_state_message(sent, 3), 1)))
         == sent
     )
 
@@ -144,9 +140,7 @@ def test_seconds_of_a_stamp_are_exact_to_a_quarter_of_a_microsecond() -> None:
     assert abs((message_values.seconds(1_700_000_000_123_456_789) - 1_700_000_000) - 0.123456789) <= spacing
 
 
-def stamped(
-    steps: list[float], pause: float = 0.001, behind: float = 1.2
-) -> tuple[list[int], list[int], list[bool]]:
+def stamped(steps: list[float], pause: float = 0.001, behind: float = 1.2) -> tuple[list[int], list[int], list[bool]]:
     """Stamps of messages while the clock is set by steps [s], each `behind` [s] after the last one.
 
     Also what the clock said of each, and whether it had just been set.
@@ -189,9 +183,7 @@ def test_stamps_go_at_half_speed_while_the_clock_waits_for_them(by: float) -> No
     assert given_out[-1] == days[-1]
 
 
-@pytest.mark.parametrize(
-    ("by", "said"), [(-3600.0, "-3600.000"), (7.5, r"\+7.500"), (-0.4, None), (0.4, None)]
-)
+@pytest.mark.parametrize(("by", "said"), [(-3600.0, "-3600.000"), (7.5, r"\+7.500"), (-0.4, None), (0.4, None)])
 def test_a_clock_that_is_set_far_is_said_once(by: float, said: str | None, caplog) -> None:
     stamped([by])
     lines = [record.getMessage() for record in caplog.records]

@@ -57,14 +57,7 @@ def test_a_hundred_increments_move_a_hundred_times_as_far_however_they_bunch_up(
         ("servo_jr", [0.1, -0.1, 0.01, 0, 0, 0, 0], [0.0025, -0.0025, 5e-5, 0, 0, 0, 0]),
         ("servo_jv", [1.0, 99.0, 0.02, 0, 0, 0, 0], [1e-3, 2.5e-3, 2e-5, 0, 0, 0, 0]),
     ],
-    ids=[
-        "seven",
-        "fifteen",
-        "grasp",
-        "grasp topic",
-        "clamped to a millisecond",
-        "velocity for a millisecond",
-    ],
+    ids=["seven", "fifteen", "grasp", "grasp topic", "clamped to a millisecond", "velocity for a millisecond"],
 )
 def test_a_message_moves_at_most_one_clamped_step(robot, verb, values, moved):
     before = robot.setpoint
@@ -176,9 +169,7 @@ def test_a_state_command_to_any_arm_is_one_to_the_robot(robot, place):
 
 def test_a_motion_command_to_an_arm_that_the_robot_has_not_moves_none(robot):
     before = robot.setpoint
-    robot.client.publisher("/arm3/servo_jv", "sensor_msgs/JointState").publish(
-        JointState(velocity=np.ones(7))
-    )
+    robot.client.publisher("/arm3/servo_jv", "sensor_msgs/JointState").publish(JointState(velocity=np.ones(7)))
     robot.tick(5)
     assert_array_equal(robot.setpoint, before)
 
@@ -250,13 +241,9 @@ def test_a_servo_cp_is_clipped_to_15_mm_and_refused_beyond_75(robot, distance, m
     # a single one is followed for 0.1 s, at most 5 mm of insertion
     assert np.linalg.norm(before_watchdog) <= moved + 1e-6
     for _ in range(4):
-        robot.say(
-            "servo_cp", pose_message(Pose(start.rotation, start.position - moved * UP), 0, "", child="")
-        )
+        robot.say("servo_cp", pose_message(Pose(start.rotation, start.position - moved * UP), 0, "", child=""))
         robot.tick(100)
-    assert_allclose(
-        pose_of(robot.last("setpoint_cp")).position - start.position, [0.0, 0.0, -moved], atol=1e-6
-    )
+    assert_allclose(pose_of(robot.last("setpoint_cp")).position - start.position, [0.0, 0.0, -moved], atol=1e-6)
     assert robot.server.reports.count("/arm1/servo_cp: refused") == (distance > 0.075)
 
 
@@ -265,9 +252,7 @@ def test_automove_moves_the_tool_in_micrometres_of_frame_0(robot):
     state = robot.hear("ravenstate", None)
     robot.tick(110)
     before = state.take()[-1].message.pos_d[:3]
-    message = message_class("raven_2/raven_automove")(
-        del_pos=np.array([20, -10, 15, 0, 0, 0], dtype=np.int32)
-    )
+    message = message_class("raven_2/raven_automove")(del_pos=np.array([20, -10, 15, 0, 0, 0], dtype=np.int32))
     for _ in range(100):
         robot.say("raven_automove", message, None)
         robot.tick()

@@ -38,9 +38,7 @@ def test_single_numbers_are_columns_of_one_and_the_duration_is_in_seconds() -> N
 
 
 def test_recordings_read_the_same_from_the_bytes() -> None:
-    sent: Message = random_message(STATE, np.random.default_rng(2))._replace(
-        hdr=header(1_500_000_000_000_000_007)
-    )
+    sent: Message = random_message(STATE, np.random.default_rng(2))._replace(hdr=header(1_500_000_000_000_000_007))
     read = decode(RAVENSTATE, [codec(STATE).encode(sent, 1)])
     assert read.stamp[0] == 1_500_000_000_000_000_007
     for name, values in raven_state_columns(sent).items():

@@ -55,10 +55,7 @@ class Served:
         self.server: Server = make_server(Serving(), transport, plants={"gold": self.plant, "green": parked})
         self.heard = {
             verb: transport.subscribe(f"/arm1/{verb}", kind)
-            for verb, kind in (
-                ("state_command", "crtk_msgs/StringStamped"),
-                ("servo_jr", "sensor_msgs/JointState"),
-            )
+            for verb, kind in (("state_command", "crtk_msgs/StringStamped"), ("servo_jr", "sensor_msgs/JointState"))
         }
         self.server.tick()  # what is compiled on first use is compiled before anybody waits
 

@@ -299,13 +299,8 @@ def test_a_program_that_ends_is_unregistered_and_writes_no_log_file(own_master, 
 
 
 def test_the_environments_namespace_and_the_programs_arguments_change_no_name(master: Master) -> None:
-    code = (
-        OPEN
-        + 'transport.publisher("ravenstate_100hz", T)\nprint(*transport.topics())\nsys.stdin.readline()\n'
-    )
-    with Program(
-        master, code, "robot", "ravenstate_100hz:=/other", "__name:=other", ROS_NAMESPACE="ward"
-    ) as robot:
+    code = OPEN + 'transport.publisher("ravenstate_100hz", T)\nprint(*transport.topics())\nsys.stdin.readline()\n'
+    with Program(master, code, "robot", "ravenstate_100hz:=/other", "__name:=other", ROS_NAMESPACE="ward") as robot:
         assert "/ravenstate_100hz" in robot.line().split()
         with xmlrpc.client.ServerProxy(master.uri) as server:
             assert server.lookupNode("/tests", "/ward/robot")[0] == 1  # type: ignore[index]

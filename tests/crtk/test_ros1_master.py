@@ -17,9 +17,7 @@ def limits(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     ours, join = threading.current_thread(), threading.Thread.join
 
     def joined(thread: threading.Thread, timeout: float | None = None) -> None:
-        if (
-            threading.current_thread() is ours
-        ):  # and not another test's node, which asks its master all the time
+        if threading.current_thread() is ours:  # and not another test's node, which asks its master all the time
             found.append(math.inf if timeout is None else timeout)
         join(thread, timeout)
 
@@ -41,9 +39,7 @@ def test_a_master_that_does_not_answer_is_told_within_three_seconds(host: str, l
     assert 0.0 < sum(limits) <= 3.0
 
 
-@pytest.mark.parametrize(
-    "uri", ["", "localhost:11311", "http://localhost", "http://:11311", "ftp://a:1", "http://a:b"]
-)
+@pytest.mark.parametrize("uri", ["", "localhost:11311", "http://localhost", "http://:11311", "ftp://a:1", "http://a:b"])
 def test_a_uri_that_is_none_is_refused(uri: str) -> None:
     with pytest.raises(TransportError, match="expected http://HOST:PORT"):
         Master(uri, "/tests")

@@ -10,14 +10,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import command_message
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.topic_names import (
-    BUTTON,
-    BUTTON_TYPE,
-    DIAGNOSTICS,
-    DIAGNOSTICS_TYPE,
-    DialectName,
-    find_topic,
-)
+from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, DIAGNOSTICS, DIAGNOSTICS_TYPE, DialectName, find_topic
 from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import OperatingState
@@ -140,12 +133,7 @@ def enable_and_home(robot: ServedRobot) -> None:
         (
             "crtk",
             enable_and_home,
-            [
-                ("DISABLED", False, False),
-                ("ENABLED", False, False),
-                ("ENABLED", False, True),
-                ("ENABLED", True, False),
-            ],
+            [("DISABLED", False, False), ("ENABLED", False, False), ("ENABLED", False, True), ("ENABLED", True, False)],
         ),
     ],
 )
@@ -417,19 +405,13 @@ OF_CRTK = [
             (Pose(Point(NAN, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "nan"),
             (Pose(orientation=Quaternion(0.0, 0.0, 0.0, 0.0)), "expected length 1"),
             (Pose(orientation=Quaternion(NAN, 0.0, 0.0, 1.0)), "nan"),
-            (
-                Pose(Point(5.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)),
-                "from the",
-            ),  # the base, or the setpoint
+            (Pose(Point(5.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)), "from the"),  # the base, or the setpoint
         )
     ),
 ]
 # of an increment with more than seven numbers the first seven count, and a single one is the grasp's
 OF_RAVEN = [
-    *(
-        ("raven", "servo_jr", JointState(position=values), "")
-        for values in (spoilt(NAN), spoilt(INF), START[:6], [])
-    ),
+    *(("raven", "servo_jr", JointState(position=values), "") for values in (spoilt(NAN), spoilt(INF), START[:6], [])),
     *(("raven", "servo_jp", JointState(position=np.full(length, 0.5)), "") for length in (2, 6, 8, 15)),
     ("raven", "servo_jr", JointState(name=tuple("abcdefg"), position=START), "unknown: a"),
 ]

@@ -157,11 +157,7 @@ def serving(master: Master, *options: str) -> Iterator[Program]:
 
 @pytest.mark.slow
 def test_a_client_like_uws_moves_the_robot_and_its_latched_resume_does_not_wake_the_next(tmp_path: Path):
-    with (
-        running_master(tmp_path) as master,
-        serving(master) as server,
-        Program(master, RAVEN, "client") as client,
-    ):
+    with running_master(tmp_path) as master, serving(master) as server, Program(master, RAVEN, "client") as client:
         found = json.loads(client.line())
         assert found["before"] == "PAUSED"
         assert found["paused"] == 0.0

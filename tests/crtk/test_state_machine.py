@@ -32,9 +32,7 @@ def machine(dialect: DialectName, state: StateName, *, homed: bool = True) -> tu
 
 @pytest.mark.parametrize("dialect", ["crtk", "raven"])
 @pytest.mark.parametrize("state", ["DISABLED", "ENABLED", "PAUSED", "FAULT"])
-@pytest.mark.parametrize(
-    "command", ["enable", "disable", "pause", "resume", "home", "unhome", "dance", "NULL"]
-)
+@pytest.mark.parametrize("command", ["enable", "disable", "pause", "resume", "home", "unhome", "dance", "NULL"])
 def test_a_command_changes_the_state_as_specified_or_is_refused(dialect, state, command) -> None:
     states, plant = machine(dialect, state)
     refused = states.command(f" {command}\n")

@@ -64,11 +64,7 @@ def row(path: Path, name: str, rng: np.random.Generator) -> tuple[str, bool]:
 def _name(path: Path) -> str:
     """Return a file's name, behind the folder of its robot."""
     parts = path.parts
-    return (
-        "/".join([*parts[parts.index("robots") + 1 :][:1], path.name])
-        if "robots" in parts[:-1]
-        else path.name
-    )
+    return "/".join([*parts[parts.index("robots") + 1 :][:1], path.name]) if "robots" in parts[:-1] else path.name
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -82,9 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     files = sorted(told.folder.rglob("*.urdf"))
     rows = [row(path, _name(path.relative_to(told.folder)), rng) for path in files]
     agreeing = sum(agrees for _, agrees in rows)
-    print(
-        f"{told.version}: {agreeing} of {len(files)} URDFs agree with Pinocchio {pin.__version__} to {BOUND:g}.\n"
-    )
+    print(f"{told.version}: {agreeing} of {len(files)} URDFs agree with Pinocchio {pin.__version__} to {BOUND:g}.\n")
     print("| file | joints | moving mass kg | difference to Pinocchio |\n|---|---|---|---|")
     print("\n".join(text for text, _ in rows))
     return int(any(not agrees and "refused" not in text for text, agrees in rows))

@@ -32,9 +32,7 @@ def read(path: Path, without: Sequence[str]) -> pin.Model:
     return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
 
-def differences(
-    model: RobotModel, theirs: pin.Model, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], float]:
+def differences(model: RobotModel, theirs: pin.Model, rng: np.random.Generator) -> tuple[NDArray[np.float64], float]:
     """Return the largest difference (n,) [Nm] in the first n joints of both, and the largest torque [Nm]."""
     data = theirs.createData()
     lower, upper = (np.clip(limit, -np.pi, np.pi) for limit in (model.lower, model.upper))

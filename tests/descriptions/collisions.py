@@ -42,9 +42,7 @@ def of_capsules(robot: RobotModel, shapes: Geometry, folder: Path) -> tuple[pin.
         if shape.link >= 0:
             frame = model.frames[model.getFrameId(robot.link_names[shape.link], pin.FrameType.BODY)]
             joint, at = frame.parentJoint, frame.placement * at
-        geometry.addGeometryObject(
-            pin.GeometryObject(f"{shape.name} {k}", joint, at, coal.Capsule(*shape.form))
-        )
+        geometry.addGeometryObject(pin.GeometryObject(f"{shape.name} {k}", joint, at, coal.Capsule(*shape.form)))
     return model, geometry
 
 
@@ -72,9 +70,7 @@ def _carrier(model: pin.Model, joint: int, shaped: set[int]) -> int:
     return int(joint)
 
 
-def colliding(
-    model: pin.Model, geometry: pin.GeometryModel, q: NDArray[np.float64]
-) -> tuple[int, float, str]:
+def colliding(model: pin.Model, geometry: pin.GeometryModel, q: NDArray[np.float64]) -> tuple[int, float, str]:
     """Return how many of configurations (N, n) collide, and the smallest distance of all, and of which pair."""
     data, shapes = model.createData(), geometry.createData()
     hits, least, pair = 0, np.inf, ""

@@ -80,9 +80,7 @@ def test_samples_of_an_unknown_unit_are_left_out_and_told_where_no_hello_comes(b
         board.write(board.line() + b"noise\n")
         until(lambda: device.counts.damaged == 1)
         assert len(device.mailbox) == 0
-        with pytest.raises(
-            SensorError, match=r"no hello within 0.05 s: 1 samples, 1 damaged lines; .*115200 baud"
-        ):
+        with pytest.raises(SensorError, match=r"no hello within 0.05 s: 1 samples, 1 damaged lines; .*115200 baud"):
             device.wait_ready(0.05)
 
 
@@ -172,9 +170,7 @@ def test_any_bit_that_turns_is_noticed(position, bit):
             parse_line(damaged)
 
 
-@pytest.mark.parametrize(
-    "line", ["", "$", "hello", "$CATAC,1,2,3,4,5", "$CATAC,1,2,3*", "CATAC*00", "*", "$*00*"]
-)
+@pytest.mark.parametrize("line", ["", "$", "hello", "$CATAC,1,2,3,4,5", "$CATAC,1,2,3*", "CATAC*00", "*", "$*00*"])
 def test_noise_is_refused_as_damaged(line):
     with pytest.raises(ChecksumError):
         parse_line(line)

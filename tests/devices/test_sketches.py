@@ -39,12 +39,8 @@ def test_the_sketch_speaks_the_protocol(tmp_path):
     sketch = re.search(r"```text\n(#include <Wire.h>.*?)```", PAGE.read_text(), re.DOTALL)
     assert sketch is not None
     source = WIRE + sketch.group(1).replace("#include <Wire.h>", "")
-    (tmp_path / "sketch.cpp").write_text(
-        source + "int main() { setup(); for (int i = 0; i < 2000; i++) loop(); }\n"
-    )
-    subprocess.run(
-        ["g++", "-Wall", "-Werror", "-o", tmp_path / "sketch", tmp_path / "sketch.cpp"], check=True
-    )
+    (tmp_path / "sketch.cpp").write_text(source + "int main() { setup(); for (int i = 0; i < 2000; i++) loop(); }\n")
+    subprocess.run(["g++", "-Wall", "-Werror", "-o", tmp_path / "sketch", tmp_path / "sketch.cpp"], check=True)
     out = subprocess.run([tmp_path / "sketch"], capture_output=True, text=True, check=True).stdout
     lines = [parse_line(line) for line in out.split()]
     assert isinstance(lines[0], Hello)
@@ -119,6 +115,4 @@ def test_the_sketch_sends_rows_that_the_driver_believes(tmp_path: Path) -> None:
     assert 18 <= steps[:, 2].min()
     assert steps[:, 2].max() <= 22
     tracker = CountTracker(EncoderRig())
-    assert {tracker.update(tuple(row), 0.01 * k).verdict for k, row in enumerate(rows.tolist())} == {
-        Verdict.GOOD
-    }
+    assert {tracker.update(tuple(row), 0.01 * k).verdict for k, row in enumerate(rows.tolist())} == {Verdict.GOOD}

@@ -56,9 +56,7 @@ def test_batch_gives_what_single_configurations_give(function, random_robots, rn
         assert_rows(function, m, rows, [{key: row[k] for key, row in rows.items()} for k in range(4)])
         if "gravity" in rows:  # one for all
             level = {**rows, "gravity": drawn["gravity"][0]}
-            singles = [
-                {**{key: row[k] for key, row in rows.items()}, "gravity": level["gravity"]} for k in range(4)
-            ]
+            singles = [{**{key: row[k] for key, row in rows.items()}, "gravity": level["gravity"]} for k in range(4)]
             assert_rows(function, m, level, singles)
 
 
@@ -66,9 +64,7 @@ def assert_rows(function, model, rows, singles) -> None:
     together = function(model, **rows)
     for k, single in enumerate(singles):
         alone = function(model, **single)
-        for whole, one in zip(
-            *((x if isinstance(x, tuple) else (x,)) for x in (together, alone)), strict=True
-        ):
+        for whole, one in zip(*((x if isinstance(x, tuple) else (x,)) for x in (together, alone)), strict=True):
             assert len(whole) == len(singles)
             assert_allclose(whole[k], one, rtol=0.0, atol=1e-14 * max(1.0, np.abs(one).max(initial=0.0)))
 

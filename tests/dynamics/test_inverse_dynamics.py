@@ -79,13 +79,8 @@ def test_each_row_has_the_base_motion_of_its_own(random_robots, rng):
     for robot in random_robots[:3]:
         rows, gravity = [random_motion(robot, rng) for _ in range(4)], 5.0 * rng.normal(size=3)
         motion = BaseMotion(*rng.normal(size=(2, 4, 3)), rng.normal(size=3))  # the last one for all
-        bases = [
-            Free(np.eye(3), np.zeros(3), BaseMotion(w, a, motion[2]))
-            for w, a in zip(*motion[:2], strict=True)
-        ]
-        tau = inverse_dynamics(
-            robot.model, *(np.array(part) for part in zip(*rows, strict=True)), gravity, motion
-        )
+        bases = [Free(np.eye(3), np.zeros(3), BaseMotion(w, a, motion[2])) for w, a in zip(*motion[:2], strict=True)]
+        tau = inverse_dynamics(robot.model, *(np.array(part) for part in zip(*rows, strict=True)), gravity, motion)
         expected = [by_mujoco(robot, *row, gravity, base) for row, base in zip(rows, bases, strict=True)]
         assert_allclose(tau, expected, atol=1e-10, err_msg=robot.model.name)
 
@@ -93,9 +88,7 @@ def test_each_row_has_the_base_motion_of_its_own(random_robots, rng):
 def test_base_motions_of_another_number_of_rows_are_refused(random_robots):
     model = random_robots[0].model
     q = np.zeros((4, model.n))
-    with pytest.raises(
-        InputError, match=r"base angular acceleration: expected shape \(3,\) or \(4, 3\).*got \(2, 3\)"
-    ):
+    with pytest.raises(InputError, match=r"base angular acceleration: expected shape \(3,\) or \(4, 3\).*got \(2, 3\)"):
         inverse_dynamics(model, q, q, q, [0, 0, 0], BaseMotion(angular_acceleration=np.zeros((2, 3))))
 
 
@@ -111,9 +104,7 @@ def test_mass_matrix_agrees_with_mujoco_and_pinocchio(random_robots, rng):
         in_mujoco = mujoco_mass_matrix(robot, mj, mujoco_data(robot, mj, q))
         assert_allclose(M, m.coupling.T @ in_mujoco @ m.coupling, atol=1e-10, err_msg=m.name)
         pin = pinocchio_model(robot)
-        upper = np.triu(
-            pinocchio.crba(pin, pin.createData(), pinocchio_vector(robot, pin, m.coupling @ q + m.offset))
-        )
+        upper = np.triu(pinocchio.crba(pin, pin.createData(), pinocchio_vector(robot, pin, m.coupling @ q + m.offset)))
         order = pinocchio_order(robot, pin)
         in_pinocchio = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
         assert_allclose(M, m.coupling.T @ in_pinocchio @ m.coupling, atol=1e-10, err_msg=m.name)

@@ -31,8 +31,7 @@ def random_arm(seed: int, n: int) -> RobotModel:
         for i in range(n)
     ]
     coordinates = [
-        Coordinate(f"q{i}", "m", -0.3, 0.3) if i == 2 else Coordinate(f"q{i}", "rad", -2.5, 2.5)
-        for i in range(n)
+        Coordinate(f"q{i}", "m", -0.3, 0.3) if i == 2 else Coordinate(f"q{i}", "rad", -2.5, 2.5) for i in range(n)
     ]
     return assemble(f"arm{seed}", links, coordinates)
 
@@ -70,9 +69,7 @@ def test_targets_at_the_limits_are_reached_from_near_them(rng: np.random.Generat
 def test_tolerances_are_met_as_asked(rng: np.random.Generator) -> None:
     model = random_arm(4, 7)
     target = forward_kinematics(model, rng.uniform(-0.5, 0.5, size=7) * [1, 1, 0.3, 1, 1, 1, 1])
-    q = inverse_kinematics(
-        model, target, np.zeros(7), position_tolerance=1e-12, orientation_tolerance=1e-12, rng=rng
-    )
+    q = inverse_kinematics(model, target, np.zeros(7), position_tolerance=1e-12, orientation_tolerance=1e-12, rng=rng)
     assert_allclose(forward_kinematics(model, q).position, target.position, atol=1e-11)
 
 
@@ -126,9 +123,7 @@ def test_an_unreachable_target_names_the_limits_that_hold_the_arm_back() -> None
 def test_random_starts_come_from_the_generator_alone() -> None:
     model = random_arm(8, 7)
     target = forward_kinematics(model, np.full(7, 0.2))
-    first, second = (
-        inverse_kinematics(model, target, rng=np.random.default_rng(9), starts=30) for _ in range(2)
-    )
+    first, second = (inverse_kinematics(model, target, rng=np.random.default_rng(9), starts=30) for _ in range(2))
     assert_allclose(first, second, atol=0.0)
 
 

@@ -31,8 +31,6 @@ def test_the_program_on_the_page_gives_pythons_torques(tmp_path: Path) -> None:
     qd = np.column_stack([0.4 * np.cos(2.0 * t), zero, zero])
     qdd = np.column_stack([-0.8 * np.sin(2.0 * t), zero, zero])
     gravity = np.column_stack([zero, -9.81 * np.sin(roll), -9.81 * np.cos(roll)])
-    base = BaseMotion(
-        np.column_stack([0.1 * np.cos(t), zero, zero]), np.column_stack([-0.1 * np.sin(t), zero, zero])
-    )
+    base = BaseMotion(np.column_stack([0.1 * np.cos(t), zero, zero]), np.column_stack([-0.1 * np.sin(t), zero, zero]))
     expected = inverse_dynamics(load_robot("raven2"), q, qd, qdd, gravity, base)
     assert_allclose(tau, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())

@@ -20,9 +20,7 @@ from command_line import catenary, refusal
 EXAMPLE = Path(__file__).parents[2] / "examples" / "corrected_positions"
 
 
-@pytest.mark.skipif(
-    shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler or make"
-)
+@pytest.mark.skipif(shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler or make")
 def test_the_program_gives_pythons_corrections_motion_by_motion(tmp_path: Path) -> None:
     run, model = simulated_arm.write(tmp_path / "run.npz"), tmp_path / "arm.npz"
     fitted = catenary("fit", run, "--model", "linear", "--history", 2, "--play", "0.05,0.2", "--out", model)

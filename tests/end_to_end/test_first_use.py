@@ -21,9 +21,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("first_use")
     simulated_arm.write(folder / "monday.npz", seed=1, rows=900, units=None)
     simulated_arm.write(folder / "tuesday.npz", seed=1, rows=600, noise=2e-4, units=None)
-    outcome = catenary(
-        folder, "fit", "monday.npz", "--model", "linear", "--out", "arm.npz", "--report", "arm.html"
-    )
+    outcome = catenary(folder, "fit", "monday.npz", "--model", "linear", "--out", "arm.npz", "--report", "arm.html")
     assert outcome.code == 0, outcome
     return folder
 

@@ -69,9 +69,7 @@ def test_torques_are_pythons_for_both_arms_whatever_the_gravity(
         assert_allclose(given[:, arm, 3:], motors, rtol=0.0, atol=1e-6 * np.abs(motors).max())
 
 
-def test_page_has_the_torques_that_the_file_and_the_robots_own_compensation_give_at_home(
-    program: Path,
-) -> None:
+def test_page_has_the_torques_that_the_file_and_the_robots_own_compensation_give_at_home(program: Path) -> None:
     page = (EXAMPLE.parents[1] / "docs" / "how-to-raven-firmware.md").read_text()
     (told,) = re.findall(r"the same numbers: (-?\+?[\d.]+), (-?\+?[\d.]+), ([-+]?[\d.]+) Nm", page)
     home = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])

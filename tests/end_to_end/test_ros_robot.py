@@ -52,20 +52,14 @@ def robot(master: Master, state: str = "ready") -> Program:
 
 
 def test_robot_that_dies_is_noticed_and_not_enabled_when_back(ros_master, transport) -> None:
-    with (
-        robot(ros_master) as first,
-        CrtkClient(transport, stale_after=5.0, connect_timeout=PATIENCE) as client,
-    ):
+    with robot(ros_master) as first, CrtkClient(transport, stale_after=5.0, connect_timeout=PATIENCE) as client:
         client.state_command("pause", timeout=PATIENCE)
         client.state_command("resume", timeout=PATIENCE)
         assert client.operating_state().state == "ENABLED"
         first.process.kill()
         with pytest.raises(TransportError, match="nothing has come from the robot"):
             until(lambda: client.operating_state() and False)
-    with (
-        robot(ros_master, "fresh"),
-        CrtkClient(transport, stale_after=PATIENCE, connect_timeout=PATIENCE) as client,
-    ):
+    with robot(ros_master, "fresh"), CrtkClient(transport, stale_after=PATIENCE, connect_timeout=PATIENCE) as client:
         until(lambda: not client.operating_state().is_homed)
         assert client.operating_state().state == "DISABLED"
 

@@ -37,15 +37,7 @@ MODEL = load_robot("dvrk_psm")
 PSM = Serving(robot="dvrk_psm", dialect="crtk")
 # what a dVRK's PSM publishes and takes [jhu-dvrk/dvrk_robot_ros, crtk-cisst]; it has more
 PUBLISHED = {
-    *(
-        "measured_js",
-        "setpoint_js",
-        "measured_cp",
-        "setpoint_cp",
-        "measured_cv",
-        "operating_state",
-        "warning",
-    ),
+    *("measured_js", "setpoint_js", "measured_cp", "setpoint_cp", "measured_cv", "operating_state", "warning"),
     *("jaw/measured_js", "jaw/setpoint_js", "local/measured_cp", "local/setpoint_cp"),
 }
 TAKEN = {
@@ -83,9 +75,7 @@ class ServedPsm(TickingClock):
         publisher.close()
 
     def client(self):
-        return CrtkClient(
-            self.transport, dialect="crtk", namespace="/PSM1", joints=model_joints(MODEL), simulated=True
-        )
+        return CrtkClient(self.transport, dialect="crtk", namespace="/PSM1", joints=model_joints(MODEL), simulated=True)
 
 
 @pytest.fixture

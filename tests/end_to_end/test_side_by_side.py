@@ -114,9 +114,7 @@ def test_a_played_bag_feeds_deploy_and_monitor_without_anybody_who_listens(
         player.say("")
         with (
             Program(ros_master, command, "monitor", "--ros", "1", "--json", "--rate", "5") as monitor,
-            Program(
-                ros_master, command, "deploy", str(model), "--ros", "1", "--rate", "100", "--json"
-            ) as deploy,
+            Program(ros_master, command, "deploy", str(model), "--ros", "1", "--rate", "100", "--json") as deploy,
         ):
             assert np.isfinite(json.loads(monitor.line())["q"]).all()
             until(lambda: json.loads(monitor.line())["q_calibrated"] is not None)  # deploy has begun

@@ -21,10 +21,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def served(ros_master: Master) -> Iterator[CrtkClient]:
     """A homed robot, and a program that looks at it."""
-    with (
-        taking_part("1"),
-        Program(ros_master, PATIENT_COMMAND, "serve", "--rate", "50", "--homed") as server,
-    ):
+    with taking_part("1"), Program(ros_master, PATIENT_COMMAND, "serve", "--rate", "50", "--homed") as server:
         server.line()  # it is up
         with Ros1Transport(NODE) as transport, CrtkClient(transport) as one:
             yield one

@@ -13,9 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", ["stalls.ros1", "stalls.ros2"])
-def test_an_arm_whose_program_is_killed_while_its_server_stands_still_is_paused(
-    part: str, tmp_path: Path
-) -> None:
+def test_an_arm_whose_program_is_killed_while_its_server_stands_still_is_paused(part: str, tmp_path: Path) -> None:
     if part not in found_parts():
         pytest.skip(f"{part}: its network is not installed")
     done = subprocess.run(

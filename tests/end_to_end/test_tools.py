@@ -77,19 +77,13 @@ def served(meeting: Meeting) -> Iterator[Program]:
 def before(meeting: Meeting, served: Program) -> Before:
     """The robot refused, interrupted while it homed, and homed."""
     goto = catenary("goto", "--q-deg", "35", "--ros", MET[0].ros, "--simulated")
-    with (
-        Program(meeting.network, PATIENT_COMMAND, "home", "--ros", MET[0].ros, "--yes") as homing,
-        client() as robot,
-    ):
+    with Program(meeting.network, PATIENT_COMMAND, "home", "--ros", MET[0].ros, "--yes") as homing, client() as robot:
         wait_until(lambda: robot.operating_state().is_busy)
         homing.interrupt()
         _, errors = homing.finish()
         state = tuple(robot.operating_state())
     return Before(
-        goto,
-        (homing.process.returncode, errors),
-        state,
-        catenary("home", "--ros", MET[0].ros, "--yes", "--json"),
+        goto, (homing.process.returncode, errors), state, catenary("home", "--ros", MET[0].ros, "--yes", "--json")
     )
 
 
@@ -272,9 +266,7 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_
     options = ("--gravity-torque", "--gravity", "/gravity", "--rate", "200", "--json")
     with (
         Program(meeting.network, GRAVITY_NODE, meeting.ros) as node,
-        Program(
-            meeting.network, PATIENT_COMMAND, "deploy", str(model), "--ros", MET[0].ros, *options
-        ) as deployed,
+        Program(meeting.network, PATIENT_COMMAND, "deploy", str(model), "--ros", MET[0].ros, *options) as deployed,
     ):
         assert node.line() == "up"
         with network.make_transport(meeting.ros, NODE) as transport:
@@ -284,8 +276,7 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(meeting, ready, tmp_
                 "gravity_torque": "sensor_msgs/JointState",
             }
             heard = {
-                verb: transport.subscribe(f"/arm1/calibrated/{verb}", kind, depth=1)
-                for verb, kind in types.items()
+                verb: transport.subscribe(f"/arm1/calibrated/{verb}", kind, depth=1) for verb, kind in types.items()
             }
             wait_until(lambda: all(topic.take() for topic in heard.values()))
             time.sleep(0.5)

@@ -36,15 +36,7 @@ def robot_of(*rows: tuple[str, str, str, np.ndarray, Pose], **options) -> RobotM
     rng = np.random.default_rng(0)
     massless = options.get("massless", ())
     links = [
-        Link(
-            name,
-            parent,
-            joint,
-            pose,
-            axis,
-            {name: 1.0},
-            inertia=None if name in massless else random_inertia(rng),
-        )
+        Link(name, parent, joint, pose, axis, {name: 1.0}, inertia=None if name in massless else random_inertia(rng))
         for name, parent, joint, axis, pose in rows
     ]
     coordinates = [Coordinate(row[0], "m" if row[2] == "prismatic" else "rad") for row in rows]
@@ -80,9 +72,7 @@ def test_planar_arm_has_the_papers_values() -> None:
 
 
 def test_compact_form_holds_what_the_full_form_holds(random_robots, rng):
-    models = [robot.model for robot in random_robots[:30]] + [
-        load_robot(name) for name in robots_with_inertia()
-    ]
+    models = [robot.model for robot in random_robots[:30]] + [load_robot(name) for name in robots_with_inertia()]
     models += [random_bodies_on(load_robot(name), rng).model for name in robot_names()]
     for m in models:
         q, gravity = rng.normal(size=(4, m.n)), 5.0 * rng.normal(size=(4, 3))
@@ -114,9 +104,7 @@ def test_two_arms_of_the_same_make_stay_apart() -> None:
              for part, parent, place in (("upper", "body", (0, 0.2 * sign, 0.4)), ("lower", f"{side} upper", (0, 0, -0.3)))]  # fmt: skip
     m = robot_of(*rows)
     same = m.tree._replace(
-        mass=np.full(5, 2.0),
-        com=np.tile([0.0, 0.0, -0.1], (5, 1)),
-        inertia=np.tile(0.1 * np.eye(3), (5, 1, 1)),
+        mass=np.full(5, 2.0), com=np.tile([0.0, 0.0, -0.1], (5, 1)), inertia=np.tile(0.1 * np.eye(3), (5, 1, 1))
     )
     arms = replace(m, tree=same)
     regressor = compact_regressor(arms)
@@ -193,9 +181,7 @@ def test_parameters_that_no_robot_of_the_structure_has_are_refused() -> None:
 
 def test_a_robot_of_another_geometry_or_without_inertia_has_no_parameters() -> None:
     regressor = compact_regressor(load_robot("raven2"))
-    with pytest.raises(
-        InputError, match='robot "raven2_right": expected the joints, links and geometry of "raven2"'
-    ):
+    with pytest.raises(InputError, match='robot "raven2_right": expected the joints, links and geometry of "raven2"'):
         regressor.parameters(load_robot("raven2_right"))
     with pytest.raises(InputError, match='robot "two_link"'):
         regressor.parameters(load_robot("two_link"))
@@ -207,9 +193,7 @@ def test_a_robot_of_another_geometry_or_without_inertia_has_no_parameters() -> N
 
 def test_a_robot_that_cannot_move_has_no_parameters() -> None:
     m = assemble(
-        "still",
-        [Link("a", "base", "revolute", at(0, 0, 0), inertia=random_inertia(np.random.default_rng(0)))],
-        [],
+        "still", [Link("a", "base", "revolute", at(0, 0, 0), inertia=random_inertia(np.random.default_rng(0)))], []
     )
     assert compact_regressor(m).labels == ()
     assert str(compact_regressor(m))
@@ -281,9 +265,7 @@ def test_quarter_turns_of_few_digits_are_exact_on_paper(tmp_path: Path, rng) -> 
     q, gravity = [0.3, -0.4, 1.0], [1.0, 2.0, -9.0]
     from catenary.gravity.torque import gravity_torque
 
-    assert_allclose(
-        regressor.Z(q, gravity) @ regressor.parameters(arm), gravity_torque(arm, q, gravity), atol=1e-4
-    )
+    assert_allclose(regressor.Z(q, gravity) @ regressor.parameters(arm), gravity_torque(arm, q, gravity), atol=1e-4)
     # numbers are those of the file, the regressor's of the quarter turns
     assert written_terms.ROUNDING < abs(arm.tree.rotation[1][1, 1]) < 1e-6
 
@@ -312,9 +294,7 @@ def test_formulas_of_any_twists_give_the_torques(rng) -> None:
         q = rng.uniform(-1.0, 1.0, model.n)
         expected = gravity_torque(model, q, [0.3, 0.2, -9.0])
         assert_allclose(
-            held(gravity_latex(model, [0.3, 0.2, -9.0]), q),
-            expected,
-            atol=1e-3 * max(1.0, np.abs(expected).max()),
+            held(gravity_latex(model, [0.3, 0.2, -9.0]), q), expected, atol=1e-3 * max(1.0, np.abs(expected).max())
         )
 
 

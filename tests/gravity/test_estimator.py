@@ -126,9 +126,7 @@ def test_time_that_stands_leaps_or_turns_back_teaches_nothing() -> None:
     estimator = GravityEstimator(load_robot("planar_3r"), KP, KD)
     before = estimator.s_hat
     for time in (5.0, 5.0, 9.0, 3.0):
-        estimator.follow(
-            JointState(time, np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(0), UPRIGHT, 0.0), np.ones(3)
-        )
+        estimator.follow(JointState(time, np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(0), UPRIGHT, 0.0), np.ones(3))
         assert_array_equal(estimator.s_hat, before)
 
 
@@ -169,9 +167,7 @@ def test_wrong_options_are_refused_with_a_reason(options: dict[str, object], sai
         GravityEstimator(load_robot("planar_3r"), **arguments)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "estimator", [GravityEstimator(PLANAR, KP, KD), RecursiveGravityEstimator(PLANAR, noise=0.05)]
-)
+@pytest.mark.parametrize("estimator", [GravityEstimator(PLANAR, KP, KD), RecursiveGravityEstimator(PLANAR, noise=0.05)])
 def test_a_robot_of_another_size_is_refused(estimator) -> None:
     with pytest.raises(InputError, match="is for 3 joints, the robot has 2"):
         estimator.update(np.zeros(2), np.zeros(2), np.zeros(2), UPRIGHT, 0.01)
@@ -179,9 +175,7 @@ def test_a_robot_of_another_size_is_refused(estimator) -> None:
 
 def test_a_robot_without_mass_is_refused() -> None:
     arm = load_robot("two_link")
-    weightless = replace(
-        arm, massless=arm.link_names, tree=arm.tree._replace(mass=np.zeros(2), com=np.zeros((2, 3)))
-    )
+    weightless = replace(arm, massless=arm.link_names, tree=arm.tree._replace(mass=np.zeros(2), com=np.zeros((2, 3))))
     with pytest.raises(InputError, match="no parameter has an effect"):
         GravityEstimator(weightless, [1.0, 1.0], [1.0, 1.0])
 

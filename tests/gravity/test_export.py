@@ -159,10 +159,7 @@ def test_jax_runs_long_lines_in_a_loop(quantity, monkeypatch):
 
 @pytest.mark.parametrize(
     "quantity",  # the regressor is too long for one straight line; XLA takes some seconds for each of the others
-    [
-        "gravity_regressor",
-        *(pytest.param(q, marks=pytest.mark.slow) for q in QUANTITIES if q != "gravity_regressor"),
-    ],
+    ["gravity_regressor", *(pytest.param(q, marks=pytest.mark.slow) for q in QUANTITIES if q != "gravity_regressor")],
 )
 def test_jax_takes_everything_of_nineteen_joints(quantity):
     model = load_robot("dual_arm_19")

@@ -98,9 +98,7 @@ def test_torques_and_regressors_are_linear_in_gravity(tree: int, seed: int) -> N
     q, (a, b) = rng.normal(size=m.n), rng.normal(size=(2, 3))
     for regressor in (gravity_torque, gravity_regressor, standard_gravity_regressor):
         assert_allclose(
-            regressor(m, q, 2.0 * a - 3.0 * b),
-            2.0 * regressor(m, q, a) - 3.0 * regressor(m, q, b),
-            atol=1e-11,
+            regressor(m, q, 2.0 * a - 3.0 * b), 2.0 * regressor(m, q, a) - 3.0 * regressor(m, q, b), atol=1e-11
         )
         assert_array_equal(regressor(m, q, np.zeros(3)), 0.0)
 

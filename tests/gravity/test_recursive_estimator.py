@@ -104,9 +104,7 @@ def test_a_load_on_a_known_carrier_is_told_in_its_first_pose(rng: np.random.Gene
 
 @pytest.mark.parametrize("forgetting", [1.0, 0.9])
 @pytest.mark.parametrize("spread", [10.0, 1e-2, 1e-5])
-def test_certainty_of_an_arm_does_not_hold_its_load(
-    spread: float, forgetting: float, rng: np.random.Generator
-) -> None:
+def test_certainty_of_an_arm_does_not_hold_its_load(spread: float, forgetting: float, rng: np.random.Generator) -> None:
     model = load_robot("dual_arm_19")
     loaded = Payload(2.0, "right_hand", (0.03, 0.0, -0.02)).on(model)
     middle, half = 0.5 * (model.lower + model.upper), 0.3 * (model.upper - model.lower)

@@ -15,9 +15,7 @@ def test_expressions_have_the_values_of_the_parameters(random_robots: list[Rando
         for link in range(len(m.link_names)):
             for axis, expected in ((0, moment[link, 0]), (2, moment[link, 2]), (None, mass[link])):
                 expression = (
-                    symbols.mass_expression(m, link)
-                    if axis is None
-                    else symbols.moment_expression(m, link, axis)
+                    symbols.mass_expression(m, link) if axis is None else symbols.moment_expression(m, link, axis)
                 )
                 table = symbols.symbols_of(m, [expression])
                 total = 0.0
@@ -46,16 +44,10 @@ def test_planar_arm_has_the_papers_symbols() -> None:
         ((symbols.Product("", (0, 1)),), "m1+m2", "m_{1}+m_{2}"),
         ((symbols.Product("l2,5x", (4,)),), "l2,5x m5", "l_{2,5x} m_{5}"),
         ((symbols.Product("lg12z", (11,)),), "lg12z m12", "l_{g12z} m_{12}"),
-        (
-            (symbols.Product("l1", (1, 2, 3, 4, 5, 8)),),
-            "l1 (m2+...+m6+m9)",
-            r"l_{1} (m_{2}+\dots+m_{6}+m_{9})",
-        ),
+        ((symbols.Product("l1", (1, 2, 3, 4, 5, 8)),), "l1 (m2+...+m6+m9)", r"l_{1} (m_{2}+\dots+m_{6}+m_{9})"),
     ],
 )
-def test_expressions_are_written_as_in_the_paper(
-    expression: symbols.Expression, text: str, latex: str
-) -> None:
+def test_expressions_are_written_as_in_the_paper(expression: symbols.Expression, text: str, latex: str) -> None:
     assert symbols.expression_text(expression) == text
     assert symbols.expression_latex(expression) == latex
 

@@ -7,11 +7,7 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.torque_regressor import link_parameters
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.gravity_regressor import (
-    standard_gravity_parameters,
-    standard_gravity_regressor,
-    standard_labels,
-)
+from catenary.gravity.gravity_regressor import standard_gravity_parameters, standard_gravity_regressor, standard_labels
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.base_parameters import (
     TILTED,
@@ -124,9 +120,7 @@ def test_parameters_are_as_many_as_singular_values_and_identifiable_as_the_null_
     rng = np.random.default_rng(1)
     for robot in random_robots[:30]:
         m = robot.model
-        W = standard_gravity_regressor(m, rng.normal(size=(60, m.n)), LEVEL).reshape(
-            -1, 4 * len(m.link_names)
-        )
+        W = standard_gravity_regressor(m, rng.normal(size=(60, m.n)), LEVEL).reshape(-1, 4 * len(m.link_names))
         _, values, V = np.linalg.svd(W)
         rank = int((values > 1e-9 * values[0]).sum())
         base = gravity_base_parameters(m)
@@ -145,9 +139,7 @@ def test_gravity_base_parameters_hold_the_arm(tree, seed, turning):
     gravity = rng.normal(size=3) if turning else np.array(LEVEL)
     base = gravity_base_parameters(m, None if turning else LEVEL)
     q, rest = rng.normal(size=(1, m.n)), np.zeros((1, m.n))
-    torque = base.regressor(q, rest, rest, gravity)[0] @ (
-        base.combination @ standard_gravity_parameters(m).values
-    )
+    torque = base.regressor(q, rest, rest, gravity)[0] @ (base.combination @ standard_gravity_parameters(m).values)
     assert_allclose(torque, gravity_torque(m, q[0], gravity), atol=1e-6)
 
 

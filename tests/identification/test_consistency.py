@@ -14,9 +14,7 @@ from moving_arm import LEVEL, recorded
 
 ARM = load_robot("ur5e")
 FITTED = 0.2  # [Nm] of 40: motions of up to 7 rad/s, filtered at 40 Hz
-PLAIN = IdentifyOptions(
-    friction=(), prior=False, cutoff_hz=40.0
-)  # which finds the smallest masses, not the true ones
+PLAIN = IdentifyOptions(friction=(), prior=False, cutoff_hz=40.0)  # which finds the smallest masses, not the true ones
 
 
 @pytest.fixture(scope="module")

@@ -121,9 +121,7 @@ def test_too_few_poses_are_refused():
 
 
 PLANAR = load_robot("ur5e")
-PLANE_LIMITS = MotionLimits(
-    PLANAR, room_of(PLANAR, lower=np.full(6, -2.0), upper=np.full(6, 2.0)), np.array(LEVEL)
-)
+PLANE_LIMITS = MotionLimits(PLANAR, room_of(PLANAR, lower=np.full(6, -2.0), upper=np.full(6, 2.0)), np.array(LEVEL))
 
 
 @pytest.fixture(scope="module")

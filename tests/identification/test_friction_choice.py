@@ -53,9 +53,7 @@ def test_the_size_of_presliding_friction_and_its_distance_are_found():
     loads = known_loads(found.robot())
     assert loads is not None
     # in steady sliding it is Coulomb friction of 1 Nm beside viscous friction
-    sliding = loads.torque(
-        np.zeros((2, 3)), np.array([[0, 1.0, 0], [0, -1.0, 0]]), np.zeros((2, 3)), np.zeros((2, 3))
-    )
+    sliding = loads.torque(np.zeros((2, 3)), np.array([[0, 1.0, 0], [0, -1.0, 0]]), np.zeros((2, 3)), np.zeros((2, 3)))
     assert_allclose(0.5 * (sliding[0, 1] - sliding[1, 1]), 1.0 + 0.3, atol=0.12)
 
 

@@ -30,9 +30,7 @@ def found():
 
 @pytest.fixture(scope="module")
 def consistent():
-    return identify(
-        [recorded(ARM, 0, noise=0.3)], ARM, IdentifyOptions(consistent=True), tests=[recorded(ARM, 1)]
-    )
+    return identify([recorded(ARM, 0, noise=0.3)], ARM, IdentifyOptions(consistent=True), tests=[recorded(ARM, 1)])
 
 
 def test_true_dynamics_are_predicted_on_motion_that_was_not_fitted(found):
@@ -128,9 +126,7 @@ def test_weights_even_out_axes_of_different_size():
 def test_recordings_that_do_not_move_show_too_little():
     still = recorded(ARM, 0)
     frozen = np.repeat(still.q_nominal[:1], len(still), axis=0)
-    with pytest.raises(
-        ExcitationError, match=r"the recordings show \d+ of \d+ base parameters.*excitation"
-    ) as caught:
+    with pytest.raises(ExcitationError, match=r"the recordings show \d+ of \d+ base parameters.*excitation") as caught:
         identify([replace(still, q_nominal=frozen, qd=0 * frozen)], ARM)
     assert caught.value.rank < caught.value.n_base
 
@@ -154,9 +150,7 @@ def test_swapped_axes_are_found(found):
     for keys in (("tau",), ("q_nominal", "qd", "tau")):
         samples = prepare(log, ARM, IdentifyOptions())
         names = {"q_nominal": "q"}
-        mixed = replace(
-            samples, **{names.get(k, k): getattr(samples, names.get(k, k))[:, order] for k in keys}
-        )
+        mixed = replace(samples, **{names.get(k, k): getattr(samples, names.get(k, k))[:, order] for k in keys})
         if keys != ("tau",):
             mixed = replace(mixed, qdd=mixed.qdd[:, order])
         assert swapped_axes(found, mixed)[0] == (0, 1)
@@ -214,9 +208,7 @@ def test_options_that_cannot_be_meant_are_refused(options, said):
 
 
 def test_poses_at_rest_make_a_robot_of_gravity_that_refuses_motion(rng):
-    robot = identify(
-        [poses_at_rest(rng, np.array([0.1, 0.0, 0.0]))], ARM, IdentifyOptions(terms="static")
-    ).robot()
+    robot = identify([poses_at_rest(rng, np.array([0.1, 0.0, 0.0]))], ARM, IdentifyOptions(terms="static")).robot()
     q = rng.uniform(ARM.lower, ARM.upper, size=(20, 3))
     assert_allclose(gravity_torque(robot, q, LEVEL), gravity_torque(ARM, q, LEVEL), atol=1e-4)
     assert robot.tree.mass.min() > 0.0

@@ -8,11 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError
 from catenary.files import card_path
 from catenary.identification.identification import identify
-from catenary.identification.identification_file import (
-    identification_card,
-    load_identification,
-    save_identification,
-)
+from catenary.identification.identification_file import identification_card, load_identification, save_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.catalog import load_robot
 from moving_arm import recorded
@@ -102,9 +98,7 @@ def test_a_damaged_file_is_refused(saved, change, said):
 
 def test_the_robot_in_a_file_whose_numbers_were_changed_is_refused_too(saved):
     damaged(saved, lambda a, s: a["phi"].__setitem__(0, 9.0))
-    with pytest.raises(
-        FileFormatError, match=r"damaged: its numbers are not .*; `catenary identify` makes it again"
-    ):
+    with pytest.raises(FileFormatError, match=r"damaged: its numbers are not .*; `catenary identify` makes it again"):
         load_robot(str(saved))
 
 

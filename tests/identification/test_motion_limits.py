@@ -38,9 +38,7 @@ def test_designed_motions_keep_every_limit_whatever_they_are(seed, slow, weak, b
     assert (np.abs(qdd) <= room.acceleration).all()
     torque = np.abs(inverse_dynamics(PANDA, q, qd, qdd, LEVEL))
     assert (torque <= room.effort).all()
-    assert_allclose(
-        found.checked.torque, (torque / room.effort).max(axis=0), rtol=0.01
-    )  # between a thousand rows
+    assert_allclose(found.checked.torque, (torque / room.effort).max(axis=0), rtol=0.01)  # between a thousand rows
 
 
 @pytest.mark.parametrize(
@@ -63,9 +61,7 @@ def test_a_motion_that_breaks_a_limit_is_told_which(room, said):
 
 def test_a_motion_that_hits_something_is_told_what_and_when():
     limits = replace(LIMITS, scene=apart(capsule_arm(), [floor_at(0.3)]), margin=0.02)
-    checked = limits.check(
-        motion(PANDA, 0, centre=np.array([0.0, 1.0, 0.0, -1.8, 0.0, 1.8, 0.0]), amplitude=0.6)
-    )
+    checked = limits.check(motion(PANDA, 0, centre=np.array([0.0, 1.0, 0.0, -1.8, 0.0, 1.8, 0.0]), amplitude=0.6))
     assert "floor" in checked.clearance.pair
     assert re.search(r"come within 20 mm: -?\d+\.\d mm at \d\.\d{3} s", checked.fault)
 

@@ -65,9 +65,7 @@ def test_a_joint_that_moves_where_nothing_was_fitted_does_not_make_a_drift(found
     small = replace(narrow, q_nominal=q, qd=qd, tau=torques(ARM, q, qd, qdd, np.full(9, 0.3)))
     fitted = identify([small], ARM, PLAIN)
     log = recorded(ARM, 1)
-    stop = np.maximum(
-        np.array(log.q_nominal)[:, 1] - q[:, 1].max() - 0.1, 0.0
-    )  # a bumper that was never reached
+    stop = np.maximum(np.array(log.q_nominal)[:, 1] - q[:, 1].max() - 0.1, 0.0)  # a bumper that was never reached
     result = judged(fitted, replace(log, tau=np.array(log.tau) + 60.0 * np.eye(3)[1] * stop[:, None]))
     assert result.verdict == "unclear"
     assert any("and was identified from" in reason for reason in result.reasons)

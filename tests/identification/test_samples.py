@@ -48,10 +48,7 @@ def test_velocities_come_from_positions_where_none_are_recorded(samples):
 def test_the_filter_has_no_delay(samples):
     raw = RUN.tau[100:-100]
     for axis in range(3):
-        lags = [
-            np.corrcoef(samples.tau[5:-5, axis], np.roll(raw, k, axis=0)[5:-5, axis])[0, 1]
-            for k in (-2, 0, 2)
-        ]
+        lags = [np.corrcoef(samples.tau[5:-5, axis], np.roll(raw, k, axis=0)[5:-5, axis])[0, 1] for k in (-2, 0, 2)]
         assert lags[1] == max(lags)
 
 
@@ -59,11 +56,7 @@ def test_uneven_time_steps_are_evened_out():
     run = log()
     kept = np.sort(np.random.default_rng(1).permutation(len(run))[: 9 * len(run) // 10])
     uneven = log(
-        q_nominal=run.q_nominal[kept],
-        qd=run.qd[kept],
-        tau=run.tau[kept],
-        ok=run.ok[kept],
-        time=run.time[kept],
+        q_nominal=run.q_nominal[kept], qd=run.qd[kept], tau=run.tau[kept], ok=run.ok[kept], time=run.time[kept]
     )
     samples = prepare(uneven, ARM, FULL)
     assert_allclose(np.diff(samples.time), 0.005, atol=1e-9)
@@ -96,9 +89,7 @@ DROPPED_OUT = ((5.0, 7.5), (11.5, 14.0), (17.0, 19.5), (23.5, 26.0))
 def test_drop_outs_leave_identified_gravity_nearly_as_true_as_without(name):
     arm, options = load_robot(name), IdentifyOptions(friction=(), consistent=False)
     run = recorded(arm, 0, rate=100.0, noise=0.01)
-    q = np.random.default_rng(1).uniform(
-        np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0), (200, arm.n)
-    )
+    q = np.random.default_rng(1).uniform(np.maximum(arm.lower, -2.0), np.minimum(arm.upper, 2.0), (200, arm.n))
     true = gravity_torque(arm, q, LEVEL)
 
     def wrong(log):
@@ -137,9 +128,7 @@ def test_a_stretch_between_gaps_that_is_shorter_than_the_filter_needs_is_left_ou
 
 def test_a_recording_of_short_stretches_alone_is_refused_with_its_gaps():
     run = without(log(), *((second + 0.5, second + 1.0) for second in range(30)))
-    with pytest.raises(
-        InputError, match=r"100 rows from row 0, between 29 gap\(s\) in time: shorter than the filter"
-    ):
+    with pytest.raises(InputError, match=r"100 rows from row 0, between 29 gap\(s\) in time: shorter than the filter"):
         prepare(run, ARM, FULL)
 
 
@@ -165,9 +154,7 @@ def test_jitter_bursts_and_hiccups_are_no_gaps(spoil):
         np.column_stack([np.interp(time, run.time, column) for column in values.T])
         for values in (run.q_nominal, run.qd, run.tau)
     )
-    samples = prepare(
-        replace(run, q_nominal=q, qd=qd, tau=tau, ok=np.ones(len(q), bool), time=time), ARM, FULL
-    )
+    samples = prepare(replace(run, q_nominal=q, qd=qd, tau=tau, ok=np.ones(len(q), bool), time=time), ARM, FULL)
     assert not [note for note in samples.notes if "gap" in note]
     assert len(samples) > 0.9 * len(time)
     assert len(samples) < 2.1 * len(time)
@@ -233,9 +220,7 @@ def test_a_recording_that_cannot_be_of_the_robot_is_refused(changes, said):
 
 
 def test_another_number_of_joints_is_refused():
-    with pytest.raises(
-        InputError, match=r'has joints shoulder \[rad\], .*; robot "panda" has q1 \[rad\], q2'
-    ):
+    with pytest.raises(InputError, match=r'has joints shoulder \[rad\], .*; robot "panda" has q1 \[rad\], q2'):
         prepare(log(), load_robot("panda"), FULL)
 
 
@@ -277,10 +262,7 @@ def test_the_regressor_of_a_turning_base_is_its_inverse_dynamics(rng):
     gravity, base = rng.normal(size=(8, 3)), BaseMotion(*rng.normal(size=(3, 8, 3)))
     Y = torque_regressor(PANDA, q, qd, qdd, gravity, base)
     assert_allclose(
-        Y @ link_parameters(PANDA.tree),
-        inverse_dynamics(PANDA, q, qd, qdd, gravity, base),
-        rtol=1e-9,
-        atol=1e-9,
+        Y @ link_parameters(PANDA.tree), inverse_dynamics(PANDA, q, qd, qdd, gravity, base), rtol=1e-9, atol=1e-9
     )
 
 

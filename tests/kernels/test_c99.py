@@ -9,8 +9,7 @@ from catenary.robots.catalog import load_robot
 
 
 @pytest.mark.parametrize(
-    ("text", "name"),
-    [("raven2", "raven2"), ("Panda (left)", "panda_left"), ("2 link", "robot_2_link"), ("", "robot")],
+    ("text", "name"), [("raven2", "raven2"), ("Panda (left)", "panda_left"), ("2 link", "robot_2_link"), ("", "robot")]
 )
 def test_names_become_names_of_c(text: str, name: str) -> None:
     assert c_name(text) == name

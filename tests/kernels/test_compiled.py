@@ -59,9 +59,7 @@ def test_importing_compiled_functions_and_asking_for_a_line_does_not_import_numb
 
 def test_code_on_disk_is_made_anew_when_a_file_that_it_calls_has_changed(tmp_path) -> None:
     head = "from catenary.kernels.compiled import compiled, inlined\n"
-    caller = (
-        f"{head}from called import slope\n@compiled\ndef line(x):\n    return slope() * x\nprint(line(1.0))\n"
-    )
+    caller = f"{head}from called import slope\n@compiled\ndef line(x):\n    return slope() * x\nprint(line(1.0))\n"
     (tmp_path / "caller.py").write_text(caller)
     for slope in ("2.0", "3.0"):
         (tmp_path / "called.py").write_text(f"{head}@inlined\ndef slope():\n    return {slope}\n")
@@ -69,9 +67,7 @@ def test_code_on_disk_is_made_anew_when_a_file_that_it_calls_has_changed(tmp_pat
         assert done.stdout.decode().strip() == slope
 
 
-def test_where_numba_is_told_to_compile_nothing_functions_run_as_python(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_where_numba_is_told_to_compile_nothing_functions_run_as_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba.config, "DISABLE_JIT", True)
 
     @compiled
@@ -113,9 +109,7 @@ def is_one_note(err: str, reason: str) -> bool:
 
 
 @pytest.mark.parametrize("home", ["/nonexistent", "", None], ids=str)
-def test_without_a_home_to_write_to_code_is_compiled_in_memory_and_one_note_says_so(
-    site, tmp_path, home
-) -> None:
+def test_without_a_home_to_write_to_code_is_compiled_in_memory_and_one_note_says_so(site, tmp_path, home) -> None:
     without = "import os\ndel os.environ['HOME']\n" if home is None else ""
     outcome = run(site, without + RUN, tmp_path, HOME=home or "")
     assert outcome.out == COMPILED

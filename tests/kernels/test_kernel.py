@@ -156,7 +156,5 @@ def test_what_is_bound_is_not_pickled(kernel: Kernel) -> None:
 
 
 def test_rows_refuse_a_list_to_write_into(kernel: Kernel) -> None:
-    with pytest.raises(
-        InputError, match=r"out: expected a contiguous float64 array of shape \(1, 3\), got list"
-    ):
+    with pytest.raises(InputError, match=r"out: expected a contiguous float64 array of shape \(1, 3\), got list"):
         kernel.rows(Q[None], GRAVITY[None], out=[[0.0, 0.0, 0.0]])  # type: ignore[arg-type]

@@ -56,9 +56,7 @@ class Deployed:
         types = {"measured_js": "sensor_msgs/JointState", "measured_cp": "geometry_msgs/TransformStamped",
                  "is_valid": "std_msgs/Bool", "interval": "sensor_msgs/JointState",
                  "gravity_torque": "sensor_msgs/JointState"}  # fmt: skip
-        self.heard = {
-            verb: listener.subscribe(f"/arm1/calibrated/{verb}", kind) for verb, kind in types.items()
-        }
+        self.heard = {verb: listener.subscribe(f"/arm1/calibrated/{verb}", kind) for verb, kind in types.items()}
 
     def ticks(self, count: int) -> None:
         for _ in range(count):
@@ -118,9 +116,7 @@ def test_a_position_that_is_no_number_is_left_out_and_counted(model: Calibration
     deployed.ticks(2)
     robot = deployed.robot.robot
     stamp = header(robot.transport.now())
-    spoilt = message_class("sensor_msgs/JointState")(
-        stamp, JOINTS, np.full(7, np.nan), np.zeros(7), np.zeros(7)
-    )
+    spoilt = message_class("sensor_msgs/JointState")(stamp, JOINTS, np.full(7, np.nan), np.zeros(7), np.zeros(7))
     for _ in range(3):
         robot._out["measured_js"].publish(spoilt)
     deployed.topics.step()
@@ -195,9 +191,7 @@ def test_a_model_with_previous_positions_sees_those_that_came_too_late() -> None
 def test_robot_without_the_models_joints_is_refused() -> None:
     rng = np.random.default_rng(1)
     q = rng.uniform(-1.0, 1.0, (100, 1))
-    other = fitted(
-        MotionLog("run", ("hinge",), ("rad",), q, np.ones(100, dtype=bool), q + 0.1), kind="offset"
-    )
+    other = fitted(MotionLog("run", ("hinge",), ("rad",), q, np.ones(100, dtype=bool), q + 0.1), kind="offset")
     with pytest.raises(InputError, match='no joint "hinge"'):
         Deployed(other)
 
@@ -210,9 +204,7 @@ def test_one_odd_message_is_counted_and_skipped_and_the_next_is_corrected(model:
     odd = message_class("sensor_msgs/JointState")
     robot._out["measured_js"].publish(odd(header(1), JOINTS, np.full(7, np.nan)))
     robot._out["measured_js"].publish(odd(header(2), ("elbow",) * 7, START))
-    robot._out["operating_state"].publish(
-        message_class("crtk_msgs/OperatingState")(state="ASLEEP", is_homed=True)
-    )
+    robot._out["operating_state"].publish(message_class("crtk_msgs/OperatingState")(state="ASLEEP", is_homed=True))
     deployed.topics.step()
     deployed.ticks(5)
     report = deployed.topics.report()
@@ -227,9 +219,7 @@ def test_torques_that_come_no_more_are_flagged_until_they_are_back() -> None:
         name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q, q_encoder=q + OFFSET,
         ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0, tau=tau,
     )  # fmt: skip
-    deployed = Deployed(
-        fitted(log, kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion", "tau:elbow"))
-    )
+    deployed = Deployed(fitted(log, kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion", "tau:elbow")))
     deployed.ticks(10)
     robot = deployed.robot.robot
     assert not deployed.topics.stale

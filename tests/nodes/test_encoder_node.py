@@ -71,9 +71,7 @@ def test_the_robots_operating_state_registers_and_positions_follow(rig):
     rig.counts.take()
     rig.send(AWAY)
     (position,), (count,) = rig.positions.take(), rig.counts.take()
-    assert_allclose(
-        joint_values(position.message, JOINTS), rig.driver.reading().q_encoder, rtol=0.0, atol=0.0
-    )
+    assert_allclose(joint_values(position.message, JOINTS), rig.driver.reading().q_encoder, rtol=0.0, atol=0.0)
     assert_array_equal(joint_values(count.message, JOINTS), AWAY)
     assert position.message.header.stamp == count.message.header.stamp
     status = rig.node.status(1.0)

@@ -32,9 +32,7 @@ def without_friction(cable: Cable) -> Cable:
 
 def with_linear_cables(cable: Cable) -> Cable:
     """Springs and dampers and nothing else: no hysteresis, creep, backlash, run-out, set, wear or friction."""
-    plain = _without(
-        without_friction(without_runout(cable)), "slow_share", "backlash", "set_rate", "loss_rate"
-    )
+    plain = _without(without_friction(without_runout(cable)), "slow_share", "backlash", "set_rate", "loss_rate")
     return plain.replace(elastic_share=1.0)
 
 

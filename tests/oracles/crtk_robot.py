@@ -88,9 +88,7 @@ class CrtkRobot:
         """Publish the plant's state."""
         stamp, names = self._stamps.next(self.transport.steady()), self.plant.joint_names
         measured, setpoint = self.plant.measured_js(), self.plant.setpoint_js()
-        self._out["measured_js"].publish(
-            joint_state_message(names, stamp, measured.q, measured.qd, measured.tau)
-        )
+        self._out["measured_js"].publish(joint_state_message(names, stamp, measured.q, measured.qd, measured.tau))
         self._out["setpoint_js"].publish(joint_state_message(names, stamp, setpoint.q))
         self._out["operating_state"].publish(operating_state_message(self.plant.operating_state(), stamp))
         if "ravenstate" not in self._out:
@@ -154,9 +152,7 @@ class RobotOnLoopback:
         self.clock.robots.append(self.robot)
 
 
-def robot_over(
-    transport: Transport, robot: str = "raven2", **options: Any
-) -> tuple[OperatedRobot, CrtkReader]:
+def robot_over(transport: Transport, robot: str = "raven2", **options: Any) -> tuple[OperatedRobot, CrtkReader]:
     """A robot behind a transport, and the client that is its plant."""
     opened = operated_robot(robot, OverTopics(transport, **options))
     assert isinstance(opened.plant, CrtkReader)

@@ -25,11 +25,7 @@ class EncodedPlant(IdealPlant):
             upper=[1.57, 2.356, 0.56, 3.17, 1.22, 1.83, 1.83],
             ready=ready,
         )
-        self.columns = (
-            Column("jpos", "rad|m", 7),
-            Column("ext_jpos", "rad|m", 3),
-            Column("joint_enc", "count", 3),
-        )
+        self.columns = (Column("jpos", "rad|m", 7), Column("ext_jpos", "rad|m", 3), Column("joint_enc", "count", 3))
 
     def telemetry(self) -> Mapping[str, Floats]:
         state = self.measured_js()

@@ -41,9 +41,7 @@ def by_mujoco(robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity: F
     return m.coupling.T @ result[order]
 
 
-def by_pinocchio(
-    robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, base: Free
-) -> Floats:
+def by_pinocchio(robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, base: Free) -> Floats:
     """Torques of a motion on a floating base, by Pinocchio's free flyer."""
     m, (omega, alpha, acceleration) = robot.model, base.motion
     pin = pinocchio_model(robot, base="free")

@@ -48,6 +48,4 @@ class Poses:
         start, end = self.poses[max(k - 1, 0)], self.poses[k]
         u = min(t - k * self.each, 1.0)
         way = end - start
-        return Reference(
-            start + u * u * (3.0 - 2.0 * u) * way, 6.0 * u * (1.0 - u) * way, (6.0 - 12.0 * u) * way
-        )
+        return Reference(start + u * u * (3.0 - 2.0 * u) * way, 6.0 * u * (1.0 - u) * way, (6.0 - 12.0 * u) * way)

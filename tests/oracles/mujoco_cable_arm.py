@@ -61,9 +61,7 @@ def cable_arm_xml(tree: Tree, cable: Cable, base: RockingBase | None, timestep: 
 class MujocoCableArm:
     """The arm in motion; its base, if it has one, is written into the simulation before every step."""
 
-    def __init__(
-        self, tree: Tree, cable: Cable, base: RockingBase | None = None, timestep: float = 2.5e-4
-    ) -> None:
+    def __init__(self, tree: Tree, cable: Cable, base: RockingBase | None = None, timestep: float = 2.5e-4) -> None:
         self._base, self._timestep = base, timestep
         self._model = mujoco.MjModel.from_xml_string(cable_arm_xml(tree, cable, base, timestep))
         self._data = mujoco.MjData(self._model)

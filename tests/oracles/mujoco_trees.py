@@ -50,8 +50,7 @@ def mujoco_model(
         bodies = f'<body name="base"><freejoint name="base"/>{inertial}{bodies}</body>'
     g = np.zeros(3) if gravity is None else gravity
     return mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler angle="radian"/><option gravity="{_text(g)}"/>'
-        f"<worldbody>{bodies}</worldbody></mujoco>"
+        f'<mujoco><compiler angle="radian"/><option gravity="{_text(g)}"/><worldbody>{bodies}</worldbody></mujoco>'
     )
 
 

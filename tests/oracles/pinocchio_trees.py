@@ -17,9 +17,7 @@ def pinocchio_model(robot: RandomRobot, *, base: Literal["fixed", "free"] = "fix
     root = 0
     if base == "free":
         root = model.addJoint(0, pinocchio.JointModelFreeFlyer(), pinocchio.SE3.Identity(), "base")
-        model.appendBodyToJoint(
-            root, pinocchio.Inertia(1.0, np.zeros(3), np.eye(3)), pinocchio.SE3.Identity()
-        )
+        model.appendBodyToJoint(root, pinocchio.Inertia(1.0, np.zeros(3), np.eye(3)), pinocchio.SE3.Identity())
     joint_of = {"base": (root, pinocchio.SE3.Identity())}
     for link in _depth_first(robot.links, "base"):
         joint, placement = joint_of[link.parent]

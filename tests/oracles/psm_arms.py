@@ -15,23 +15,8 @@ from catenary.simulation.psm_plant import PsmPlant
 Floats = NDArray[np.float64]
 HOME = np.array([0.1, -0.2, 0.12, 0.3, -0.2, 0.25, 0.2])
 NOTHING = (
-    *(
-        "rotor_friction",
-        "rotor_load_friction",
-        "link_friction",
-        "link_load_friction",
-        "slow_share",
-        "backlash",
-    ),
-    *(
-        "set_rate",
-        "loss_rate",
-        "capstan_runout",
-        "pulley_runout",
-        "damping",
-        "rotor_damping",
-        "joint_damping",
-    ),
+    *("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction", "slow_share", "backlash"),
+    *("set_rate", "loss_rate", "capstan_runout", "pulley_runout", "damping", "rotor_damping", "joint_damping"),
 )
 
 

@@ -27,10 +27,7 @@ def random_urdf(rng, *, kinds, mimics=(), count=8) -> str:
         entries = " ".join(
             f'{key}="{tensor[r, c]:.15g}"'
             for key, r, c in zip(
-                ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
-                (0, 0, 0, 1, 1, 2),
-                (0, 1, 2, 1, 2, 2),
-                strict=True,
+                ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2), strict=True
             )
         )
         parts.append(
@@ -42,9 +39,7 @@ def random_urdf(rng, *, kinds, mimics=(), count=8) -> str:
         mimic = ""
         if i in follows:
             multiplier, offset = rng.normal(size=2)
-            mimic = (
-                f'<mimic joint="joint{follows[i]}" multiplier="{multiplier:.15g}" offset="{offset:.15g}"/>'
-            )
+            mimic = f'<mimic joint="joint{follows[i]}" multiplier="{multiplier:.15g}" offset="{offset:.15g}"/>'
         parts.append(
             f'<joint name="joint{i}" type="{kind}"><parent link="{parent}"/><child link="link{i}"/>'
             f'<origin xyz="{numbers(rng.normal(size=3))}" rpy="{numbers(rng.normal(size=3))}"/>'

@@ -32,9 +32,7 @@ def random_inertia(rng: np.random.Generator) -> LinkInertia:
     masses = rng.uniform(0.1, 0.4, size=12)
     com = masses @ points / masses.sum()
     r = points - com
-    tensor = np.einsum("k,k->", masses, (r * r).sum(axis=1)) * np.eye(3) - np.einsum(
-        "k,ki,kj->ij", masses, r, r
-    )
+    tensor = np.einsum("k,k->", masses, (r * r).sum(axis=1)) * np.eye(3) - np.einsum("k,ki,kj->ij", masses, r, r)
     return LinkInertia(float(masses.sum()), com, tensor)
 
 
@@ -58,9 +56,7 @@ def random_robot(seed: int) -> RandomRobot:
             coordinates.append(Coordinate(f"q{i}", "m" if kind == "prismatic" else "rad"))
         # a mimic joint follows earlier coordinates; a combination adds them to its own
         if earlier and (not own or rng.random() < 0.2):
-            for name in rng.choice(
-                earlier, size=min(len(earlier), 1 + int(rng.random() < 0.5)), replace=False
-            ):
+            for name in rng.choice(earlier, size=min(len(earlier), 1 + int(rng.random() < 0.5)), replace=False):
                 variable[str(name)] = float(rng.uniform(-1.0, 1.0))
         parents = ["base", *(link.name for link in links)]
         # a chain more often than not, and branches
@@ -79,9 +75,7 @@ def random_robot(seed: int) -> RandomRobot:
             )
         )
         if rng.random() < 0.25:
-            links.append(
-                Link(f"fixed{i}", links[-1].name, "fixed", random_pose(rng), inertia=random_inertia(rng))
-            )
+            links.append(Link(f"fixed{i}", links[-1].name, "fixed", random_pose(rng), inertia=random_inertia(rng)))
     order = rng.permutation(len(links))
     model = assemble(f"random{seed}", [links[k] for k in order], coordinates)
     return RandomRobot(model, links)

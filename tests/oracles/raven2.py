@@ -37,12 +37,7 @@ def dh_frames(arm: str, joints: Floats) -> list[Floats]:
         ca, sa = np.cos(np.deg2rad(alpha_deg)), np.sin(np.deg2rad(alpha_deg))
         ct, st = np.cos(angle), np.sin(angle)
         T = T @ np.array(
-            [
-                [ct, -st, 0.0, a],
-                [st * ca, ct * ca, -sa, -sa * d],
-                [st * sa, ct * sa, ca, ca * d],
-                [0.0, 0.0, 0.0, 1.0],
-            ]
+            [[ct, -st, 0.0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d], [0.0, 0.0, 0.0, 1.0]]
         )
         frames.append(T)
     return frames

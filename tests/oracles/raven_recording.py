@@ -22,9 +22,7 @@ ABOUT = About(robot="raven2", simulated=True, seed=7, configuration={"trajectory
 
 def nominal(time: NDArray[np.float64]) -> NDArray[np.float64]:
     """Positions of shoulder, elbow, insertion (N, 3)."""
-    return np.column_stack(
-        [c + a * np.sin(w * time) for c, a, w in zip(CENTRE, AMPLITUDE, RATE, strict=True)]
-    )
+    return np.column_stack([c + a * np.sin(w * time) for c, a, w in zip(CENTRE, AMPLITUDE, RATE, strict=True)])
 
 
 def encoder(time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -36,9 +34,7 @@ def telemetry(time: NDArray[np.float64], rng: np.random.Generator) -> dict[str, 
     """Every column of a RAVEN, gold arm on sinusoids, the rest random numbers in SI."""
     n = len(time)
     columns: dict[str, NDArray[np.float64]] = {
-        c.name: rng.integers(-1000, 1000, (n, c.width)).astype(float)
-        if c.whole
-        else rng.normal(size=(n, c.width))
+        c.name: rng.integers(-1000, 1000, (n, c.width)).astype(float) if c.whole else rng.normal(size=(n, c.width))
         for c in RAVENSTATE.columns
     }
     columns["dt"] = np.full((n, 1), 0.001)
@@ -49,9 +45,7 @@ def telemetry(time: NDArray[np.float64], rng: np.random.Generator) -> dict[str, 
     return columns
 
 
-def record(
-    folder: Path, seconds: float, *, max_bytes: int = 2**28, topics: Sequence[Topic] | None = None
-) -> Path:
+def record(folder: Path, seconds: float, *, max_bytes: int = 2**28, topics: Sequence[Topic] | None = None) -> Path:
     """Record that long at 1 kHz."""
     time = 0.001 * np.arange(round(1000 * seconds))
     columns = telemetry(time, np.random.default_rng(1))
@@ -71,9 +65,7 @@ def record(
 def record_minutes(folder: Path, minutes: int) -> Path:
     """Record what a calibration needs, a row of telemetry every 5 ms, a minute at a time."""
     rng, step = np.random.default_rng(1), 0.005
-    with Recorder(
-        folder, raven_topics()[:3], telemetry(np.zeros(2), rng), np.random.default_rng(2)
-    ) as recorder:
+    with Recorder(folder, raven_topics()[:3], telemetry(np.zeros(2), rng), np.random.default_rng(2)) as recorder:
         for minute in range(minutes):
             ticks = 60.0 * minute + step * np.arange(round(60 / step))
             recorder.observe_many(ticks, telemetry(ticks, rng))

@@ -40,14 +40,10 @@ class SimulatedBoard(SimulatedPort):
         end = {"m/s2": 19.6133, "g": 2.0}[self.unit]
         self.write(framed(f"CATHI,1,simulated,{self.unit},{end},{rates},100"))
 
-    def line(
-        self, force: tuple[float, float, float] = UP, rate: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    ) -> bytes:
+    def line(self, force: tuple[float, float, float] = UP, rate: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> bytes:
         """The next sample's line; the board's clock and count go on."""
         numbers = [*force, *(rate if self.gyroscope else ())]
-        body = f"CATAC,{self.count % 65536},{self.micros % 4294967296}," + ",".join(
-            f"{v:.5f}" for v in numbers
-        )
+        body = f"CATAC,{self.count % 65536},{self.micros % 4294967296}," + ",".join(f"{v:.5f}" for v in numbers)
         self.count += 1
         self.micros += 10000
         return framed(body)

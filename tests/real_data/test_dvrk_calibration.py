@@ -128,9 +128,7 @@ def test_no_model_is_much_worse_than_the_offset_on_motion_it_was_not_made_for(ki
 
 @pytest.mark.parametrize("kind", KINDS_BY_TIME)
 @pytest.mark.parametrize("trained", ["random_train", "sampled_train"])
-def test_no_correction_of_another_motion_is_taken_for_one_that_was_never_seen(
-    kind: str, trained: str
-) -> None:
+def test_no_correction_of_another_motion_is_taken_for_one_that_was_never_seen(kind: str, trained: str) -> None:
     options = FitOptions(**KINDS[kind])
     data, inputs = prepared(trained, options, held_out=0.2)
     early, late = data.split_by_time(0.2)

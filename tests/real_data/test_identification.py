@@ -69,9 +69,7 @@ def test_mtm_is_fitted_with_the_published_number_of_parameters(dvrk: Path) -> No
 
 @pytest.mark.slow
 def test_the_end_of_the_mtms_motion_is_predicted_better_than_by_plain_friction(dvrk: Path) -> None:
-    samples = prepare(
-        log_of(dvrk, "mtm_one.npz", "dvrk_mtm_motors"), load_robot("dvrk_mtm_motors"), IdentifyOptions()
-    )
+    samples = prepare(log_of(dvrk, "mtm_one.npz", "dvrk_mtm_motors"), load_robot("dvrk_mtm_motors"), IdentifyOptions())
     early = np.arange(len(samples)) < int(0.8 * len(samples))
     first, last = samples.rows(early, "first 80 %"), samples.rows(~early, "last 20 %")
     found = identify_samples([first], load_robot("dvrk_mtm_motors"), IdentifyOptions()).test([last])
@@ -139,9 +137,7 @@ def test_a_known_weight_is_weighed(psm, dvrk, name, cutoff_hz, most) -> None:
 
 
 def test_an_unloaded_arm_of_another_day_carries_no_payload(psm: Identification, dvrk: Path) -> None:
-    samples = [
-        prepare(log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())
-    ]
+    samples = [prepare(log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())]
     payload = estimate_payload(psm, samples, at=WEIGHT)
     assert not payload.detected
     assert payload.mass is not None
@@ -150,9 +146,7 @@ def test_an_unloaded_arm_of_another_day_carries_no_payload(psm: Identification, 
 
 
 def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(psm, dvrk) -> None:
-    samples = [
-        prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())
-    ]
+    samples = [prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm_motors"), psm.model, IdentifyOptions())]
     payload = estimate_payload(psm, samples)
     assert payload.detected
     assert payload.link in ("pitch", "top_bar", "middle_bar")
@@ -182,9 +176,7 @@ def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> 
         [dvrk / "psm_one.npz"], "dvrk_psm_motors", IdentifyOptions(), tests=[mixed], accept=("swapped",)
     )
     assert result.identification.tests[0].verdict != "holds"
-    assert any(
-        "mixed: accepted swapped: q1, q2: axes q1 and q2 look swapped" in note for note in result.notes
-    )
+    assert any("mixed: accepted swapped: q1, q2: axes q1 and q2 look swapped" in note for note in result.notes)
 
 
 def test_a_wrong_sampling_rate_is_noticed(dvrk: Path, tmp_path: Path) -> None:
@@ -192,11 +184,7 @@ def test_a_wrong_sampling_rate_is_noticed(dvrk: Path, tmp_path: Path) -> None:
     path = tmp_path / "half.npz"
     np.savez(path, q=log.q_nominal, dq=log.qd, tau=log.tau, fs=200.0)  # its velocities fit 100 Hz
     with pytest.raises(InputError, match="another sampling rate than stated"):
-        prepare(
-            read_torque_log(path, load_robot("dvrk_psm_motors")),
-            load_robot("dvrk_psm_motors"),
-            IdentifyOptions(),
-        )
+        prepare(read_torque_log(path, load_robot("dvrk_psm_motors")), load_robot("dvrk_psm_motors"), IdentifyOptions())
 
 
 def test_one_moving_axis_shows_too_little(dvrk: Path) -> None:

@@ -40,9 +40,7 @@ def test_raven_s_state_comes_in_si(recordings: Path) -> None:
 
 def test_a_command_log_by_a_mapping_is_the_layout_s_own(recordings: Path) -> None:
     path = recordings / "dvrk_calibration_berkeley" / "random_train.npz"
-    mapped = import_recording(
-        path, ["q_nominal=q_des", "q_encoder=q_act", "ok=ok"], units="rad,rad,m,rad,rad,rad"
-    )
+    mapped = import_recording(path, ["q_nominal=q_des", "q_encoder=q_act", "ok=ok"], units="rad,rad,m,rad,rad,rad")
     own = read_commands(path)
     for key in ("q_nominal", "q_encoder", "ok"):
         assert_allclose(getattr(mapped, key), getattr(own, key))

@@ -65,11 +65,7 @@ def _chunk(stated: int, name: bytes, data: bytes, taken: int | None = None) -> b
 BOMB = pa.compress(bytes(MOST_UNPACKED + 1), "zstd", asbytes=True)
 DEFINED = b"".join(
     _record(
-        3,
-        struct.pack("<H", i)
-        + _text("std_msgs/msg/String")
-        + _text("ros2msg")
-        + _text(f"string data\nint8 A={i}"),
+        3, struct.pack("<H", i) + _text("std_msgs/msg/String") + _text("ros2msg") + _text(f"string data\nint8 A={i}")
     )
     + _record(4, struct.pack("<HH", i, i) + _text(f"/a{i}") + _text("cdr") + struct.pack("<I", 0))
     for i in range(1, 60)
@@ -84,10 +80,7 @@ CLAIMS = {
     "a length beyond 63 bits": (struct.pack("<BQ", 5, 2**64 - 1), "has 18446744073709551615 bytes"),
     "a chunk that unpacks too far": (_chunk(len(BOMB) * 10**6, b"zstd", BOMB), "would unpack to"),
     "a chunk that unpacks further than it states": (_chunk(10, b"zstd", BOMB), "more than 10 bytes"),
-    "a chunk that unpacks to less": (
-        _chunk(10, b"zstd", pa.compress(b"x", "zstd", asbytes=True)),
-        "and states 10",
-    ),
+    "a chunk that unpacks to less": (_chunk(10, b"zstd", pa.compress(b"x", "zstd", asbytes=True)), "and states 10"),
     "a chunk of another length": (_chunk(10, b"", bytes(9)), "has 9 bytes"),
     "a chunk whose data end elsewhere": (_chunk(9, b"", bytes(9), 8), "states 8"),
     "an unknown packing": (_chunk(9, b"rar", bytes(9)), "packed by b'rar'"),
@@ -183,9 +176,7 @@ def test_a_chunk_is_unpacked_as_far_as_it_states(tmp_path: Path, packing: str, s
     assert said in BagStream(path).problems[0]
 
 
-@pytest.mark.parametrize(
-    "field", [b"size=", b"compression=", b"index_pos=", b"conn_count=", b"type=", b"topic="]
-)
+@pytest.mark.parametrize("field", [b"size=", b"compression=", b"index_pos=", b"conn_count=", b"type=", b"topic="])
 def test_a_header_that_lacks_a_field_is_refused_by_its_name(tmp_path: Path, field: bytes) -> None:
     content = bytes(_bag(tmp_path, "LZ4" if field == b"size=" else None))
     path = tmp_path / "a.bag"

@@ -68,9 +68,6 @@ def test_other_fields_are_passed_over():
 
 
 def test_blocks_are_joined_in_order():
-    blocks = [
-        Block(np.frombuffer(b"abc", np.uint8), np.array([1, 2])),
-        Block(np.zeros(0, np.uint8), np.array([0])),
-    ]
+    blocks = [Block(np.frombuffer(b"abc", np.uint8), np.array([1, 2])), Block(np.zeros(0, np.uint8), np.array([0]))]
     joined = Block.joined(blocks)
     assert list(joined) == [b"a", b"bc", b""]

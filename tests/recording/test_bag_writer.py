@@ -201,9 +201,7 @@ def test_what_is_no_bag_is_refused(tmp_path: Path, content: bytes) -> None:
 
 def test_another_version_of_a_type_is_refused_with_the_difference(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(
-        get_types_from_msg("Header hdr\nint32 runlevel\nfloat64[16] jpos\n", "raven_2/msg/raven_state")
-    )
+    store.register(get_types_from_msg("Header hdr\nint32 runlevel\nfloat64[16] jpos\n", "raven_2/msg/raven_state"))
     with Writer1(tmp_path / "a.bag") as writer:
         writer.add_connection("/ravenstate", "raven_2/msg/raven_state", typestore=store)
         writer.write(writer.connections[0], 1, b"\0" * 148)
@@ -212,9 +210,7 @@ def test_another_version_of_a_type_is_refused_with_the_difference(tmp_path: Path
     assert "float32[16] jpos" in str(caught.value)
     assert "has besides [float64[16] jpos]" in str(caught.value)
     store = get_typestore(Stores.LATEST)
-    store.register(
-        get_types_from_msg("std_msgs/Header header\nstring state\n", "crtk_msgs/msg/OperatingState")
-    )
+    store.register(get_types_from_msg("std_msgs/Header header\nstring state\n", "crtk_msgs/msg/OperatingState"))
     with Writer2(tmp_path / "a", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/operating_state", "crtk_msgs/msg/OperatingState", typestore=store)
     with pytest.raises(FileFormatError, match=r"lacks \[bool is_homed, bool is_busy\]"):

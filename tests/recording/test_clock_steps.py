@@ -26,9 +26,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(3)
 
 
-@pytest.mark.parametrize(
-    "by", [HOUR, -HOUR, SECOND, -SECOND, SECOND // 2, -SECOND // 2, 2 * SECOND, -2 * SECOND]
-)
+@pytest.mark.parametrize("by", [HOUR, -HOUR, SECOND, -SECOND, SECOND // 2, -SECOND // 2, 2 * SECOND, -2 * SECOND])
 @pytest.mark.parametrize("at", [3, 300, ROWS - 3])
 def test_a_robot_whose_clock_is_set_keeps_its_time_within_a_millisecond(rng, by: int, at: int) -> None:
     stamp, steps = without_steps(set_at(TRUE, at, by), arrivals(rng))
@@ -76,9 +74,7 @@ def test_stamps_that_stand_still_to_stay_in_order_go_on_by_arrival(rng) -> None:
     assert len(steps) == 2
 
 
-@pytest.mark.parametrize(
-    "case", ["late", "lost", "stalled", "shuffled", "files in another order", "a pause", "few"]
-)
+@pytest.mark.parametrize("case", ["late", "lost", "stalled", "shuffled", "files in another order", "a pause", "few"])
 def test_what_is_no_clock_that_was_set_changes_nothing(rng, case: str) -> None:
     stamp, arrival = TRUE.copy(), arrivals(rng)
     if case == "late":  # one that was held back for two seconds
@@ -86,9 +82,7 @@ def test_what_is_no_clock_that_was_set_changes_nothing(rng, case: str) -> None:
         stamp = stamp[order]
     elif case == "lost":
         stamp, arrival = np.delete(stamp, slice(200, 400)), np.delete(arrival, slice(200, 400))
-    elif (
-        case == "stalled"
-    ):  # for three seconds; then what had waited comes at once, and all but a second of it is lost
+    elif case == "stalled":  # for three seconds; then what had waited comes at once, and all but a second of it is lost
         arrival[200:300] = arrival[500]
         stamp, arrival = np.delete(stamp, slice(300, 500)), np.delete(arrival, slice(300, 500))
     elif case == "shuffled":

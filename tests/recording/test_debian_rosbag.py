@@ -97,9 +97,7 @@ def test_a_bag_of_rosbags_extracts_to_the_same_messages(ours, tmp_path, compress
     rewritten = {path: tmp_path / path.name for path in ours.values()}
     for path, to in rewritten.items():
         by_debian("-c", REWRITE, str(path), str(to), compression)
-    mine, theirs = (
-        extract([*paths], tmp_path / name) for name, paths in (("x", rewritten), ("y", rewritten.values()))
-    )
+    mine, theirs = (extract([*paths], tmp_path / name) for name, paths in (("x", rewritten), ("y", rewritten.values())))
     assert dict(mine.messages) == dict(theirs.messages)
     assert theirs.problems == ()
     assert theirs.about == mine.about

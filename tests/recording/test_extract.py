@@ -52,11 +52,7 @@ def test_units_and_origin_are_in_the_schema(journal: Path, extracted: Path) -> N
     unit = {field.name: field.metadata[b"unit"].decode() for field in schema}
     assert unit["stamp"] == "ns"
     assert (unit["jpos:gold_insertion"], unit["jpos:green_elbow"]) == ("m", "rad")
-    assert (unit["jvel:gold_insertion"], unit["pos:gold_x"], unit["encVals:gold_roll"]) == (
-        "m/s",
-        "m",
-        "count",
-    )
+    assert (unit["jvel:gold_insertion"], unit["pos:gold_x"], unit["encVals:gold_roll"]) == ("m/s", "m", "count")
     about = json.loads(schema.metadata[b"catenary"])
     assert (about["robot"], about["simulated"], about["seed"]) == (ABOUT.robot, True, ABOUT.seed)
     assert about["sources"][0]["sha256"] == sha256_of(journal / "0000.mcap")
@@ -132,9 +128,7 @@ def test_what_does_not_belong_together_or_is_no_topic_is_refused(tmp_path: Path,
     with pytest.raises(InputError, match=r"raven2 \(simulated\), panda \(real\)"):
         extract([journal, tmp_path / "other"], tmp_path / "x")
     JournalWriter(tmp_path / "text", [JournalTopic("/ext_jpos", "std_msgs/String")]).close()
-    with pytest.raises(
-        FileFormatError, match="/ext_jpos: expected sensor_msgs/JointState, got std_msgs/String"
-    ):
+    with pytest.raises(FileFormatError, match="/ext_jpos: expected sensor_msgs/JointState, got std_msgs/String"):
         extract([tmp_path / "text"], tmp_path / "x")
     (tmp_path / "ext_jpos.parquet").write_bytes(b"no parquet")
     with pytest.raises(FileFormatError, match="cannot be read as an extracted topic"):
@@ -143,9 +137,7 @@ def test_what_does_not_belong_together_or_is_no_topic_is_refused(tmp_path: Path,
         extract([journal], tmp_path)
 
 
-def test_a_full_disk_is_an_error_that_names_the_place_and_leaves_nothing(
-    journal, tmp_path, monkeypatch
-) -> None:
+def test_a_full_disk_is_an_error_that_names_the_place_and_leaves_nothing(journal, tmp_path, monkeypatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 

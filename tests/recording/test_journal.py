@@ -155,9 +155,7 @@ def test_a_damaged_beginning_costs_no_message_because_what_it_says_comes_again(t
         ('{"configuration": [1]}', "configuration: expected a table"),
     ],
 )
-def test_what_a_recording_says_of_itself_is_believed_after_it_is_checked(
-    tmp_path: Path, about: str, said: str
-) -> None:
+def test_what_a_recording_says_of_itself_is_believed_after_it_is_checked(tmp_path: Path, about: str, said: str) -> None:
     path = tmp_path / "0000.mcap"
     path.write_bytes(MAGIC + metadata_record(NAME_OF_ABOUT, about=about))
     with pytest.raises(FileFormatError, match=said) as caught:

@@ -125,9 +125,7 @@ def test_a_killed_recording_opens_and_misses_a_second_at_most(tmp_path: Path) ->
     for i in range(0, KILLS, 5):  # a few at a time
         folders = [tmp_path / str(k) for k in range(i, min(i + 5, KILLS))]
         with ExitStack() as running:
-            for process, folder in [
-                (running.enter_context(_recording(folder)), folder) for folder in folders
-            ]:
+            for process, folder in [(running.enter_context(_recording(folder)), folder) for folder in folders]:
                 assert process.stdout is not None
                 process.stdout.readline()
                 time.sleep(rng.uniform(0.1, 0.8))

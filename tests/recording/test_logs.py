@@ -141,10 +141,7 @@ TWINS = json.dumps({"format": FORMAT, "joint_names": ["a", "a"], "joint_units": 
             (without(name), rf"run.parquet: column.* {name}.* missing")
             for name in ("ok", "q_nominal:J2", "q_encoder:J1", "tau:J3")
         ],
-        (
-            without("q_nominal:J1", "q_nominal:J2", "q_nominal:J3"),
-            "q_nominal:<joint> are missing for J1, J2, J3",
-        ),
+        (without("q_nominal:J1", "q_nominal:J2", "q_nominal:J3"), "q_nominal:<joint> are missing for J1, J2, J3"),
         (with_column("comment", ["a"] * 8), "column comment holds string, expected numbers"),
         (with_column("ok", np.full(8, np.nan)), "column ok holds double, expected true or false"),
         (with_column("q_nominal:J1", [0.0, None, *np.zeros(6)]), "q_nominal is nan at row 1"),
@@ -152,10 +149,7 @@ TWINS = json.dumps({"format": FORMAT, "joint_names": ["a", "a"], "joint_units": 
             (with_metadata(about), "run.parquet: is Parquet but no catenary motion log")
             for about in (b"\xff\xfe", b"not json", b"[]", b"{}", b'{"joint_names": 3}')
         ],
-        (
-            lambda _: pa.table({"q_nominal:J1": np.zeros(3)}),
-            "run.parquet: is Parquet but no catenary motion log",
-        ),
+        (lambda _: pa.table({"q_nominal:J1": np.zeros(3)}), "run.parquet: is Parquet but no catenary motion log"),
         (of_a_later_version, "format 'catenary.motion_log.9', expected"),
         (with_metadata(TWINS), "joint names must differ, got a, a"),
     ],

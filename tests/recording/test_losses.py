@@ -39,9 +39,7 @@ def bag(request: pytest.FixtureRequest, journal: Path, sent, tmp_path_factory) -
     writer.set_compression(Writer1.CompressionFormat.BZ2)
     with writer:
         to = {
-            topic.name: writer.add_connection(
-                topic.name, topic.type.replace("/", "/msg/"), typestore=typestore(1)
-            )
+            topic.name: writer.add_connection(topic.name, topic.type.replace("/", "/msg/"), typestore=typestore(1))
             for topic in JournalReader(journal).topics
         }
         for name, stamp, data in sent:
@@ -50,9 +48,7 @@ def bag(request: pytest.FixtureRequest, journal: Path, sent, tmp_path_factory) -
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(
-    bag: Path, sent, tmp_path, seed: int
-) -> None:
+def test_damage_in_the_middle_costs_its_chunk_at_most_and_is_counted(bag: Path, sent, tmp_path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     content = bytearray(bag.read_bytes())
     size = (1, 30, 3000, 100_000)[seed] if bag.name == "a.bag" else 3000
@@ -80,10 +76,7 @@ def test_what_is_lost_is_told_by_each_topics_own_rate() -> None:
     second = 1_000_000_000
     fast, slow = second // 100 * np.arange(1000), second // 10 * np.arange(100)
     hole = (3 * second, 5 * second)
-    cut = {
-        "/fast": fast[(fast <= hole[0]) | (fast >= hole[1])],
-        "/slow": slow[(slow <= hole[0]) | (slow >= hole[1])],
-    }
+    cut = {"/fast": fast[(fast <= hole[0]) | (fast >= hole[1])], "/slow": slow[(slow <= hole[0]) | (slow >= hole[1])]}
     found = {one.topic: one for one in losses(cut, [hole])}
     assert (found["/fast"].lost, found["/slow"].lost) == (199, 19)
     assert found["/fast"].seconds == pytest.approx(1.99)

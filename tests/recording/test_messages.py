@@ -66,9 +66,7 @@ def _joint_state(rng: np.random.Generator, joints: int, frame: str) -> bytes:
     types = messages.typestore(1).types
     header = types["std_msgs/msg/Header"](
         seq=int(rng.integers(2**32)),
-        stamp=types["builtin_interfaces/msg/Time"](
-            sec=int(rng.integers(2**31)), nanosec=int(rng.integers(10**9))
-        ),
+        stamp=types["builtin_interfaces/msg/Time"](sec=int(rng.integers(2**31)), nanosec=int(rng.integers(10**9))),
         frame_id=frame,
     )
     message = types["sensor_msgs/msg/JointState"](
@@ -108,17 +106,11 @@ def test_numbers_written_by_field_are_what_rosbags_reads(name: str, encoding: st
     message = blank_messages(name, 1, {"header.frame_id": "b"} if "Stamped" in name else {}, {})
     for path in message.dtype.names or ():
         if not path.startswith("#") and message[path].dtype.kind in "iuf":
-            message[path] = rng.integers(
-                0, 2 if message[path].dtype.itemsize == 1 else 100, message[path].shape
-            )
+            message[path] = rng.integers(0, 2 if message[path].dtype.itemsize == 1 else 100, message[path].shape)
     raw = message.tobytes()
     if encoding == "cdr":
         raw = bytes(messages.typestore(2).ros1_to_cdr(raw, messages.ros2_name(name)))
-    read = (
-        messages.typestore(1).deserialize_ros1
-        if encoding == "ros1"
-        else messages.typestore(2).deserialize_cdr
-    )
+    read = messages.typestore(1).deserialize_ros1 if encoding == "ros1" else messages.typestore(2).deserialize_cdr
     expected = read(raw, messages.ros2_name(name))
     ((_, records),) = read_messages(name, [raw], encoding)  # type: ignore[arg-type]
     for path in records.dtype.names or ():

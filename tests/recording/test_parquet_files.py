@@ -38,10 +38,7 @@ def test_columns_of_every_packing_are_read_as_pyarrow_does(tmp_path: Path) -> No
 
 
 def test_rows_that_unpack_to_gigabytes_are_refused_before_they_do(tmp_path: Path) -> None:
-    columns = {
-        f"q_nominal:{i}": pa.DictionaryArray.from_arrays(np.zeros(2_000_000, np.int8), [0.5])
-        for i in range(9)
-    }
+    columns = {f"q_nominal:{i}": pa.DictionaryArray.from_arrays(np.zeros(2_000_000, np.int8), [0.5]) for i in range(9)}
     path = _written(tmp_path / "log.parquet", columns)
     assert path.stat().st_size < 100_000  # by runs: a few bytes for millions
     with pytest.raises(FileFormatError, match="2000000 rows of 9 columns in"):

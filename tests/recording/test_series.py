@@ -98,9 +98,7 @@ def test_clock_offset_is_the_median_delay_of_arrival() -> None:
 
 def test_messages_without_stamps_take_their_arrival() -> None:
     arrival = _ns(0.01 * np.arange(100))
-    series = clean_series(
-        "x", np.zeros(100, dtype=np.int64), np.zeros((100, 1)), max_gap=0.05, arrival=arrival
-    )
+    series = clean_series("x", np.zeros(100, dtype=np.int64), np.zeros((100, 1)), max_gap=0.05, arrival=arrival)
     assert_array_equal(series.stamp, arrival)
     assert series.report.stamped_by_arrival
     assert any("their arrival was taken" in note for note in series.report.notes())

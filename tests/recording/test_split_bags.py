@@ -19,9 +19,7 @@ from command_line import catenary
 from lab_bags import JOINT_STATE, JOINTS, START, Kind, joint_state, true_q, write_bag
 
 TOPIC = "/raven/joint_cmd"
-PARTS = [
-    np.arange(first, first + 1000) / 100.0 for first in (0, 1000, 2000)
-]  # [s] each ten seconds of 100 Hz
+PARTS = [np.arange(first, first + 1000) / 100.0 for first in (0, 1000, 2000)]  # [s] each ten seconds of 100 Hz
 LAST = "lab_2"
 
 
@@ -106,11 +104,7 @@ def test_metadata_that_cannot_be_used_cost_no_message(bag: Path, trouble: str) -
     log = imported(bag)
     assert_array_equal(log.q_nominal, whole.q_nominal)
     assert_array_equal(log.time, whole.time)
-    assert (
-        trouble == "no metadata"
-        or "its files were read one by one" in warned(log)
-        or "is listed in" in warned(log)
-    )
+    assert trouble == "no metadata" or "its files were read one by one" in warned(log) or "is listed in" in warned(log)
     assert sum(1 for source in open_recordings([bag], salvage=True) for _ in source.messages()) == 3000
 
 
@@ -163,9 +157,7 @@ def test_a_file_that_the_metadata_do_not_list_is_another_recording(bag: Path, tm
     shutil.copy(stray, bag / stray.name)
     log = imported(bag)
     assert len(log) == 3000
-    assert f"{stray.name}: lies in the folder, and metadata.yaml does not list it: it was not read" in warned(
-        log
-    )
+    assert f"{stray.name}: lies in the folder, and metadata.yaml does not list it: it was not read" in warned(log)
 
 
 def test_metadata_that_count_more_messages_than_there_are_are_told(bag: Path) -> None:
@@ -205,15 +197,7 @@ def test_check_and_import_warn_on_a_line_of_their_own(bag: Path, tmp_path: Path)
     files(bag)[2].unlink()
     out = tmp_path / "log.parquet"
     outcome = catenary(
-        "import",
-        bag,
-        "--map",
-        f"q_nominal={TOPIC}.position",
-        "--units",
-        "rad,rad,m",
-        "--out",
-        out,
-        "--no-notes",
+        "import", bag, "--map", f"q_nominal={TOPIC}.position", "--units", "rad,rad,m", "--out", out, "--no-notes"
     )
     assert outcome.code == 0, outcome.err
     assert any(line.startswith("warning: ") and "lab_2" in line for line in outcome.err.splitlines())

@@ -104,11 +104,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         for width in WIDTHS
     }
     ended = subprocess.run(
-        [sys.executable, __file__, *map(str, paths.values())],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
+        [sys.executable, __file__, *map(str, paths.values())], capture_output=True, text=True, timeout=300, check=False
     )
     assert ended.returncode == 0, ended.stderr[-2000:]
     return dict(zip(paths, json.loads(ended.stdout), strict=True))

@@ -61,9 +61,7 @@ def of_split_bag(folder: Path) -> list[Path]:
             for time, topic, make in sorted(messages(), key=lambda message: message[0]):
                 if (time > 14.0) == bool(half):
                     head = store.types["std_msgs/msg/Header"](
-                        stamp=store.types["builtin_interfaces/msg/Time"](
-                            *divmod(START + round(time * 1e9), 10**9)
-                        ),
+                        stamp=store.types["builtin_interfaces/msg/Time"](*divmod(START + round(time * 1e9), 10**9)),
                         frame_id="",
                     )
                     data = store.serialize_cdr(make(store, head), JOINT_STATE)

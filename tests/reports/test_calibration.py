@@ -16,13 +16,7 @@ from catenary.calibration.evaluate import Evaluation, Spread, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult
 from catenary.reports import calibration
-from catenary.reports.calibration import (
-    MOST_JOINTS,
-    JointGain,
-    headline,
-    recommendation,
-    write_calibration_report,
-)
+from catenary.reports.calibration import MOST_JOINTS, JointGain, headline, recommendation, write_calibration_report
 from catenary.reports.joint_errors import (
     MOST_WINDOWS,
     bias_table,

@@ -38,9 +38,7 @@ def line(figure: Figure) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rows", [400, 9000])
-def test_no_line_crosses_where_rows_are_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
-) -> None:
+def test_no_line_crosses_where_rows_are_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
     ok = np.ones(rows, dtype=bool)
     ok[int(0.7 * rows) : int(0.8 * rows)] = False
     whole = line(drawn(tmp_path / "whole.npz", monkeypatch, rows=rows)[0])
@@ -57,9 +55,7 @@ def test_a_pause_of_the_clock_breaks_the_line_too(tmp_path: Path, monkeypatch: p
     assert np.isnan(points[:, 1]).sum() == 1
 
 
-def test_the_legend_lies_off_the_data_and_long_names_are_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_legend_lies_off_the_data_and_long_names_are_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     name = "neural, preset best, with a name that nobody would type but somebody might choose"
     figure, _ = drawn(tmp_path / "run.npz", monkeypatch, name)
     figure.draw_without_rendering()  # type: ignore[no-untyped-call]

@@ -23,8 +23,7 @@ def written(path: Path, blocks: list[page.Block], *, simulated: bool = False) ->
 
 def test_blocks_stand_in_their_order(tmp_path: Path) -> None:
     text = written(
-        tmp_path / "p.html",
-        [page.Heading("one"), page.Text("two"), page.Table(["h"], [["three"]]), page.Text("four")],
+        tmp_path / "p.html", [page.Heading("one"), page.Text("two"), page.Table(["h"], [["three"]]), page.Text("four")]
     )
     words = ("Title", "lead", "one", "two", "h", "three", "four", f"catenary {__version__}")
     places = [text.index(f">{word}<") for word in words]
@@ -85,10 +84,7 @@ def test_verdict_and_date_stand_before_everything_else(tmp_path: Path) -> None:
 
 
 def test_a_picture_has_words_for_who_does_not_see_it(tmp_path: Path) -> None:
-    blocks: list[page.Block] = [
-        page.Picture("", "caption", "what is drawn"),
-        page.Picture("", "only a caption"),
-    ]
+    blocks: list[page.Block] = [page.Picture("", "caption", "what is drawn"), page.Picture("", "only a caption")]
     text = written(tmp_path / "p.html", blocks)
     assert 'alt="what is drawn"' in text
     assert 'alt="only a caption"' in text
@@ -107,11 +103,7 @@ def test_columns_of_a_table_line_up() -> None:
 
 def test_a_wide_table_is_not_cut_and_a_cell_stays_on_its_line() -> None:
     assert "29.123" in page.Table([f"c{i}" for i in range(30)], [[f"{i}.123" for i in range(30)]]).text()
-    assert (
-        page.Table(["name"], [["[red]a[/red] [rad]"], ["b\nc"]])
-        .text()
-        .endswith("  [red]a[/red] [rad]\n  b c\n")
-    )
+    assert page.Table(["name"], [["[red]a[/red] [rad]"], ["b\nc"]]).text().endswith("  [red]a[/red] [rad]\n  b c\n")
 
 
 def test_a_column_says_what_of_a_record_stands_in_it_and_how() -> None:

@@ -9,14 +9,7 @@ from numpy.testing import assert_allclose
 import catenary
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.reports.robot_plot import (
-    PARTS,
-    draw_torque_bars,
-    end_frames,
-    joints_by_unit,
-    link_segments,
-    middle_pose,
-)
+from catenary.reports.robot_plot import PARTS, draw_torque_bars, end_frames, joints_by_unit, link_segments, middle_pose
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -48,9 +41,7 @@ def test_bars_hold_a_two_link_arm_as_its_closed_form_says() -> None:
 
 def test_spheres_have_volumes_as_the_masses() -> None:
     panda = load_robot("panda")
-    (spheres,) = (
-        c for c in catenary.plot(panda, hide=["torques"]).axes[0].collections if "mass" in c.get_label()
-    )
+    (spheres,) = (c for c in catenary.plot(panda, hide=["torques"]).axes[0].collections if "mass" in c.get_label())
     volumes = np.sqrt(spheres.get_sizes()) ** 3
     assert_allclose(volumes / volumes.max(), panda.tree.mass / panda.tree.mass.max(), rtol=1e-9)
 
@@ -64,9 +55,7 @@ def test_gravity_is_an_arrow_along_itself_of_the_same_length_in_every_direction(
     monkeypatch.setattr(Axes3D, "quiver", lambda self, *numbers, **style: drawn.append(np.array(numbers)))
     for gravity in ([0.0, 0.0, -9.81], [3.0, -2.0, -9.0]):
         catenary.plot(load_robot("raven2"), gravity=gravity)
-    for (_, along), gravity in zip(
-        (d.reshape(2, 3) for d in drawn), ([0, 0, -9.81], [3, -2, -9]), strict=True
-    ):
+    for (_, along), gravity in zip((d.reshape(2, 3) for d in drawn), ([0, 0, -9.81], [3, -2, -9]), strict=True):
         assert_allclose(np.cross(along, gravity), 0.0, atol=1e-9 * np.linalg.norm(along))
         assert along @ np.array(gravity) > 0.0
     lengths = [np.linalg.norm(d[3:]) for d in drawn]

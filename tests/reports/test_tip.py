@@ -17,9 +17,7 @@ from recordings import data_of, fitted
 UNITS = ("rad", "rad", "m")
 
 
-def found(
-    error: np.ndarray, names: tuple[str, ...], units: tuple[str, ...]
-) -> tuple[CalibrationModel, Evaluation]:
+def found(error: np.ndarray, names: tuple[str, ...], units: tuple[str, ...]) -> tuple[CalibrationModel, Evaluation]:
     """A model of the fixed offset fitted to a RAVEN-II or dVRK-like motion with a constant error."""
     rng = np.random.default_rng(0)
     q = np.array([0.5, 1.2, 0.4, 0.1, 0.1, 0.1])[: len(names)] + 0.05 * rng.standard_normal((60, len(names)))

@@ -122,9 +122,7 @@ def test_a_link_whose_inertia_no_body_has_holds_its_arm_and_is_refused_in_motion
         )
         assert_array_equal(gravity_torque(model, [0.4], LEVEL), gravity_torque(as_it_should, [0.4], LEVEL))
         for asked in (mass_matrix, lambda m, q: inverse_dynamics(m, q, q, q, LEVEL)):
-            with pytest.raises(
-                MissingInertiaError, match='"a" have a mass but no inertia that a body can have'
-            ):
+            with pytest.raises(MissingInertiaError, match='"a" have a mass but no inertia that a body can have'):
                 asked(model, [0.4])
         assert model.doubts[0] in caplog.text
         assert "masses and torques of motion are refused" in model.doubts[0]
@@ -238,10 +236,7 @@ def test_axes_of_the_centre_of_mass_are_seen_from_the_joints_frame():
 def test_a_fixed_link_with_mass_widens_the_axes_of_the_link_that_carries_it():
     body = LinkInertia(1.0, np.zeros(3), np.eye(3))
     beside = Pose(np.eye(3), np.array([0.0, 0.1, 0.0]))
-    links = [
-        link(axes_of_com=on("x")),
-        link("b", "a", "fixed", pose=beside, axes_of_com=on("x"), inertia=body),
-    ]
+    links = [link(axes_of_com=on("x")), link("b", "a", "fixed", pose=beside, axes_of_com=on("x"), inertia=body)]
     assert_array_equal(assemble("r", links, Q).axes_of_com, [[True, True, False]])
     without = [links[0], replace(links[1], inertia=None)]
     assert_array_equal(assemble("r", without, Q).axes_of_com, [[True, False, False]])
@@ -249,7 +244,5 @@ def test_a_fixed_link_with_mass_widens_the_axes_of_the_link_that_carries_it():
 
 def test_a_centre_of_mass_off_its_declared_axes_is_refused():
     body = LinkInertia(1.0, np.array([0.1, 0.0, 0.2]), np.eye(3))
-    with pytest.raises(
-        InputError, match=r'link "a": centre of mass has z = 0\.2 m, and its axes are declared to be x'
-    ):
+    with pytest.raises(InputError, match=r'link "a": centre of mass has z = 0\.2 m, and its axes are declared to be x'):
         assemble("r", [link(inertia=body, axes_of_com=on("x"))], Q)

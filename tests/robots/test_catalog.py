@@ -78,9 +78,7 @@ def test_masses_add_up_to_the_sources(name, mass):
     assert_allclose(model.tree.mass.sum(), mass)
 
 
-@pytest.mark.parametrize(
-    ("short", "full"), [("raven2", "raven2_full"), ("raven2_right", "raven2_full_right")]
-)
+@pytest.mark.parametrize(("short", "full"), [("raven2", "raven2_full"), ("raven2_right", "raven2_full_right")])
 def test_ravens_three_joints_are_the_first_of_its_six(short, full):
     three, six = load_robot(short), load_robot(full)
     for field in ("mass", "com", "inertia", "rotation", "origin"):
@@ -161,16 +159,7 @@ def test_what_is_no_robot_is_refused_with_the_catalogue(tmp_path):
 # the dual-arm robot: what the gravity-regressor paper says of it, and that its halves mirror each other
 
 DUAL = load_robot("dual_arm_19")
-ARM = [
-    "clavicle",
-    "shoulder_pitch",
-    "shoulder_roll",
-    "shoulder_yaw",
-    "elbow",
-    "wrist_yaw",
-    "wrist_pitch",
-    "wrist_roll",
-]
+ARM = ["clavicle", "shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_yaw", "wrist_pitch", "wrist_roll"]
 # rotations about the forward and the vertical axis change sign in a mirror, those about the lateral one do not
 FLIP = {"pitch": 1.0, "elbow": 1.0, "clavicle": -1.0, "roll": -1.0, "yaw": -1.0}
 

@@ -12,17 +12,13 @@ from oracles.tree_poses import frame_pose, homogeneous
 def modified_product(alpha, a, d, theta):
     """Craig, Introduction to Robotics, eq. 3.6, written out."""
     ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
-    return np.array(
-        [[ct, -st, 0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d], [0, 0, 0, 1]]
-    )
+    return np.array([[ct, -st, 0, a], [st * ca, ct * ca, -sa, -sa * d], [st * sa, ct * sa, ca, ca * d], [0, 0, 0, 1]])
 
 
 def standard_product(alpha, a, d, theta):
     """Denavit and Hartenberg's matrix, as in Spong, Robot Modeling and Control, eq. 3.10."""
     ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
-    return np.array(
-        [[ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d], [0, 0, 0, 1]]
-    )
+    return np.array([[ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d], [0, 0, 0, 1]])
 
 
 HEAD = 'name = "r"\nconvention = "modified"\nsources = ["assumed"]\n'
@@ -49,15 +45,11 @@ def load(tmp_path):
 
 
 def product_row(name, joint, alpha, a, d, theta):
-    angles = f"alpha_deg = {np.rad2deg(alpha)!r}\ntheta_deg = {np.rad2deg(theta)!r}\n".replace(
-        "np.float64(", ""
-    )
+    angles = f"alpha_deg = {np.rad2deg(alpha)!r}\ntheta_deg = {np.rad2deg(theta)!r}\n".replace("np.float64(", "")
     return row(name, joint, f"{angles}a_m = {a}\nd_m = {d}\n".replace(")", ""), "")
 
 
-@pytest.mark.parametrize(
-    ("convention", "product"), [("modified", modified_product), ("standard", standard_product)]
-)
+@pytest.mark.parametrize(("convention", "product"), [("modified", modified_product), ("standard", standard_product)])
 @pytest.mark.parametrize("seed", range(4))
 def test_poses_are_the_product_of_the_conventions_matrices(load, convention, product, seed):
     rng = np.random.default_rng(seed)
@@ -67,8 +59,7 @@ def test_poses_are_the_product_of_the_conventions_matrices(load, convention, pro
     text = f"base_rotation = {base.rotation.tolist()}\nbase_position_m = {base.position.tolist()}\n"
     text += HEAD.replace("modified", convention)
     text += "".join(
-        product_row(f"r{i}", kind, *numbers)
-        for i, (kind, numbers) in enumerate(zip(kinds, table, strict=True))
+        product_row(f"r{i}", kind, *numbers) for i, (kind, numbers) in enumerate(zip(kinds, table, strict=True))
     )
     model = load(text)
     q = rng.normal(size=model.n)
@@ -86,12 +77,7 @@ def along_x(name, a, more=""):
 
 
 def test_a_table_may_branch(load):
-    rows = (
-        along_x("a", 1),
-        along_x("b", 1),
-        along_x("c", 2, 'parent = "a"\n'),
-        along_x("d", 0, 'parent = "base"\n'),
-    )
+    rows = (along_x("a", 1), along_x("b", 1), along_x("c", 2, 'parent = "a"\n'), along_x("d", 0, 'parent = "base"\n'))
     model = load(HEAD + "".join(rows))
     assert_array_equal(model.tree.parent, [-1, 0, 0, -1])
     assert_array_equal(frame_pose(model, "c", np.zeros(4))[:3, 3], [3, 0, 0])

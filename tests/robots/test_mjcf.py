@@ -69,9 +69,7 @@ def test_poses_and_moments_of_welded_bodies_agree_with_mujoco(load, seed):
     for number, (link, pose) in enumerate(zip(ours.link_names, link_poses(ours, q), strict=True)):
         R, p = pose[:3, :3], pose[:3, 3]
         tree = ours.tree
-        found = moments_about_origin(
-            tree.mass[number], R @ tree.com[number] + p, R @ tree.inertia[number] @ R.T
-        )
+        found = moments_about_origin(tree.mass[number], R @ tree.com[number] + p, R @ tree.inertia[number] @ R.T)
         moments = [0.0, np.zeros(3), np.zeros((3, 3))]
         carrier = -1 if "/" in link else model.body(link).id
         for body in np.flatnonzero(model.body_weldid == carrier):
@@ -84,9 +82,7 @@ def test_poses_and_moments_of_welded_bodies_agree_with_mujoco(load, seed):
 
 
 def test_a_body_with_several_joints_is_as_many_links_of_which_only_the_last_has_mass(load):
-    model = load(
-        worldbody(f'<body name="b"><joint name="x" type="slide"/><joint name="y"/>{BALL_GEOM}</body>')
-    )
+    model = load(worldbody(f'<body name="b"><joint name="x" type="slide"/><joint name="y"/>{BALL_GEOM}</body>'))
     assert model.link_names == ("b/x", "b")
     assert model.massless == ("b/x",)
     assert model.missing_inertia == ()
@@ -106,9 +102,7 @@ def test_bodies_welded_to_the_world_are_frames_of_the_base(load):
 
 def test_joints_without_a_name_are_called_by_their_body(load):
     model = load(
-        worldbody(
-            f'<body name="b"><joint/>{BALL_GEOM}<body><joint/><joint type="slide"/>{BALL_GEOM}</body></body>'
-        )
+        worldbody(f'<body name="b"><joint/>{BALL_GEOM}<body><joint/><joint type="slide"/>{BALL_GEOM}</body></body>')
     )
     assert model.joint_names == ("b", "body2_1", "body2_2")
 
@@ -292,9 +286,7 @@ def test_without_mujoco_the_error_says_what_to_install(load, monkeypatch):
     "text",
     [
         own_base.MJCF,
-        own_base.MJCF.replace('"tip"', '"base"').replace(
-            'name="base" pos="0.1 0 0" q', 'name="b" pos="0.1 0 0" q'
-        ),
+        own_base.MJCF.replace('"tip"', '"base"').replace('name="base" pos="0.1 0 0" q', 'name="b" pos="0.1 0 0" q'),
     ],
 )
 def test_a_body_or_site_named_base_keeps_its_name_and_place_and_the_base_is_the_world(load, text):
@@ -309,9 +301,7 @@ def test_a_body_or_site_named_base_keeps_its_name_and_place_and_the_base_is_the_
 
 def test_namespaces_are_passed_over_as_mujoco_does_and_bodies_are_counted_all_the_same(load):
     ours = load(arm().replace("<mujoco", '<mujoco xmlns="http://mujoco.org" m:x="1"'))
-    assert_allclose(
-        frame_pose(ours, "hand", [0.1, 0.2, 0.3]), frame_pose(load(arm()), "hand", [0.1, 0.2, 0.3])
-    )
+    assert_allclose(frame_pose(ours, "hand", [0.1, 0.2, 0.3]), frame_pose(load(arm()), "hand", [0.1, 0.2, 0.3]))
     many = worldbody(f'<replicate count="2000">{BALL_GEOM}<body><joint/>{BALL_GEOM}</body></replicate>')
     with pytest.raises(FileFormatError, match="bodies, expected at most 1000"):
         load(many.replace("<mujoco", '<mujoco xmlns="http://mujoco.org"'))

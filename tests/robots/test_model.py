@@ -46,10 +46,7 @@ def test_missing_inertia_is_refused_by_link_name_and_declaring_the_link_massless
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [
-        ("x", 'massless link "x" is not a link; links: a, b'),
-        ("a", 'link "a" is named massless but has 1.5 kg'),
-    ],
+    [("x", 'massless link "x" is not a link; links: a, b'), ("a", 'link "a" is named massless but has 1.5 kg')],
 )
 def test_only_links_without_mass_can_be_declared_massless(model, name, said):
     with pytest.raises(InputError, match=said):

@@ -74,14 +74,8 @@ BODY = '<body><joint/><geom size="1"/></body>'
     ("text", "said"),
     [
         (f"<worldbody>{BODY * 1001}</worldbody>", "bodies, expected at most 1000"),
-        (
-            f'<worldbody><replicate count="100000">{BODY}</replicate></worldbody>',
-            "bodies, expected at most 1000",
-        ),
-        (
-            f'<worldbody><replicate count="1e9">{BODY}</replicate></worldbody>',
-            "bodies, expected at most 1000",
-        ),
+        (f'<worldbody><replicate count="100000">{BODY}</replicate></worldbody>', "bodies, expected at most 1000"),
+        (f'<worldbody><replicate count="1e9">{BODY}</replicate></worldbody>', "bodies, expected at most 1000"),
         (
             '<worldbody><body><composite type="cable" count="100000 1 1"/></body></worldbody>',
             "bodies, expected at most 1000",
@@ -90,10 +84,7 @@ BODY = '<body><joint/><geom size="1"/></body>'
             '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>',
             "asks for 9e+08 points of images and height fields",
         ),
-        (
-            '<asset><texture name="h" builtin="flat" width="20000" height="20000"/></asset>',
-            "asks for 4e+08 points",
-        ),
+        ('<asset><texture name="h" builtin="flat" width="20000" height="20000"/></asset>', "asks for 4e+08 points"),
         ('<size nuser_body="500000000"/>', "asks for 5e+08 reserved numbers, expected at most 10000"),
         ('<size nkey="500000000"/>', "reserved numbers"),
         ('<include file="../secret.xml"/>', "is outside"),

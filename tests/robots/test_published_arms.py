@@ -33,14 +33,7 @@ UR = {
         [0, -0.6127, -0.57155, 0, 0, 0],
         [0.1807, 0, 0, 0.17415, 0.11985, 0.11655],
         [7.369, 13.051, 3.989, 2.1, 1.98, 0.615],
-        [
-            [0.021, 0, 0.027],
-            [0.38, 0, 0.158],
-            [0.24, 0, 0.068],
-            [0, 0.007, 0.018],
-            [0, 0.007, 0.018],
-            [0, 0, -0.026],
-        ],
+        [[0.021, 0, 0.027], [0.38, 0, 0.158], [0.24, 0, 0.068], [0, 0.007, 0.018], [0, 0.007, 0.018], [0, 0, -0.026]],
     ),
 }
 
@@ -70,9 +63,7 @@ def test_a_universal_robots_gravity_is_the_gradient_of_energy_by_its_makers_tabl
     base = frame_pose(model, "base", np.zeros(6))
 
     def energy(q, gravity):
-        places = [
-            (base @ pose @ [*com, 1])[:3] for pose, com in zip(standard_poses(a, d, q), coms, strict=True)
-        ]
+        places = [(base @ pose @ [*com, 1])[:3] for pose, com in zip(standard_poses(a, d, q), coms, strict=True)]
         return -sum(m * gravity @ place for m, place in zip(masses, places, strict=True))
 
     step = 1e-6 * np.eye(6)
@@ -119,9 +110,7 @@ def test_an_arm_at_zero_is_as_high_as_its_data_sheet_says(name, frame, height):
 )
 def test_an_outstretched_arm_reaches_as_far_as_its_data_sheet_says(name, shoulder, hand, reach):
     model = load_robot(name)
-    apart = np.linalg.inv(frame_pose(model, shoulder, np.zeros(model.n))) @ frame_pose(
-        model, hand, np.zeros(model.n)
-    )
+    apart = np.linalg.inv(frame_pose(model, shoulder, np.zeros(model.n))) @ frame_pose(model, hand, np.zeros(model.n))
     # links lie beside each other: along the arm only, what stands across is the offset of its joints
     along = apart[0, 3] if name.startswith("ur") else np.linalg.norm(apart[:2, 3])
     assert_allclose(abs(along), reach, atol=1e-3)

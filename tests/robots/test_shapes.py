@@ -57,8 +57,7 @@ def test_a_mesh_is_found_in_a_folder_that_is_given_and_in_roses(arm, tmp_path_fa
     (arm.parent / "meshes").rename(away)
     model = load_robot(arm)
     with pytest.raises(
-        FileFormatError,
-        match=r'"elbow": <collision> 1: <mesh>: no mesh package://meshes/elbow.stl; .*--package-dir',
+        FileFormatError, match=r'"elbow": <collision> 1: <mesh>: no mesh package://meshes/elbow.stl; .*--package-dir'
     ):
         load_geometry(arm, model)
     for packages in ([away.parent], [away]):
@@ -141,8 +140,7 @@ def test_the_ravens_arcs_run_from_axis_to_axis_about_the_remote_centre(name):
         if shape.link in (0, 1):
             half = 0.5 * shape.form.length * shape.pose.rotation[:, 2]
             ends.setdefault(shape.link, []).extend(
-                rotations[shape.link] @ (shape.pose.position + sign * half) + positions[shape.link]
-                for sign in (-1, 1)
+                rotations[shape.link] @ (shape.pose.position + sign * half) + positions[shape.link] for sign in (-1, 1)
             )
     axes = [rotations[k] @ model.tree.axis[k] for k in range(3)]
     for link, pair in ((0, (0, 1)), (1, (1, 2))):

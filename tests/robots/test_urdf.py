@@ -20,9 +20,7 @@ LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="4"/>'
 
 
 def joint(name, parent, child, kind="revolute", inside=LIMIT):
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
-    )
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
 
 
 def urdf(*parts, links=("root", "a", "b", "c")):
@@ -46,9 +44,7 @@ def pinocchio_state(model, ours, q):
     state = pin.neutral(model)
     for name, value in zip(ours.joint_names, q, strict=True):
         there = model.joints[model.getJointId(name)]
-        state[there.idx_q : there.idx_q + there.nq] = (
-            value if there.nq == 1 else [np.cos(value), np.sin(value)]
-        )
+        state[there.idx_q : there.idx_q + there.nq] = value if there.nq == 1 else [np.cos(value), np.sin(value)]
     return state
 
 
@@ -182,9 +178,7 @@ def test_moving_links_without_mass_are_missing_inertia_unless_something_fixed_to
 
 
 def test_an_empty_link_that_carries_a_moving_joint_is_a_step_of_a_joint_of_several_axes():
-    text = urdf(
-        ONE, joint("jd", "a", "d"), joint("jb", "d", "b"), "<link name='d'/>", links=("root", "a", "b")
-    )
+    text = urdf(ONE, joint("jd", "a", "d"), joint("jb", "d", "b"), "<link name='d'/>", links=("root", "a", "b"))
     model = parse_urdf(text)
     model.require_inertia()
     assert model.massless == ("d",)

@@ -65,9 +65,7 @@ def test_random_robots_that_urdf_can_say_come_back(random_robots):
 
 
 def test_a_joint_that_follows_two_coordinates_is_refused():
-    with pytest.raises(
-        UnsupportedModelError, match='link "forearm" moves with q2 and q3: URDF joints follow one'
-    ):
+    with pytest.raises(UnsupportedModelError, match='link "forearm" moves with q2 and q3: URDF joints follow one'):
         urdf_text(load_robot("dvrk_mtm_motors"))
 
 

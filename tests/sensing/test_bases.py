@@ -37,9 +37,7 @@ def test_a_table_has_the_default_rules():
 @pytest.mark.parametrize(("number", "base"), list(enumerate(BASES)))
 def test_every_rule_is_documented_with_its_value(number, base):
     lines = Path("docs/gravity-vector.md").read_text().splitlines()
-    rows = {
-        line.split("`")[1]: [c.strip() for c in line.split("|")] for line in lines if line.startswith("| `")
-    }
+    rows = {line.split("`")[1]: [c.strip() for c in line.split("|")] for line in lines if line.startswith("| `")}
     for name, value in vars(rules_for(base)).items():
         # as printed there
         assert float(rows[name][4 + number]) == pytest.approx(value, abs=0.005), name
@@ -68,8 +66,7 @@ def test_bases_and_rules_that_there_are_not_are_refused(wrong, said):
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [{"slowest_hz": 2.0}, {"slowest_hz": 0.0}, {"push": -1.0}, {"jolt": math.nan}, {"fastest_hz": math.inf}],
+    "wrong", [{"slowest_hz": 2.0}, {"slowest_hz": 0.0}, {"push": -1.0}, {"jolt": math.nan}, {"fastest_hz": math.inf}]
 )
 def test_motions_that_make_no_sense_are_refused(wrong):
     with pytest.raises(InputError, match="base spectrum"):
@@ -105,9 +102,7 @@ def test_a_wrong_scale_from_the_start_is_found_in_the_mean_of_a_sea():
     deck = SwayingBase((), (Wave(2.0, 0.12, UP),))
     fault = InjectedFault("wrong_scale", 0.0)
     rules = rules_for("ship", changes={"mean_time": 20.0, "rest_lower": 8.6})
-    _, readings, _ = sensed(
-        deck, 25.0, "ship", fault, rate_hz=25.0, reads_hz=25.0, rules=rules, cutoff_hz=4.0
-    )
+    _, readings, _ = sensed(deck, 25.0, "ship", fault, rate_hz=25.0, reads_hz=25.0, rules=rules, cutoff_hz=4.0)
     assert any("magnitude" in r.faults.names for r in readings[-50:])
 
 

@@ -187,8 +187,7 @@ def test_no_mistake_explains_gravity_that_only_turned():
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [{"max_step": 0.0}, {"confirm": 0}, {"stuck_samples": -1}, {"rest_lower": 11.0}, {"max_rate": math.nan}],
+    "wrong", [{"max_step": 0.0}, {"confirm": 0}, {"stuck_samples": -1}, {"rest_lower": 11.0}, {"max_rate": math.nan}]
 )
 def test_rules_that_make_no_sense_are_refused(wrong):
     with pytest.raises(InputError, match=f"sensor rules: {next(iter(wrong))}"):

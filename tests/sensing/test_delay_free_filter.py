@@ -7,12 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.sensing.delay_free_filter import (
-    CUTOFF_BY_WINDOW,
-    DelayFreeFilter,
-    cutoff_errors,
-    recommended_cutoff,
-)
+from catenary.sensing.delay_free_filter import CUTOFF_BY_WINDOW, DelayFreeFilter, cutoff_errors, recommended_cutoff
 
 
 def filled(values, stamps, cutoff_hz):
@@ -48,10 +43,7 @@ def test_it_is_the_least_squares_parabola_of_the_window(window, rng):
 def response(window, w):
     """Value and derivative at the end of exp(i w t), with nearly as many samples as there is room for."""
     stamps = np.arange(-127, 1) * window / 127.0
-    fits = [
-        filled(f(w * stamps)[:, None] * np.ones(3), stamps, CUTOFF_BY_WINDOW / window)
-        for f in (np.cos, np.sin)
-    ]
+    fits = [filled(f(w * stamps)[:, None] * np.ones(3), stamps, CUTOFF_BY_WINDOW / window) for f in (np.cos, np.sin)]
     real, imaginary = (fit.at(0.0)[:, 0] for fit in fits)
     return real + 1j * imaginary
 
@@ -139,9 +131,7 @@ def test_angular_terms_help_on_a_ship_at_a_low_cut_off_only():
     assert not cutoff_errors(50.0, **SHIP).angular_helps
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"noise": -1.0}, {"frequency": 0.0}, {"rate_hz": 1.0}, {"angle": math.nan}]
-)
+@pytest.mark.parametrize("wrong", [{"noise": -1.0}, {"frequency": 0.0}, {"rate_hz": 1.0}, {"angle": math.nan}])
 def test_numbers_that_make_no_sense_are_refused(wrong):
     with pytest.raises(InputError, match="cut-off"):
         recommended_cutoff(**{**SHIP, **wrong})

@@ -35,9 +35,7 @@ class Base:
                 value = gravity(self.time) if callable(gravity) else gravity
                 self.mailbox.put(self.time, value, kind)
                 if self.angular and rate is not None:
-                    self.mailbox.put(
-                        self.time, rate(self.time) if callable(rate) else rate, Kind.ANGULAR_RATE
-                    )
+                    self.mailbox.put(self.time, rate(self.time) if callable(rate) else rate, Kind.ANGULAR_RATE)
             readings.append(self.source.read(self.time))
             self.time = (tick + 1) / 1000.0
         return readings
@@ -282,9 +280,7 @@ def test_pushes_and_biases_of_a_table_or_a_cart_are_no_disagreement(motion, rng)
 
 @pytest.mark.parametrize("lever", [0.0, 0.3])
 @pytest.mark.parametrize(("amplitude", "frequency"), [(0.09, 1.0), (0.2, 0.5), (0.02, 2.0)])
-def test_a_base_that_rocks_about_an_axis_far_from_its_sensor_is_no_disagreement(
-    amplitude, frequency, lever, rng
-):
+def test_a_base_that_rocks_about_an_axis_far_from_its_sensor_is_no_disagreement(amplitude, frequency, lever, rng):
     w = 2.0 * math.pi * frequency
     readings = noisy(
         Base(angular=True),

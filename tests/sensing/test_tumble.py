@@ -132,8 +132,6 @@ def test_the_mounting_puts_readings_right(rng):
     R_base_imu, up = Rotation.random(rng=rng).as_matrix(), spread(rng, 12)
     readings = read(up @ R_base_imu)
     tumble = fit_tumble(readings)
-    mounting = tumbled_mounting(
-        tumble, align(readings, up, tumble=tumble), start=Mounting(position=np.ones(3))
-    )
+    mounting = tumbled_mounting(tumble, align(readings, up, tumble=tumble), start=Mounting(position=np.ones(3)))
     assert_allclose(mounting.gravity(readings, Kind.SPECIFIC_FORCE), -9.81 * up, atol=1e-6)
     assert_allclose(mounting.position, 1.0)

@@ -23,12 +23,7 @@ from catenary.simulation.cable_plant import CablePlant
 
 DOWN = np.array([0.0, 0.0, -9.81])
 ROCKING = RockingBase(
-    mean=0.1,
-    amplitude=0.3,
-    frequency=0.7,
-    axis=(1.0, 2.0, -0.5),
-    lever=(0.1, -0.2, 0.4),
-    start=FixedBase(0.2, -0.3),
+    mean=0.1, amplitude=0.3, frequency=0.7, axis=(1.0, 2.0, -0.5), lever=(0.1, -0.2, 0.4), start=FixedBase(0.2, -0.3)
 )
 
 
@@ -164,9 +159,7 @@ ANGLES = st.floats(-1.0, 1.0)
 def test_base_that_has_arrived_stands_as_a_fixed_one(roll: float, pitch: float) -> None:
     base = SteeredBase().toward(3.0, roll, pitch)
     samples = base.sample(np.array([3.0 + CHANGE, 60.0]))
-    assert_allclose(
-        samples.gravity, np.tile(FixedBase(roll, pitch).sample(np.zeros(1)).gravity, (2, 1)), atol=1e-12
-    )
+    assert_allclose(samples.gravity, np.tile(FixedBase(roll, pitch).sample(np.zeros(1)).gravity, (2, 1)), atol=1e-12)
     assert_allclose(samples.motion, 0.0, atol=1e-12)
 
 

@@ -62,9 +62,7 @@ def energy_balance(cable, step, seconds=0.5):
         "qd": np.vstack([np.zeros(3), steps.qd[:-1]]),
     }
     pulled = before["rotor"] / ratio - np.array([winding_of(cable.coupling, q) for q in before["q"]])
-    stretch = np.array(
-        [[beyond_backlash(s, b) for s, b in zip(row, cable.backlash, strict=True)] for row in pulled]
-    )
+    stretch = np.array([[beyond_backlash(s, b) for s, b in zip(row, cable.backlash, strict=True)] for row in pulled])
     rate = before["velocity"] / ratio - np.array([winding_of(cable.coupling, v) for v in before["qd"]])
     K, a, w, k = cable.stiffness, cable.elastic_share, cable.hysteresis_width, cable.slow_share
     elastic = 0.5 * K * (a * stretch[-1] ** 2 + k * (stretch[-1] - steps.slow_stretch[-1]) ** 2)
@@ -104,17 +102,13 @@ def test_energy_is_kept_to_the_first_order_of_the_step(effects):
     assert abs(2.0 * fine - coarse) < 2e-4 * work  # what a first-order error leaves when it is extrapolated
 
 
-@pytest.mark.parametrize(
-    "base", [None, RockingBase(0.2, 0.15, 0.5, lever=(0.1, -0.2, 0.3))], ids=["still", "rocking"]
-)
+@pytest.mark.parametrize("base", [None, RockingBase(0.2, 0.15, 0.5, lever=(0.1, -0.2, 0.3))], ids=["still", "rocking"])
 def test_linear_cables_move_as_in_mujoco(base):
     plant = CablePlant(cable_arms.linear_arm(), base=base, substeps=1)
     plant.home()
     plant.substeps = 2
     mujoco_arm = MujocoCableArm(TREE, plant.cable, base)
-    mujoco_arm.place(
-        plant.state.q, plant.state.qd, plant.state.rotor[:3], plant.state.rotor_velocity[:3], plant.time
-    )
+    mujoco_arm.place(plant.state.q, plant.state.qd, plant.state.rotor[:3], plant.state.rotor_velocity[:3], plant.time)
     control, state = copy.deepcopy((plant.control, plant.state))
     rows = cable_arms.smooth_motion(plant.control.setpoint, 4.0)
     log = plant.run(rows)

@@ -59,9 +59,7 @@ def moved(firmware, motor):
     return control
 
 
-@given(
-    st.sampled_from([(GOLD, 0.012), (GREEN, 0.010)]), st.integers(0, 2), st.floats(-3, 3), st.floats(-9, 9)
-)
+@given(st.sampled_from([(GOLD, 0.012), (GREEN, 0.010)]), st.integers(0, 2), st.floats(-3, 3), st.floats(-9, 9))
 def test_torque_before_clipping_is_that_of_the_gains_at_the_motors(arm, axis, error, velocity):
     firmware, kd_of_insertion = arm
     control, _ = demanded(firmware, error, velocity, axis=axis)
@@ -195,9 +193,7 @@ def test_an_axis_that_is_off_gets_nothing():
 
 
 @pytest.mark.parametrize(
-    ("increment", "in_a_tick", "ticks"),
-    [(5e-5, 1, 100), (5e-4, 4, 1), (1.0, 1, 1)],
-    ids=["slow", "four", "leap"],
+    ("increment", "in_a_tick", "ticks"), [(5e-5, 1, 100), (5e-4, 4, 1), (1.0, 1, 1)], ids=["slow", "four", "leap"]
 )
 def test_increments_of_a_tick_add_up_and_are_clamped(increment, in_a_tick, ticks):
     plant = homed_plant()
@@ -265,8 +261,7 @@ def test_its_torques_are_the_gradient_of_potential_energy_through_each_joints_ow
         gravity = frame_0 @ FRAME_0[name] @ grav_dir
         h = 1e-5
         slope = [
-            (potential_energy(model, q + h * e, gravity) - potential_energy(model, q - h * e, gravity))
-            / (2 * h)
+            (potential_energy(model, q + h * e, gravity) - potential_energy(model, q - h * e, gravity)) / (2 * h)
             for e in np.eye(3)
         ]
         motors = np.array(slope) * firmware.gearbox[:3] / firmware.ratio[:3]

@@ -28,9 +28,7 @@ def test_bodies_and_joints_have_the_links_names(random_robots):
 
 def test_names_may_hold_what_xml_does_not_like():
     names = ('a<"&', "b'>")
-    model = mujoco.MjModel.from_xml_string(
-        tree_mjcf(replace(load_robot("two_link"), link_names=names, name="<&>"))
-    )
+    model = mujoco.MjModel.from_xml_string(tree_mjcf(replace(load_robot("two_link"), link_names=names, name="<&>")))
     assert [model.joint(k + 1).name for k in range(2)] == list(names)
 
 

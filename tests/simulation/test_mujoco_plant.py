@@ -22,9 +22,7 @@ from oracles.catalogue import robots_with_inertia
 
 LEVEL = np.array([0.0, 0.0, -9.81])
 TILTED = FixedBase(roll=np.deg2rad(30.0))
-ROCKING = RockingBase(
-    mean=0.2, amplitude=0.3, frequency=0.7, axis=(0.6, 0.0, 0.8), lever=(0.1, 0.2, 0.5), start=TILTED
-)
+ROCKING = RockingBase(mean=0.2, amplitude=0.3, frequency=0.7, axis=(0.6, 0.0, 0.8), lever=(0.1, 0.2, 0.5), start=TILTED)
 MASSLESS_WRIST = {"raven2_full", "raven2_full_right"}
 
 
@@ -207,9 +205,7 @@ def test_elastic_joints_move_as_two_masses_on_a_spring():
         q, theta, qd, thetad = y.reshape(4, n)
         pull = stiffness * (theta - q) + damping * (thetad - qd)
         h = inverse_dynamics(model, q, qd, np.zeros(n), LEVEL)
-        return np.concatenate(
-            [qd, thetad, np.linalg.solve(mass_matrix(model, q), pull - h), (tau - pull) / rotor]
-        )
+        return np.concatenate([qd, thetad, np.linalg.solve(mass_matrix(model, q), pull - h), (tau - pull) / rotor])
 
     expected = solve_ivp(motion, (0.0, 0.3), [*q, *q, *np.zeros(6)], method="DOP853", rtol=1e-11, atol=1e-12)
     hardware = JointHardware(armature=rotor, stiffness=stiffness, spring_damping=damping)

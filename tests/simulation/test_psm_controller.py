@@ -86,9 +86,7 @@ def test_no_torque_pushes_a_joint_beyond_its_limit(side):
 def test_setpoints_move_by_clamped_steps_within_the_limits():
     control = held(CONTROLLER.upper - 1e-4)
     take_psm_setpoint(CONTROLLER, control, CONTROLLER.upper + 1.0)
-    assert_allclose(
-        control.setpoint, np.minimum(CONTROLLER.upper, CONTROLLER.upper - 1e-4 + CONTROLLER.step_limit)
-    )
+    assert_allclose(control.setpoint, np.minimum(CONTROLLER.upper, CONTROLLER.upper - 1e-4 + CONTROLLER.step_limit))
     control = held(CONTROLLER.home_value)
     take_psm_setpoint(CONTROLLER, control, CONTROLLER.home_value + 0.1)
     assert_allclose(control.setpoint - CONTROLLER.home_value, CONTROLLER.step_limit, atol=1e-12)
@@ -101,8 +99,6 @@ def test_registration_is_true_but_for_the_potentiometers(rng):
     actuator = rotor / (ARM.drive.ratio * (1.0 + ARM.drive.ratio_error))
     expected = JOINTS @ (actuator + CONTROLLER.registration)
     assert_allclose(
-        control.joint,
-        expected,
-        atol=2.0 * (np.abs(JOINTS) @ (TURN / CONTROLLER.counts / CONTROLLER.ratio)).max(),
+        control.joint, expected, atol=2.0 * (np.abs(JOINTS) @ (TURN / CONTROLLER.counts / CONTROLLER.ratio)).max()
     )
     assert_allclose(control.setpoint, control.joint)

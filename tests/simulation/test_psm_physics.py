@@ -37,9 +37,7 @@ def test_discs_are_wound_as_the_user_guide_has_it():
     assert_allclose([wound[5] + wound[6], wound[6] - wound[5]], [both, q[6] / 1.2177], rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "base", [None, RockingBase(0.2, 0.15, 0.5, lever=(0.1, -0.2, 0.3))], ids=["still", "rocking"]
-)
+@pytest.mark.parametrize("base", [None, RockingBase(0.2, 0.15, 0.5, lever=(0.1, -0.2, 0.3))], ids=["still", "rocking"])
 def test_links_have_the_dynamics_of_the_parallelogram(base, rng):
     motion, gravity = STILL, GRAVITY
     if base is not None:

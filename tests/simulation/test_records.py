@@ -46,12 +46,7 @@ def test_a_field_that_is_not_given_is_zero() -> None:
 
 @pytest.mark.parametrize(
     "twin_of",
-    [
-        copy.deepcopy,
-        lambda r: r.copy(),
-        lambda r: r.replace(on=True),
-        lambda r: pickle.loads(pickle.dumps(r)),
-    ],
+    [copy.deepcopy, lambda r: r.copy(), lambda r: r.replace(on=True), lambda r: pickle.loads(pickle.dumps(r))],
 )
 def test_a_copy_has_fields_of_its_own(twin_of) -> None:
     drive = Drive(speed=[1.0, 2.0, 3.0])

@@ -94,9 +94,7 @@ def test_the_estimator_undoes_what_a_mounting_does():
         rate_bias=np.array([0.01, 0.02, -0.03]),
     )
     mailbox = Mailbox()
-    sensor = sensors.SimulatedSensor(
-        ROCKING, mailbox, sensors.SensorModel(200.0, 0.0, 0.0, mounting=mounting)
-    )
+    sensor = sensors.SimulatedSensor(ROCKING, mailbox, sensors.SensorModel(200.0, 0.0, 0.0, mounting=mounting))
     source = SensedGravity(mailbox, mounting, feed=sensor.advance)
     times = np.arange(0.0, 1.2, 0.001)
     readings = [source.read(t) for t in times]
@@ -137,12 +135,8 @@ def test_a_fault_is_named_and_bounded_and_passes(base, kind):
     if base is TILTED and kind == "rates_in_deg":
         return  # a base at rest turns by nothing in any unit
     mailbox, model = Mailbox(), sensors.SensorModel()
-    told = Mounting(
-        acceleration_range=model.mounting.acceleration_range, rate_range=model.mounting.rate_range
-    )
-    sensor = sensors.SimulatedSensor(
-        base, mailbox, model, faults=[sensors.InjectedFault(kind, 0.5, 0.4)], seed=1
-    )
+    told = Mounting(acceleration_range=model.mounting.acceleration_range, rate_range=model.mounting.rate_range)
+    sensor = sensors.SimulatedSensor(base, mailbox, model, faults=[sensors.InjectedFault(kind, 0.5, 0.4)], seed=1)
     source = SensedGravity(mailbox, told, feed=sensor.advance)
     times = np.arange(0.0, 2.1, 0.001)
     readings = [source.read(t) for t in times]

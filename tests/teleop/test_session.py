@@ -42,9 +42,7 @@ def raven(**options: object) -> IdealPlant:
     )  # fmt: skip
 
 
-def run(
-    plant: IdealPlant, typed: dict[int, bytes], size: tuple[int, int] = (80, 24)
-) -> tuple[str, TypedTerminal]:
+def run(plant: IdealPlant, typed: dict[int, bytes], size: tuple[int, int] = (80, 24)) -> tuple[str, TypedTerminal]:
     terminal = TypedTerminal(typed, size)
     session = TeleopSession(plant, load_robot("raven2"), "raven2", terminal)
     return session.run(lambda: 0.001 * terminal.ticks), terminal
@@ -121,9 +119,7 @@ def test_why_a_robot_is_in_fault_is_shown_whole_also_where_it_is_heard_later() -
                 self.fault_reason = why
 
     model = load_robot("raven2")
-    _, terminal = run(
-        Faulty(START, joint_names=model.joint_names, joint_units=model.joint_units), {600: b"Q"}
-    )
+    _, terminal = run(Faulty(START, joint_names=model.joint_names, joint_units=model.joint_units), {600: b"Q"})
     shown = " ".join(" ".join(terminal.drawn[-1]).split())
     assert f"the robot is FAULT ({why}), homed" in shown
 
@@ -136,15 +132,7 @@ def test_ctrl_z_holds_the_robot_before_the_process_stops() -> None:
     assert terminal.suspended == 1
 
 
-SENT = {
-    "up": b"\x1b[A",
-    "down": b"\x1bOB",
-    "page up": b"\x1b[5~",
-    "q": b"q",
-    "H": b"H",
-    "ö": "ö".encode(),
-    " ": b" ",
-}
+SENT = {"up": b"\x1b[A", "down": b"\x1bOB", "page up": b"\x1b[5~", "q": b"q", "H": b"H", "ö": "ö".encode(), " ": b" "}
 
 
 @given(st.lists(st.sampled_from(sorted(SENT)), max_size=20), st.data())

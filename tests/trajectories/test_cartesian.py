@@ -54,12 +54,7 @@ NEAR_THE_CENTRE = inverse_kinematics(load_robot("raven2"), Pose(np.eye(3), np.ar
     ("robot", "start", "options", "message"),
     [
         ("raven2", LOW_DOWN, {}, r'along x, at .* of 27.000 s, .*"insertion".*outside \[0.23'),
-        (
-            "raven2",
-            NEAR_THE_CENTRE,
-            {"axes": ("z",), "amplitude": 0.035},
-            r"along z, .* mm from the remote centre",
-        ),
+        ("raven2", NEAR_THE_CENTRE, {"axes": ("z",), "amplitude": 0.035}, r"along z, .* mm from the remote centre"),
         ("planar_3r", [0.3, 0.8, 0.5], {"axes": ("y",), "amplitude": 0.01}, "along y"),  # out of its plane
         # nearly stretched out: small motions inward need large ones of the joints
         (

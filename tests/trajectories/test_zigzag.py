@@ -17,9 +17,7 @@ PATHS = [*((direction, "generator") for direction in zigzag.DIRECTIONS), STRETCH
 # after them, factors of the joints' ranges, and the stretch of an axis ("compensation"). files: as commented out there
 # and as published; paper: equation 3, in equation 5's range
 EDGE, DIAGONAL, A, B = 1 / np.sqrt(3), np.sqrt(2 / 3), 1 / np.sqrt(2), 1 / np.sqrt(3)
-AUTHORS: dict[
-    str, tuple[list[tuple[str, float]], list[float], list[float], dict[int, tuple[float, float]]]
-] = {
+AUTHORS: dict[str, tuple[list[tuple[str, float]], list[float], list[float], dict[int, tuple[float, float]]]] = {
     "J1": ([], [1, 1, 1], [EDGE, EDGE, EDGE], {}),
     "J2": ([("z", 90)], [1, 1, 1], [EDGE, EDGE, EDGE], {}),
     "J3": ([("y", 90)], [1, 1, 1], [EDGE, EDGE, EDGE], {}),
@@ -177,9 +175,7 @@ def test_several_sparsities_join_without_exceeding_the_speed_of_the_sweeps() -> 
     rows = [zigzag.zigzag_rows("J2-J3", s) for s in (1 / 2, 1 / 3)]
     motion = zigzag.zigzag("J2-J3", [1 / 2, 1 / 3])
     _, qd, _ = motion.sample(np.arange(0.0, motion.duration, 0.01))
-    fastest = (
-        np.max([np.abs(np.diff(part, axis=0)).max(axis=0) for part in rows], axis=0) * zigzag.ROWS_PER_SECOND
-    )
+    fastest = np.max([np.abs(np.diff(part, axis=0)).max(axis=0) for part in rows], axis=0) * zigzag.ROWS_PER_SECOND
     assert (np.abs(qd).max(axis=0) <= fastest * (1.0 + 1e-9)).all()
     apart = sum(len(part) - 1 for part in rows) / zigzag.ROWS_PER_SECOND
     assert apart < motion.duration < apart + 40.0  # crossing a range takes 16 s
@@ -205,10 +201,7 @@ def test_speed_is_in_rows_per_second_and_shorter_blends_stay_nearer() -> None:
     [
         ({"direction": "J4"}, "direction: expected one of J1, J2"),
         ({"direction": "J3-J1"}, "direction"),
-        (
-            {"direction": "J1-J2-J3", "form": "newest"},
-            "form of J1-J2-J3: expected one of generator, files, paper",
-        ),
+        ({"direction": "J1-J2-J3", "form": "newest"}, "form of J1-J2-J3: expected one of generator, files, paper"),
         ({"direction": "J2-J3", "form": "paper"}, "direction J2-J3 has one form, generator; got 'paper'"),
         ({"sparsities": []}, "at least one"),
         *(({"sparsities": [0.5, wrong]}, "sparsity") for wrong in (0.0, -0.5, 0.001, 1.5, np.nan, "half")),

@@ -151,9 +151,7 @@ def test_set_grows_with_tension_on_the_side_on_which_the_cable_is_laid(tension):
 @given(tensions, st.floats(0.0, 5.0), st.floats(0.0, LARGEST_LOSS))
 def test_stiffness_is_lost_and_never_regained_and_nothing_happens_at_rest(tension, speed, loss):
     assert loss_rate(tension, 1.5, speed, loss, 1e-4) >= 0.0
-    assert (
-        loss_rate(tension, 1.5, 0.0, loss, 1e-4) == set_rate(tension, 1.5, 1.0, 0.0, 0.0, 1e-3, 0.02) == 0.0
-    )
+    assert loss_rate(tension, 1.5, 0.0, loss, 1e-4) == set_rate(tension, 1.5, 1.0, 0.0, 0.0, 1e-3, 0.02) == 0.0
 
 
 def test_loss_of_stiffness_ends_at_its_largest_share():

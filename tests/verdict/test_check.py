@@ -55,9 +55,7 @@ def test_a_shift_is_named_by_the_rows_that_mend_it(rows: int) -> None:
 def test_small_motions_in_degrees_are_told_by_the_limits_of_the_robot() -> None:
     # 20 to 60 deg: within the robot's limits as degrees only
     log = replace(
-        only(recording(), 400),
-        joint_names=("shoulder", "elbow", "insertion", "roll", "wrist"),
-        robot="raven2",
+        only(recording(), 400), joint_names=("shoulder", "elbow", "insertion", "roll", "wrist"), robot="raven2"
     )
     told = findings_of(in_deg_and_mm(log, *BOTH), robot=load_robot("raven2"))
     assert any(f.name == "units" and "deg" in f.remedy and "mm" in f.remedy for f in told)

@@ -81,9 +81,7 @@ def test_slack_is_no_stuck_encoder_in_any_container(tmp_path: Path, container: s
 
 
 @pytest.mark.parametrize("container", CONTAINERS)
-def test_an_encoder_stuck_in_the_middle_of_a_stroke_is_found_in_every_container(
-    tmp_path: Path, container: str
-) -> None:
+def test_an_encoder_stuck_in_the_middle_of_a_stroke_is_found_in_every_container(tmp_path: Path, container: str) -> None:
     q = motor(3000)
     measured = behind_slack(q, 0.05)
     measured[1000:1100, 1] = measured[1000, 1]
@@ -118,9 +116,7 @@ def test_a_drop_of_messages_repeated_for_all_joints_is_found_though_one_has_much
 
 
 @pytest.mark.parametrize("container", ["ros1", "csv"])
-def test_the_error_claimed_behind_slack_is_the_error_on_motion_to_come(
-    tmp_path: Path, container: str
-) -> None:
+def test_the_error_claimed_behind_slack_is_the_error_on_motion_to_come(tmp_path: Path, container: str) -> None:
     rows = 6000
     q, later = motor(rows), motor(5 * rows, seed=1)
     log = recorded(tmp_path, container, q, behind_slack(q))

@@ -94,9 +94,7 @@ class Connected:
                 self.values[props["label"]] = message.get("value")
             updates = message["updates"] if kind == "GuiUpdateMessage" else {}
             if "value" in updates:
-                self.values |= {
-                    label: updates["value"] for label, known in self.controls.items() if known == uuid
-                }
+                self.values |= {label: updates["value"] for label, known in self.controls.items() if known == uuid}
             if isinstance(text := updates.get("content"), str):
                 self.words[uuid] = text
 

@@ -27,9 +27,7 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Iterator[Network]:
     network = Network()
     for name in ("CYCLONEDDS_URI", "ROS_DOMAIN_ID"):
         monkeypatch.setenv(name, network.environment[name])
-    with Program(
-        network, COMMAND, "serve", "--ros", "2", "--homed", "--start", "--rate", RATE, "--json"
-    ) as server:
+    with Program(network, COMMAND, "serve", "--ros", "2", "--homed", "--start", "--rate", RATE, "--json") as server:
         server.line()
         yield network
 

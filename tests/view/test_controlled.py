@@ -91,13 +91,7 @@ def test_other_way_is_the_other_button() -> None:
 
 
 @pytest.mark.parametrize(
-    "press",
-    [
-        Change("stop:joints", "stop"),
-        Change("level:joints", "pause"),
-        Change("level:tip", "disable"),
-        NOBODY,
-    ],
+    "press", [Change("stop:joints", "stop"), Change("level:joints", "pause"), Change("level:tip", "disable"), NOBODY]
 )
 def test_motion_ends_at_once(press: Change) -> None:
     plant, _ = control({300: press}, held=(100, 300))
@@ -148,9 +142,7 @@ def test_robot_that_another_program_moves_is_left_to_it_and_the_page_says_so() -
 
 
 def test_joint_at_its_limit_stops_there() -> None:
-    plant, page = control(
-        {50: Change("stop:joints", "faster")}, held=(100, 500), ticks=600, upper=[0.81, 3.0, 1.0]
-    )
+    plant, page = control({50: Change("stop:joints", "faster")}, held=(100, 500), ticks=600, upper=[0.81, 3.0, 1.0])
     assert plant.q[0] == pytest.approx(0.81)
     assert any("at its limit: shoulder" in state.mode for state in page.states)
 
@@ -167,9 +159,7 @@ def test_page_has_buttons_for_joints_and_tip() -> None:
 
 
 @pytest.mark.parametrize("kind", [WatchedArm, ControlledArm])
-def test_commands_leave_only_from_a_page_that_controls_and_only_while_a_button_is_held(
-    kind: type[WatchedArm],
-) -> None:
+def test_commands_leave_only_from_a_page_that_controls_and_only_while_a_button_is_held(kind: type[WatchedArm]) -> None:
     plant = EncodedPlant()
     setup = RobotOnLoopback(plant)
     robot, client = robot_over(setup.transport, simulated=True, only_read=kind is WatchedArm)

@@ -142,9 +142,7 @@ def spread(looked: LookedAtPage) -> float:
     return float(np.std(seen, axis=0).max())
 
 
-@pytest.mark.parametrize(
-    ("label", "value", "usual"), [("payload [kg]", 1.0, 0.0), ("cable wear [share]", 1.0, 0.0)]
-)
+@pytest.mark.parametrize(("label", "value", "usual"), [("payload [kg]", 1.0, 0.0), ("cable wear [share]", 1.0, 0.0)])
 def test_payload_and_wear_part_the_reported_arm_from_the_true_one(
     looked: LookedAtPage, label: str, value: float, usual: float
 ) -> None:
@@ -177,8 +175,6 @@ def test_switched_on_the_model_puts_the_calibrated_joint_where_the_slider_says(l
     assert abs(looked.joint("elbow", 0) - goal) < 0.7 < abs(looked.joint("elbow", 1) - goal)
     looked.tab("Model")
     looked.tick("the loop goes by the model")
-    looked.wait_until(
-        lambda: abs(looked.joint("elbow", 1) - goal) < 0.7 < abs(looked.joint("elbow", 0) - goal)
-    )
+    looked.wait_until(lambda: abs(looked.joint("elbow", 1) - goal) < 0.7 < abs(looked.joint("elbow", 0) - goal))
     looked.tick("the loop goes by the model")
     rest(looked)

@@ -26,9 +26,7 @@ def url() -> Iterator[str]:
 def get(url: str, path: str | None = None, **headers: str) -> http.client.HTTPResponse:
     """Ask for a path, by default the page's own; headers of http.client's own are replaced."""
     place = urlsplit(url)
-    with closing(
-        http.client.HTTPConnection(place.hostname or "", place.port, timeout=PATIENCE)
-    ) as connection:
+    with closing(http.client.HTTPConnection(place.hostname or "", place.port, timeout=PATIENCE)) as connection:
         connection.putrequest("GET", path or place.path, skip_host="Host" in headers)
         for name, value in headers.items():
             connection.putheader(name, value)

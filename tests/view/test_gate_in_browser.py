@@ -80,9 +80,7 @@ def test_another_page_opens_no_socket_and_is_served_nothing(
     served: list[Any] = []
     place = urlsplit(page.url)
     looked.page.goto(f"http://{host}:{foreign}/", timeout=PATIENCE)
-    looked.page.on(
-        "response", lambda answer: served.append(answer) if f":{place.port}/" in answer.url else None
-    )
+    looked.page.on("response", lambda answer: served.append(answer) if f":{place.port}/" in answer.url else None)
     for name in ("127.0.0.1", "localhost", "evil.example"):
         root = f"http://{name}:{place.port}/"
         for address in (root, f"{root}{place.path.strip('/')}/"):  # even one that had learned the token

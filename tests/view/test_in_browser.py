@@ -25,9 +25,7 @@ def test_simulated_arm_is_seen_and_driven() -> None:
         before = looked.picture()
         looked.wait_for_joint("shoulder", 20.0, within=1.0)
         looked.page.wait_for_timeout(2000)
-        assert (
-            np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01
-        )  # it has moved in the picture
+        assert np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01  # it has moved in the picture
         assert looked.complaints == []
         assert looked.foreign == []
 

@@ -61,9 +61,7 @@ def recording(robot: str = "raven2", **changed: object) -> MotionLog:
 def written(log: MotionLog, folder: Path) -> McapSummary:
     model = load_robot(str(log.robot))
     geometry = load_geometry(str(log.robot), model)
-    return write_mcap(
-        recorded_arm(log, model), log, folder / "swing.mcap", () if geometry is None else geometry.shapes
-    )
+    return write_mcap(recorded_arm(log, model), log, folder / "swing.mcap", () if geometry is None else geometry.shapes)
 
 
 def messages(path: Path) -> list[tuple[str, str, int, object]]:
@@ -98,14 +96,10 @@ def test_topics_have_the_standard_schemas_and_ascending_stamps(swing: tuple[Moti
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics.message_count == len(found)
-    profiles = {
-        c.topic: YAML(typ="safe").load(c.metadata["offered_qos_profiles"]) for c in summary.channels.values()
-    }
+    profiles = {c.topic: YAML(typ="safe").load(c.metadata["offered_qos_profiles"]) for c in summary.channels.values()}
     # rmw.h: 1 is transient local, 1 is reliable
     latched = {
-        t
-        for t, found in profiles.items()
-        if found and (found[0]["durability"], found[0]["reliability"]) == (1, 1)
+        t for t, found in profiles.items() if found and (found[0]["durability"], found[0]["reliability"]) == (1, 1)
     }
     assert latched == {"/robot_description", "/tf_static"}
     assert log.time is not None
@@ -175,9 +169,7 @@ def test_base_stands_in_the_world_as_gravity_says(swing: tuple[MotionLog, McapSu
     vector = next(m.vector for topic, *_, m in found if topic == "/gravity")
     gravity = np.array([vector.x, vector.y, vector.z])
     assert_allclose(gravity, [0.0, -9.81 * np.sin(TILT), -9.81 * np.cos(TILT)])
-    base = next(
-        t for topic, *_, m in found if topic == "/tf" for t in m.transforms if t.child_frame_id == "base"
-    )
+    base = next(t for topic, *_, m in found if topic == "/tf" for t in m.transforms if t.child_frame_id == "base")
     assert base.header.frame_id == "world"
     turned = Rotation.from_quat([getattr(base.transform.rotation, axis) for axis in "xyzw"])
     assert_allclose(turned.apply(gravity), [0.0, 0.0, -9.81], atol=1e-9)
@@ -218,9 +210,7 @@ def test_where_messages_are_put_in_order_may_be_full_and_is_named(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "elsewhere"))
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.setattr(Writer, "write", full)
-    with pytest.raises(
-        FileFormatError, match=rf"^{tmp_path / 'elsewhere'}/.*: cannot be written: No space left"
-    ):
+    with pytest.raises(FileFormatError, match=rf"^{tmp_path / 'elsewhere'}/.*: cannot be written: No space left"):
         written(recording(), tmp_path)
 
 
@@ -247,9 +237,7 @@ def test_command_writes_both_files_and_refuses_what_does_not_fit(tmp_path: Path)
     assert "/joint_states (400)" in outcome.out
     assert catenary("export", log, "--mcap", out).code == 0  # an older one is replaced
     assert "give one of --c, --onnx and --mcap" in refusal("export", log)
-    assert "--robot: goes with --mcap" in refusal(
-        "export", "raven2", "--c", tmp_path / "a.h", "--robot", "raven2"
-    )
+    assert "--robot: goes with --mcap" in refusal("export", "raven2", "--c", tmp_path / "a.h", "--robot", "raven2")
     (tmp_path / "swing.urdf").write_text("notes")
     assert "something else" in refusal("export", log, "--mcap", out)
 

@@ -24,9 +24,7 @@ ROWS, WORST = 600, 417
 def log(**changes: object) -> MotionLog:
     """A minute at 10 Hz whose elbow is 2 deg off, 5 deg on one row; the first rows are without truth."""
     time = 0.1 * np.arange(ROWS)
-    q = np.column_stack(
-        [0.7 + 0.1 * np.sin(time), 1.5 + 0.1 * np.cos(0.7 * time), 0.4 + 0.01 * np.sin(2.0 * time)]
-    )
+    q = np.column_stack([0.7 + 0.1 * np.sin(time), 1.5 + 0.1 * np.cos(0.7 * time), 0.4 + 0.01 * np.sin(2.0 * time)])
     true = q.copy()
     true[:, 1] -= np.deg2rad(2.0)
     true[WORST, 1] -= np.deg2rad(3.0)
@@ -112,9 +110,7 @@ def test_recording_is_played_in_its_own_time_and_faster() -> None:
 
 def test_recording_is_scrubbed_stopped_and_taken_to_its_largest_error() -> None:
     arm = recorded_arm(log(), RAVEN)
-    states = Player(
-        arm, (1.0, "plays", False), (2.0, "time", 30.0), (4.0, "worst", "elbow"), seconds=6.0
-    ).states
+    states = Player(arm, (1.0, "plays", False), (2.0, "time", 30.0), (4.0, "worst", "elbow"), seconds=6.0).states
     by_time = {round(0.04 * k, 2): state for k, state in enumerate(states)}
     assert by_time[1.8].time == by_time[1.2].time
     assert by_time[3.0].time == pytest.approx(30.0)
@@ -146,11 +142,7 @@ def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_th
     (folder / "test.parquet").touch()
     (folder / "models").mkdir()
     (folder / "models" / "recommended.npz").touch()
-    assert shown_project(folder) == (
-        folder / "test.parquet",
-        folder / "models" / "recommended.npz",
-        "raven2_right",
-    )
+    assert shown_project(folder) == (folder / "test.parquet", folder / "models" / "recommended.npz", "raven2_right")
 
 
 def test_folder_of_something_else_is_no_project(tmp_path: Path) -> None:

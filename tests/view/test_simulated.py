@@ -60,9 +60,7 @@ def test_arm_moves_by_itself_and_goes_where_the_sliders_are(raven: DrivenArm) ->
 
 
 @pytest.mark.slow
-def test_tilted_base_is_compensated_by_sensed_gravity_and_not_by_that_of_a_level_base(
-    raven: DrivenArm,
-) -> None:
+def test_tilted_base_is_compensated_by_sensed_gravity_and_not_by_that_of_a_level_base(raven: DrivenArm) -> None:
     by_name = {key: label for label, key in CONTROLLERS.items()}
     rest, tilt = (0.1, "motion", "rest"), (0.1, "roll_deg", 60.0)
     shares = {}
@@ -77,11 +75,7 @@ def test_tilted_base_is_compensated_by_sensed_gravity_and_not_by_that_of_a_level
 
 def test_pause_holds_the_arm_and_enable_lets_it_go_on(raven: DrivenArm) -> None:
     states = drive(
-        raven,
-        (0.1, "motion", "random motion"),
-        (1.0, "level", "pause"),
-        (0.5, "level", "enable"),
-        (1.0, "", None),
+        raven, (0.1, "motion", "random motion"), (1.0, "level", "pause"), (0.5, "level", "enable"), (1.0, "", None)
     )
     modes = [state.mode for state in states]
     assert any(mode.startswith("PAUSED") for mode in modes)
@@ -114,9 +108,7 @@ def test_gravity_compensation_alone_tracks_no_setpoint(raven: DrivenArm) -> None
 
 def test_refused_motion_is_told_on_the_page() -> None:
     arm = DrivenArm("two_link", rng=np.random.default_rng(0), real_time=False)
-    states = drive(
-        arm, (0.2, "motion", "zig-zag"), (1.0, "payload_kg", 1.0), (0.5, "friction", 1.0), (0.5, "", None)
-    )
+    states = drive(arm, (0.2, "motion", "zig-zag"), (1.0, "payload_kg", 1.0), (0.5, "friction", 1.0), (0.5, "", None))
     assert states[-1].mode.startswith("ENABLED")
 
 

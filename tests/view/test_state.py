@@ -27,12 +27,7 @@ def same(a: ViewState, b: ViewState) -> bool:
     )
 
 
-@given(
-    st.integers(1, 20),
-    st.floats(allow_nan=False),
-    st.text(max_size=40),
-    st.lists(st.text(max_size=40), max_size=4),
-)
+@given(st.integers(1, 20), st.floats(allow_nan=False), st.text(max_size=40), st.lists(st.text(max_size=40), max_size=4))
 def test_state_comes_back_as_it_was_written(n: int, time: float, mode: str, warnings: list[str]) -> None:
     written = unknown_state(n)._replace(
         time=time,
@@ -64,9 +59,7 @@ def write_for_a_while(name: str, n: int, seconds: float) -> None:
         end, k = time.monotonic() + seconds, 0
         while time.monotonic() < end:
             k += 1
-            out.put(
-                unknown_state(n)._replace(time=float(k), q=np.full(n, float(k)), tau=np.full(n, float(k)))
-            )
+            out.put(unknown_state(n)._replace(time=float(k), q=np.full(n, float(k)), tau=np.full(n, float(k))))
 
 
 def test_newest_state_is_taken_once() -> None:
@@ -83,9 +76,7 @@ def test_newest_state_is_taken_once() -> None:
 def test_states_are_taken_whole_or_not_at_all_while_another_process_writes() -> None:
     n = 200  # large, so that writing takes its time
     with SharedState(n) as mine:
-        writer = multiprocessing.get_context("spawn").Process(
-            target=write_for_a_while, args=(mine.name, n, 1.5)
-        )
+        writer = multiprocessing.get_context("spawn").Process(target=write_for_a_while, args=(mine.name, n, 1.5))
         writer.start()
         times = []
         while writer.is_alive():

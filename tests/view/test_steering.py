@@ -17,11 +17,7 @@ def way(goal: np.ndarray):
 
 
 @settings(max_examples=15, deadline=None)
-@given(
-    st.lists(
-        st.tuples(st.floats(0.05, 2.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=5
-    )
-)
+@given(st.lists(st.tuples(st.floats(0.05, 2.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=5))
 def test_motion_is_continuous_however_often_another_is_wanted(wishes) -> None:
     trajectory = SteeredTrajectory(np.zeros(2))
     rows, t = [], 0.0

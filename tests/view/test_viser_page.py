@@ -49,11 +49,7 @@ VALUES = [
 
 @pytest.mark.parametrize(("label", "value", "expected"), VALUES)
 def test_value_that_a_control_cannot_have_is_bounded_or_put_back_and_never_told(
-    page: PageProcess,
-    browsers: tuple[Connected, Connected],
-    label: str,
-    value: object,
-    expected: Change | None,
+    page: PageProcess, browsers: tuple[Connected, Connected], label: str, value: object, expected: Change | None
 ) -> None:
     looking, other = browsers
     page.changes()
@@ -64,9 +60,7 @@ def test_value_that_a_control_cannot_have_is_bounded_or_put_back_and_never_told(
     found: list[Change] = []
     until(lambda: found.extend(page.changes()) or {"rocking_hz"} <= {name for name, _ in found})
     until(lambda: found.extend(page.changes()) or expected is None or expected in found)
-    assert {change for change in found if change.name not in ("rocking_hz", NOBODY.name)} == {expected} - {
-        None
-    }
+    assert {change for change in found if change.name not in ("rocking_hz", NOBODY.name)} == {expected} - {None}
     other.wait(lambda: other.values["rocking [Hz]"] == marker)  # by then it was sent what was asked for
     if label != "run level":  # buttons show nothing
         other.wait(lambda: other.values[label] == (before if expected is None else expected.value))

@@ -9,9 +9,7 @@ from view.arms import RAVEN, Q, state
 def test_joints_are_told_in_degrees_and_millimetres_with_their_interval() -> None:
     legend = {"reported": "reported", "calibrated": "calibrated"}
     shown = Shown("x", RAVEN, arm_shapes(RAVEN), legend=legend)
-    told = joints_html(
-        shown, state(calibrated=Q, interval=np.full(3, 0.001), inside=np.array([1.0, 1.0, 0.0]))
-    )
+    told = joints_html(shown, state(calibrated=Q, interval=np.full(3, 0.001), inside=np.array([1.0, 1.0, 0.0])))
     assert "400.00 &plusmn; 1.00?" in told
     assert "40.11" in told  # 0.7 rad
 

@@ -16,10 +16,7 @@ SEARCHES = {
     "how do I use degrees": (QUESTIONS + "how-do-i-use-degrees",),
     "joint is not homed": (QUESTIONS + "my-joint-is-not-homed",),
     "outside": ("calibration.html#the-valid-range", QUESTIONS + "what-does-outside-mean"),
-    "mount the sensor": (
-        "gravity-vector.html#mount-it-and-tumble-it",
-        QUESTIONS + "how-do-i-mount-the-sensor",
-    ),
+    "mount the sensor": ("gravity-vector.html#mount-it-and-tumble-it", QUESTIONS + "how-do-i-mount-the-sensor"),
     "export to C": ("kernels.html#c-for-a-real-robots-loop", QUESTIONS + "how-do-i-export-to-c"),
     "a bag of mine": ("tutorials/bring-your-recordings.html", QUESTIONS + "how-do-i-use-a-bag-of-mine"),
     "which model": ("calibration.html#models", QUESTIONS + "which-model"),

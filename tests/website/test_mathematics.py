@@ -27,8 +27,7 @@ def test_underscores_stars_and_backslashes_stay_mathematics() -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["costs $5 or $10", "`$x$` is typed so", "```\n$ catenary home\n$ catenary goto\n```", r"\$x\$", "$ a $"],
+    "text", ["costs $5 or $10", "`$x$` is typed so", "```\n$ catenary home\n$ catenary goto\n```", r"\$x\$", "$ a $"]
 )
 def test_dollar_signs_that_are_no_formula_are_left_alone(text: str) -> None:
     assert "<math" not in html(text)

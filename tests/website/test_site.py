@@ -60,9 +60,7 @@ def test_every_page_is_in_the_navigation_once_and_is_built(site: Path) -> None:
 
 def test_no_page_loads_anything_from_another_machine(site: Path, pages: dict[Path, Page]) -> None:
     loaded = {(path.name, address) for path, page in pages.items() for address in page.loads}
-    assert {
-        one for one in loaded if urlsplit(one[1]).scheme not in ("", "data") or one[1].startswith("//")
-    } == set()
+    assert {one for one in loaded if urlsplit(one[1]).scheme not in ("", "data") or one[1].startswith("//")} == set()
     for sheet in site.rglob("*.css"):
         found = re.findall(r"""(?:@import\s+|url\()["']?([^"')]+)""", sheet.read_text())
         assert [one for one in found if urlsplit(one).scheme not in ("", "data")] == []

@@ -124,9 +124,7 @@ def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_pat
     assert inside.any()
     assert not inside.all()
     assert (given[:, 3:6] == inside).all()
-    assert_allclose(
-        given[:, 6:], half_widths(model, q, signals), rtol=1e-14
-    )  # division before or after a product
+    assert_allclose(given[:, 6:], half_widths(model, q, signals), rtol=1e-14)  # division before or after a product
     # networks of random weights: outputs of order ten
     assert_allclose(given[:, :3], expected, rtol=1e-12, atol=1e-12)
 

@@ -16,11 +16,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mas
 from catenary.dynamics.lines import inverse_dynamics_line
 from catenary.errors import MissingInertiaError
 from catenary.identification.identification import identify
-from catenary.identification.identification_file import (
-    identification_card,
-    load_identification,
-    save_identification,
-)
+from catenary.identification.identification_file import identification_card, load_identification, save_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.actuation import (
     Actuation,
@@ -75,8 +71,7 @@ def law_in_c(model: RobotModel, given: list[Floats], folder: Path, language: str
         f"  {name}_inverse_dynamics({q}, {qd}, {qdd}, {g}, {w}, {a}, t);\n"
         f"  {name}_inverse_dynamics({q}, {qd}, z, {g}, {w}, {a}, b);\n"
         f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, {w}, {a}, f);\n"
-        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, NULL, NULL, s);\n"
-        + puts(M=n * n, h=n, t=n, b=n, f=n, s=n)
+        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, NULL, NULL, s);\n" + puts(M=n * n, h=n, t=n, b=n, f=n, s=n)
     )
     out = output_of(header, body, np.hstack(given), folder, language)
     M, *torques = np.split(out, np.cumsum([n * n] + [n] * 4), axis=1)
@@ -256,9 +251,7 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_an_identified_robots_feedforward_is_what_its_identification_predicts(
-    identified: Path, tmp_path: Path
-) -> None:
+def test_an_identified_robots_feedforward_is_what_its_identification_predicts(identified: Path, tmp_path: Path) -> None:
     found, _ = load_identification(identified)
     rng = np.random.default_rng(2)
     model = load_robot(identified)
@@ -271,9 +264,7 @@ def test_an_identified_robots_feedforward_is_what_its_identification_predicts(
     # base parameters are combinations of the links', rounded on the way
     assert_allclose(feedforward, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
     written = catenary("export", identified, "--c", tmp_path / "arm.h", "--json")
-    assert written.json["functions"][-3:] == [
-        f"{prefix_of((tmp_path / 'arm.h').read_text())}_{f}" for f in LAST
-    ]
+    assert written.json["functions"][-3:] == [f"{prefix_of((tmp_path / 'arm.h').read_text())}_{f}" for f in LAST]
 
 
 def test_parameters_that_are_no_bodies_are_refused_with_the_way_out(tmp_path: Path) -> None:
@@ -281,9 +272,7 @@ def test_parameters_that_are_no_bodies_are_refused_with_the_way_out(tmp_path: Pa
     with pytest.raises(MissingInertiaError):
         found.robot()
     save_identification(found, identification_card(found, []), tmp_path / "arm.npz")
-    assert "identify once more without --free" in refusal(
-        "export", tmp_path / "arm.npz", "--c", tmp_path / "arm.h"
-    )
+    assert "identify once more without --free" in refusal("export", tmp_path / "arm.npz", "--c", tmp_path / "arm.h")
 
 
 def test_friction_given_by_hand_is_in_the_feedforward(tmp_path: Path) -> None:

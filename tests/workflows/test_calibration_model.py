@@ -139,9 +139,7 @@ def test_a_recording_is_shown_by_the_names_of_its_joints(tmp_path: Path) -> None
 
 def test_other_joints_are_refused_with_both_sides(model: Path, tmp_path: Path) -> None:
     other = as_parquet(replace(day(1), joint_names=("left/yaw", "pitch", "slide")), tmp_path / "other")
-    with pytest.raises(
-        InputError, match=r'no joint "yaw"; it has left/yaw.* the model is for yaw.*is "left/yaw"'
-    ):
+    with pytest.raises(InputError, match=r'no joint "yaw"; it has left/yaw.* the model is for yaw.*is "left/yaw"'):
         evaluate_calibration(model, [other])
 
 
@@ -173,9 +171,7 @@ STATIC = IdentifyOptions(terms="static", friction=())
 
 def as_csv(log: MotionLog, path: Path) -> tuple[Path, list[str]]:
     """A table with a column for each joint, named after it, and its mapping."""
-    heads = [
-        f"{kind}_{name.removesuffix('_joint')}" for kind in ("pos", "effort") for name in log.joint_names
-    ]
+    heads = [f"{kind}_{name.removesuffix('_joint')}" for kind in ("pos", "effort") for name in log.joint_names]
     rows = np.column_stack([log.q_nominal, log.tau])
     lines = [",".join(heads), *(",".join(f"{value:.9f}" for value in row) for row in rows)]
     path.with_suffix(".csv").write_text("\n".join(lines) + "\n")
@@ -205,9 +201,7 @@ def test_the_gravity_that_is_identified_is_the_arm_s_whatever_the_order_of_joint
     found = identify_files([path], "ur10e", STATIC, reading=Reading(mapping=mapping)).identification
     q = np.random.default_rng(1).uniform(-3.0, 3.0, (50, UR.n))
     true = gravity_torque(UR, q, [0.0, 0.0, -9.81])
-    assert_allclose(
-        gravity_torque(found.robot(), q, [0.0, 0.0, -9.81]), true, atol=0.1
-    )  # of 100 Nm; noise is 0.05
+    assert_allclose(gravity_torque(found.robot(), q, [0.0, 0.0, -9.81]), true, atol=0.1)  # of 100 Nm; noise is 0.05
 
 
 def test_a_payload_is_weighed_by_the_names_of_joints(tmp_path: Path) -> None:
@@ -258,9 +252,7 @@ def test_joints_that_are_not_clearly_the_robot_s_are_refused(tmp_path: Path) -> 
     assert import_recording(bag, [f"q_nominal={listed}"], robot="ur10e").joint_names == UR.joint_names
 
 
-def test_a_pattern_keeps_the_file_s_order_pairs_by_its_words_and_is_shown_as_its_columns(
-    tmp_path: Path,
-) -> None:
+def test_a_pattern_keeps_the_file_s_order_pairs_by_its_words_and_is_shown_as_its_columns(tmp_path: Path) -> None:
     path, t = tmp_path / "lab.csv", np.arange(0.0, 4.0, 0.02)
     q = np.column_stack([40.0 * np.sin(t), 30.0 * np.cos(t), 50.0 + 20.0 * np.sin(0.7 * t)])
     rows = np.column_stack([t, q, q[:, ::-1] + 0.01])
@@ -348,9 +340,7 @@ def test_a_payload_is_weighed_by_torques_mended_as_those_of_the_identification(t
         return torques_as_npz(replace(log, tau=log.tau * [1.0, -1.0, 1.0]), tmp_path / name)
 
     reading = Reading(mend=Mend(sign=("tau:elbow",)))
-    result = identify_files(
-        [turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", IdentifyOptions(), reading=reading
-    )
+    result = identify_files([turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", IdentifyOptions(), reading=reading)
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
     loaded = turned(recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1), "l")
     found = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))
@@ -373,9 +363,7 @@ def test_a_recording_is_mended_as_the_model_s_training_data_and_it_is_said(
 def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_replaces_it(
     mended: Path, tmp_path: Path
 ) -> None:
-    raw, late = (
-        as_parquet(each, tmp_path / each.name) for each in (spoilt(day(1)), replace(day(2), name="late"))
-    )
+    raw, late = (as_parquet(each, tmp_path / each.name) for each in (spoilt(day(1)), replace(day(2), name="late")))
     with pytest.raises(DataError, match="--shift 4"):
         evaluate_calibration(mended, [raw], reading=Reading(as_trained=False))
     assert_allclose(rmse(mended, late, Reading(as_trained=False))[0], 0.0, atol=0.02)
@@ -389,9 +377,7 @@ def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_
     assert not any("training data" in note for note in notes)
 
 
-def test_a_recording_that_was_mended_before_it_was_written_is_not_mended_twice(
-    mended: Path, tmp_path: Path
-) -> None:
+def test_a_recording_that_was_mended_before_it_was_written_is_not_mended_twice(mended: Path, tmp_path: Path) -> None:
     kept = as_parquet(MEND(spoilt(day(1))), tmp_path / "kept")
     errors, notes = rmse(mended, kept)
     assert_allclose(errors, 0.0, atol=0.02)
@@ -403,9 +389,7 @@ def test_what_a_mapping_says_of_signs_is_not_mended_again(mended: Path, tmp_path
     assert log.q_encoder is not None
     heads = ["t", *(f"cmd_{n}" for n in NAMES), *(f"enc_{n}" for n in NAMES), "ok"]
     rows = np.column_stack([log.time, log.q_nominal, log.q_encoder, log.ok])
-    path.write_text(
-        ",".join(heads) + "\n" + "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows) + "\n"
-    )
+    path.write_text(",".join(heads) + "\n" + "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows) + "\n")
     options = ["q_nominal=cmd_*", "q_encoder=enc_yaw,-enc_pitch,enc_slide", "ok=ok"]
     errors, notes = rmse(mended, path, Reading(mapping=mapping_of(options, units="rad,rad,m")))
     assert_allclose(errors, 0.0, atol=0.02)
@@ -418,9 +402,7 @@ def in_degrees(log: MotionLog, path: Path) -> Path:
     return path
 
 
-def test_units_are_mended_where_numbers_are_in_those_of_training_and_left_where_they_are_si(
-    tmp_path: Path,
-) -> None:
+def test_units_are_mended_where_numbers_are_in_those_of_training_and_left_where_they_are_si(tmp_path: Path) -> None:
     result = fit_calibration(
         [in_degrees(day(0), tmp_path / "0.npz")], LINEAR,
         reading=Reading(units=UNITS, joint_names=NAMES, mend=Mend(units=("deg,deg,mm",))),

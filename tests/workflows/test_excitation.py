@@ -73,9 +73,7 @@ def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
     assert any("torques are unchecked: raven2 has no limits of them" in note for note in found.notes)
     assert any("kept from hitting itself alone" in note for note in found.notes)
     bare = load_robot("dvrk_psm_motors")
-    room = room_of(
-        bare, lower=-np.full(7, 0.5), upper=np.full(7, 0.5), velocity=np.ones(7), effort=np.ones(7)
-    )
+    room = room_of(bare, lower=-np.full(7, 0.5), upper=np.full(7, 0.5), velocity=np.ones(7), effort=np.ones(7))
     found = design(MotionSurroundings(None, unchecked="no shapes"), bare, room)
     assert any("torques are unchecked: dvrk_psm_motors has no masses" in note for note in found.notes)
 
@@ -111,10 +109,7 @@ def test_a_trajectory_is_ros_s_message(motion, tmp_path):
         assert_allclose(content["points"][7]["velocities"], motion.design.qd[7])
         assert_allclose(content["points"][7]["accelerations"], motion.design.qdd[7])
     known = {
-        field
-        for field, _ in get_typestore(Stores.ROS2_HUMBLE).fielddefs[
-            "trajectory_msgs/msg/JointTrajectoryPoint"
-        ][1]
+        field for field, _ in get_typestore(Stores.ROS2_HUMBLE).fielddefs["trajectory_msgs/msg/JointTrajectoryPoint"][1]
     }
     assert set(content["points"][0]) <= known
     with pytest.raises(InputError, match="a trajectory is a motion"):

@@ -17,10 +17,7 @@ from moving_arm import recorded, write_npz
 def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: Path) -> None:
     fitted, tested = (moving_arm_logs / f"run{k}.npz" for k in (0, 1))
     result = identify_files([fitted], "raven2", IdentifyOptions(), tests=[tested])
-    assert [(entry["log"], entry["use"]) for entry in result.card["data"]] == [
-        ("run0", "fitted"),
-        ("run1", "tested"),
-    ]
+    assert [(entry["log"], entry["use"]) for entry in result.card["data"]] == [("run0", "fitted"), ("run1", "tested")]
     assert all(len(entry["sha256"]) == 64 for entry in result.card["data"])
     assumed = "assumed friction on every joint, a filter of order 4 at 10 Hz"
     assert any(assumed in note for note in result.notes)
@@ -75,9 +72,7 @@ def test_a_turning_and_a_sliding_axis_in_each_other_s_torque_columns_are_refused
         identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions())
 
 
-def poses_at_rest(
-    path: Path, *, order: tuple[int, ...] = (0, 1, 2), sign: tuple[float, ...] = (1.0, 1.0, 1.0)
-) -> Path:
+def poses_at_rest(path: Path, *, order: tuple[int, ...] = (0, 1, 2), sign: tuple[float, ...] = (1.0, 1.0, 1.0)) -> Path:
     """Holding torques of a RAVEN-II at random poses, times `sign`, in the order of `order`."""
     arm, rng = load_robot("raven2"), np.random.default_rng(0)
     q = rng.uniform(arm.lower, arm.upper, (300, 3))
@@ -92,11 +87,7 @@ def test_torques_of_poses_at_rest_are_judged_too(tmp_path: Path) -> None:
     identify_files([poses_at_rest(tmp_path / "sound.npz")], "raven2", static)
     for name, spoilt, mend in (
         ("turned", {"sign": (1.0, -1.0, 1.0)}, "--sign tau:elbow"),
-        (
-            "all",
-            {"sign": (-1.0, -1.0, -1.0)},
-            r"--sign tau:shoulder\n.*--sign tau:elbow\n.*--sign tau:insertion",
-        ),
+        ("all", {"sign": (-1.0, -1.0, -1.0)}, r"--sign tau:shoulder\n.*--sign tau:elbow\n.*--sign tau:insertion"),
         ("mixed", {"order": (1, 0, 2)}, "--swap tau:shoulder,elbow"),
         ("sliding", {"order": (0, 2, 1)}, "--swap tau:elbow,insertion"),
     ):

@@ -54,9 +54,7 @@ def bytes_below(path: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("kind", ["journal", "bag", "mcap"])
 @pytest.mark.parametrize("damage", ["cut", "no index", "hit"])
-def test_what_is_whole_becomes_a_whole_recording_of_the_same_kind(
-    journal, tmp_path, kind: str, damage: str
-) -> None:
+def test_what_is_whole_becomes_a_whole_recording_of_the_same_kind(journal, tmp_path, kind: str, damage: str) -> None:
     path = damaged(journal, tmp_path, kind, damage)
     before = bytes_below(path)
     found = recover(path)
@@ -87,9 +85,7 @@ def test_what_is_whole_becomes_a_whole_recording_of_the_same_kind(
 
 def test_a_type_that_catenary_does_not_know_is_kept(tmp_path: Path) -> None:
     with Writer1(tmp_path / "a.bag") as bag:
-        image = bag.add_connection(
-            "/camera", "lab_msgs/msg/Picture", msgdef="uint8[] data\n", md5sum="0" * 32
-        )
+        image = bag.add_connection("/camera", "lab_msgs/msg/Picture", msgdef="uint8[] data\n", md5sum="0" * 32)
         for i in range(50):
             bag.write(image, 1000 + i, b"\x04\0\0\0abcd")
     whole = (tmp_path / "a.bag").read_bytes()

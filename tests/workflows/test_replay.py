@@ -89,9 +89,7 @@ def test_a_csv_is_replayed_and_calibrated_by_the_command(tmp_path: Path) -> None
     imu = written(tmp_path / "imu.csv", recorded(up_of_tilts(TILTS)))
     turned, out = tmp_path / "turned.csv", tmp_path / "m.toml"
     np.savetxt(turned, TILTS, delimiter=",", header="roll_deg,pitch_deg", comments="")
-    done = catenary(
-        "sense", "--replay", imu, "--tumble", "--orientations", turned, "--out", out, "--json"
-    ).json
+    done = catenary("sense", "--replay", imu, "--tumble", "--orientations", turned, "--out", out, "--json").json
     assert done["faults"] == []
     assert_allclose(load_mounting(out).rotation, R, atol=2e-3)
     level = written(tmp_path / "level.csv", recorded(up_of_tilts(TILTS[:1])), "t_s,fx,fy,fz,wx,wy,wz")
@@ -113,15 +111,10 @@ def test_a_deck_that_was_recorded_is_live_with_a_ships_rules_and_not_with_a_tabl
 def test_an_imu_of_a_bag_is_read_by_its_stamps(tmp_path: Path, kind: Kind) -> None:
     def message(k: int) -> Message:
         def make(store: Any, head: Any) -> Any:
-            vector, turn = (
-                store.types["geometry_msgs/msg/Vector3"],
-                store.types["geometry_msgs/msg/Quaternion"],
-            )
+            vector, turn = (store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"])
             nine = np.zeros(9)
             rate, force = vector(0.1, 0.0, 0.01 * k), vector(0.5, float(k), 9.8)
-            return store.types["sensor_msgs/msg/Imu"](
-                head, turn(0.0, 0.0, 0.0, 1.0), nine, rate, nine, force, nine
-            )
+            return store.types["sensor_msgs/msg/Imu"](head, turn(0.0, 0.0, 0.0, 1.0), nine, rate, nine, force, nine)
 
         return 0.02 * k, "/imu", make
 
@@ -136,9 +129,7 @@ def test_an_imu_of_a_bag_is_read_by_its_stamps(tmp_path: Path, kind: Kind) -> No
 def test_recordings_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     imu = written(tmp_path / "imu.csv", recorded(up_of_tilts(TILTS[:1])))
     odd = written(tmp_path / "odd.csv", recorded(up_of_tilts(TILTS[:1])), "time,q1,q2,q3,q4,q5,q6")
-    with pytest.raises(
-        InputError, match="no columns of an accelerometer such as ax, ay, az; it has time, q1"
-    ):
+    with pytest.raises(InputError, match="no columns of an accelerometer such as ax, ay, az; it has time, q1"):
         read_imu(odd)
     assert read_imu(odd, columns=("q1", "q2", "q3")).rate is None
     with pytest.raises(InputError, match="expected three"):

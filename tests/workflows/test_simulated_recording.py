@@ -24,9 +24,7 @@ def log() -> MotionLog:
 
 def test_it_has_the_positioning_joints_at_the_rate_asked_for(log: MotionLog) -> None:
     assert log.joint_names == JOINTS[:3]
-    assert set(log.signals) == {
-        f"{group}:{tool}" for group in ("q", "tau") for tool in (*JOINTS[3:], "unused")
-    }
+    assert set(log.signals) == {f"{group}:{tool}" for group in ("q", "tau") for tool in (*JOINTS[3:], "unused")}
     assert len(log) == pytest.approx(30.0 * SECONDS, abs=2)
     assert (np.diff(log.time) > 0.0).all()
     assert log.simulated

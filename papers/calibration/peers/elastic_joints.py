@@ -89,13 +89,7 @@ def identified(logs: Sequence[MotionLog], stiffness: Floats | None = None) -> Jo
     for log in logs:
         q, qd, qdd = derivatives(log)
         parts.append(
-            (
-                inverse_dynamics(model, q, qd, qdd, GRAVITY),
-                qd,
-                qdd,
-                np.asarray(log.tau),
-                np.asarray(log.q_encoder) - q,
-            )
+            (inverse_dynamics(model, q, qd, qdd, GRAVITY), qd, qdd, np.asarray(log.tau), np.asarray(log.q_encoder) - q)
         )
     load, qd, qdd, torque, error = (np.concatenate(part) for part in zip(*parts, strict=True))
     lower, upper = (SOFTEST, STIFFEST) if stiffness is None else (stiffness, stiffness)
@@ -125,9 +119,7 @@ def _friction(rest: Floats, qd: Floats) -> tuple[float, float]:
     return float(found[0]), float(np.std(rest - columns @ found))
 
 
-def _stretch(
-    error: Floats, load: Floats, qd: Floats, softest: float, stiffest: float
-) -> tuple[float, float, float]:
+def _stretch(error: Floats, load: Floats, qd: Floats, softest: float, stiffest: float) -> tuple[float, float, float]:
     """Return stiffness, link friction and offset: error = offset - (load + friction sgn(qd)) / stiffness."""
     columns = np.column_stack((-load / stiffest, -np.sign(qd) / stiffest, np.ones(len(error))))
     # a hair's breadth between bounds that are alike, as the search wants
@@ -137,9 +129,7 @@ def _stretch(
 
 
 @inlined
-def advance(
-    x: Floats, joints: Joints, torque: Floats, bias: Floats, inverse: Floats, step: float, count: int
-) -> None:
+def advance(x: Floats, joints: Joints, torque: Floats, bias: Floats, inverse: Floats, step: float, count: int) -> None:
     """Advance theta, q, theta', q' (12,) by some semi-implicit Euler steps; `x` is overwritten.
 
     Args:

@@ -36,9 +36,7 @@ class GaussianProcess:
         return self.out_mean + self.out_scale * told
 
 
-def fit_gaussian_process(
-    rows: Rows, *, seed: int, carried: int = CARRIED, chosen: int = CHOSEN
-) -> GaussianProcess:
+def fit_gaussian_process(rows: Rows, *, seed: int, carried: int = CARRIED, chosen: int = CHOSEN) -> GaussianProcess:
     """Fit a process per joint to rows drawn from those with a measurement.
 
     Args:
@@ -64,9 +62,7 @@ def fit_gaussian_process(
     processes = []
     for j in range(Y.shape[1]):
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", ConvergenceWarning
-            )  # a length at its bound: the input tells nothing
+            warnings.simplefilter("ignore", ConvergenceWarning)  # a length at its bound: the input tells nothing
             likely = GaussianProcessRegressor(kernel, alpha=1e-8).fit(Z[:chosen], wanted[:chosen, j])
         process = GaussianProcessRegressor(likely.kernel_, alpha=1e-8, optimizer=None)
         processes.append(process.fit(Z, wanted[:, j]))

@@ -119,8 +119,7 @@ class Recurrent:
         """Return what to add to the reported positions of every row, or of rows `at`, (N, n) [rad|m]."""
         at = np.arange(len(rows.inputs)) if at is None else at
         parts = [
-            self.network.outputs(self.sequences(rows, at[first : first + BLOCK]))
-            for first in range(0, len(at), BLOCK)
+            self.network.outputs(self.sequences(rows, at[first : first + BLOCK])) for first in range(0, len(at), BLOCK)
         ]
         corrected: Floats = self.out_mean + self.out_scale * np.concatenate(parts).astype(float)
         return corrected

@@ -61,8 +61,6 @@ def rows_of_log(log: MotionLog, words: tuple[str, ...], known: NDArray[np.bool_]
         first[start:end] = start
         step = np.ones(end - start - 1) if log.time is None else np.diff(log.time[start:end])
         moved = np.diff(log.q_nominal[start:end], axis=0)
-        velocity[start + 1 : end] = np.divide(
-            moved, step[:, None], out=np.zeros_like(moved), where=step[:, None] > 0.0
-        )
+        velocity[start + 1 : end] = np.divide(moved, step[:, None], out=np.zeros_like(moved), where=step[:, None] > 0.0)
     error = np.where(log.ok[:, None], log.q_encoder - log.q_nominal, 0.0)
     return Rows(inputs, velocity, error, log.ok if known is None else known, first)

@@ -35,9 +35,7 @@ class TwoPhase:
         return corrected
 
 
-def fit_two_phase(
-    rows: Rows, *, seed: int, settings: NetworkSettings = PAPER, trees: int = TREES
-) -> TwoPhase:
+def fit_two_phase(rows: Rows, *, seed: int, settings: NetworkSettings = PAPER, trees: int = TREES) -> TwoPhase:
     """Train the network, then the forest on what it leaves.
 
     Args:

@@ -34,9 +34,7 @@ class Filter:
 def filtered(drive: Drive, joints: Joints) -> Floats:
     """Return the estimated states of every row, (N, 12): theta, q, theta', q'."""
     states = np.empty((len(drive.time), STATES))
-    first = np.concatenate(
-        (drive.position[0], drive.position[0] - drive.bias[0] / joints.stiffness, np.zeros(6))
-    )
+    first = np.concatenate((drive.position[0], drive.position[0] - drive.bias[0] / joints.stiffness, np.zeros(6)))
     covariance = np.diag(np.full(STATES, FIRST_SPREAD**2))
     counts = np.maximum(1, np.round(np.diff(drive.time, prepend=drive.time[0]) / STEP)).astype(np.int64)
     run_filter(drive, joints, counts, first, covariance, states)
@@ -44,9 +42,7 @@ def filtered(drive: Drive, joints: Joints) -> Floats:
 
 
 @compiled
-def run_filter(
-    drive: Drive, joints: Joints, counts: np.ndarray, x: Floats, P: Floats, states: Floats
-) -> None:
+def run_filter(drive: Drive, joints: Joints, counts: np.ndarray, x: Floats, P: Floats, states: Floats) -> None:
     """Filter row after row.
 
     Args:

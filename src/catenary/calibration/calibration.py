@@ -18,16 +18,7 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.evaluate import evaluate as evaluate_rows
-from catenary.calibration.fit_options import (
-    COVERAGE,
-    FOLDS,
-    FitOptions,
-    FitRun,
-    Kind,
-    Preset,
-    Progress,
-    silent,
-)
+from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun, Kind, Preset, Progress, silent
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.calibration.maintenance import judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card, Target
@@ -315,9 +306,7 @@ def refresh(
 
 
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
-    return Calibration(
-        **{each.name: getattr(model, each.name) for each in fields(CalibrationModel)}, card=card
-    )
+    return Calibration(**{each.name: getattr(model, each.name) for each in fields(CalibrationModel)}, card=card)
 
 
 def _logs(
@@ -333,16 +322,10 @@ def _logs(
     """Return recordings as logs; arrays become one."""
     quantities = {"q_encoder": q_encoder, "tau": tau, "qd": qd, "time": time}
     recordings = [motion] if isinstance(motion, Recording) else motion
-    if (
-        isinstance(recordings, Sequence)
-        and recordings
-        and all(isinstance(each, Recording) for each in recordings)
-    ):
+    if isinstance(recordings, Sequence) and recordings and all(isinstance(each, Recording) for each in recordings):
         given = [name for name, values in quantities.items() if values is not None]
         if given:
-            raise InputError(
-                f"{', '.join(given)}: recordings have their own; expected arrays with arrays only"
-            )
+            raise InputError(f"{', '.join(given)}: recordings have their own; expected arrays with arrays only")
         return [
             each if isinstance(each, MotionLog) else read_log(each, units=units, joint_names=joint_names)
             for each in recordings

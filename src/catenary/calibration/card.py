@@ -112,10 +112,7 @@ def model_card(
         "run": {"seed": options.seed, **asked},
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {
-            "unit": {
-                name: DISPLAY[unit][0]
-                for name, unit in zip(model.joint_names, model.joint_units, strict=True)
-            },
+            "unit": {name: DISPLAY[unit][0] for name, unit in zip(model.joint_names, model.joint_units, strict=True)},
             "cross_validation": {
                 "how": "contiguous blocks of time, each predicted by a model that did not see it",
                 "joints": [asdict(joint) for joint in spread],

@@ -30,9 +30,7 @@ class Corrector:
     arrays stay the same ones.
     """
 
-    def __init__(
-        self, model: CalibrationModel, *, rate_hz: float = 1000.0, decimation: int | None = None
-    ) -> None:
+    def __init__(self, model: CalibrationModel, *, rate_hz: float = 1000.0, decimation: int | None = None) -> None:
         """Compile the model's tick.
 
         Args:
@@ -110,12 +108,7 @@ class Corrector:
             )
 
     def correct(
-        self,
-        q_nominal: ArrayLike,
-        signals: ArrayLike,
-        out: Floats,
-        inside: Flags,
-        interval: Floats | None = None,
+        self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None = None
     ) -> None:
         """Take one tick.
 
@@ -195,18 +188,14 @@ class Corrector:
                 still.append(trained_mean(model, signal))
                 continue
             if group not in SOURCES or joint not in joint_names:
-                raise InputError(
-                    f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}'
-                )
+                raise InputError(f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}')
             sources.append(SOURCES.index(group) * size + joint_names.index(joint))
         self._robot_shapes = ((size,),) * 5
         self._places = places
         self._sources, self._still = np.array(sources, dtype=np.int64), np.array(still)
         self.reset()
 
-    def correct_state(
-        self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None
-    ) -> None:
+    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None) -> None:
         """Take one tick of the robot that `prepare` was told of.
 
         Args:

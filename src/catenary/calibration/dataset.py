@@ -121,9 +121,7 @@ def calibration_data(
     sources: list[TrainingSource] = []
     for i, log in enumerate(logs):
         if log.q_encoder is None:
-            raise InputError(
-                f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions'
-            )
+            raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
         X, leaping, spikes = features.rows(log)
         error = log.q_encoder - log.q_nominal
         complete = np.isfinite(X).all(axis=1)
@@ -227,7 +225,5 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         if source.leaps:
             notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
         if strange := int(data.leaping[data.recording == i].sum()):
-            notes.append(
-                f"{source.name}: {strange} rows leap beyond training's motion: intervals are wider there"
-            )
+            notes.append(f"{source.name}: {strange} rows leap beyond training's motion: intervals are wider there")
     return notes

@@ -119,9 +119,7 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     )
     windows = tuple(_windows(data, shown, window))
     level = None if model.intervals is None else model.intervals.level
-    return Evaluation(
-        joints, windows, "s" if data.has_time else "rows", data, *errors, inside, interval, level
-    )
+    return Evaluation(joints, windows, "s" if data.has_time else "rows", data, *errors, inside, interval, level)
 
 
 def rms(values: Floats) -> float:
@@ -198,13 +196,9 @@ def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | 
         # where a recording's clock went back, another one begins
         parts = np.split(rows, np.flatnonzero(np.diff(data.time[rows]) < 0.0) + 1)
         several = len(parts) > 1
-        spans += [
-            (f"{source.name} ({k + 1})" if several else source.name, p) for k, p in enumerate(parts) if len(p)
-        ]
+        spans += [(f"{source.name} ({k + 1})" if several else source.name, p) for k, p in enumerate(parts) if len(p)]
     # n rows take n steps, but n - 1 intervals of time, whose last window holds its end too
-    durations = [
-        float(data.time[rows[-1]] - data.time[rows[0]]) + (0.0 if data.has_time else 1.0) for _, rows in spans
-    ]
+    durations = [float(data.time[rows[-1]] - data.time[rows[0]]) + (0.0 if data.has_time else 1.0) for _, rows in spans]
     windows = []
     for (name, rows), duration in zip(spans, durations, strict=True):
         length = window

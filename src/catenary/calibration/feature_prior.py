@@ -64,9 +64,7 @@ class Prior(Settings):
     seed: int  # of the first of them
     play_shares: Annotated[tuple[Annotated[float, Field(gt=0.0, lt=1.0)], ...], Field(max_length=100)]
     spread: Annotated[float, Field(gt=0.0, le=10.0)]  # standard deviation of a robot's logarithms about these
-    tempering: Annotated[
-        float, Field(ge=0.0, le=1.0)
-    ]  # of rows per independent one; 0 takes all as independent
+    tempering: Annotated[float, Field(ge=0.0, le=1.0)]  # of rows per independent one; 0 takes all as independent
     own: dict[str, Finite]  # q, tau, play 0.01 ...: natural logarithm
     other: dict[str, Finite]
 

@@ -110,9 +110,7 @@ class FeatureSet:
 
     def columns_of(self, signals: Sequence[str]) -> Integers:
         """Return indices of the features that come from the given signals."""
-        return np.array(
-            [i for i, (_, _, signal) in enumerate(self._columns()) if signal in signals], dtype=np.int64
-        )
+        return np.array([i for i, (_, _, signal) in enumerate(self._columns()) if signal in signals], dtype=np.int64)
 
     @property
     def bounded(self) -> Flags:
@@ -179,9 +177,7 @@ class FeatureSet:
         memory.clear()
         return memory
 
-    def row_steps(
-        self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags
-    ) -> list[Step]:
+    def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags) -> list[Step]:
         """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
         spacing = len(memory.ring) // max(1, self.history)
         lags = spacing * np.arange(1, self.history + 1, dtype=np.int64)
@@ -191,9 +187,7 @@ class FeatureSet:
         widths = np.array([width for _, width in self.play], dtype=float)
         played = self._places(self.played)
         leaps = Step(
-            find_leaps,
-            (signals, played, limits, room),
-            (memory.seen, memory.strange, memory.rejected, course, leaping),
+            find_leaps, (signals, played, limits, room), (memory.seen, memory.strange, memory.rejected, course, leaping)
         )
         features = Step(
             gather,

@@ -64,20 +64,14 @@ class FitOptions:
         if self.ridge is not None and self.kind not in ("auto", "linear", "polynomial"):
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
         if self.kind == "auto" and self.target != "error":
-            raise InputError(
-                f'target "{self.target}": models of it are not chosen; give a kind in place of auto'
-            )
+            raise InputError(f'target "{self.target}": models of it are not chosen; give a kind in place of auto')
 
         if self.prior not in (None, *PRIORS):
             raise InputError(f'prior "{self.prior}": expected {" or ".join(PRIORS)}')
         if self.prior in PRIORS and (self.kind not in TAKE_PRIOR or self.network == "paper"):
-            raise InputError(
-                f'prior "{self.prior}" of model {self.kind}: only linear and preset best take one'
-            )
+            raise InputError(f'prior "{self.prior}" of model {self.kind}: only linear and preset best take one')
         if self.prior in PRIORS and (self.target != "error" or self.ridge is not None):
-            raise InputError(
-                f'prior "{self.prior}": is of errors, and in place of a ridge; leave out the other'
-            )
+            raise InputError(f'prior "{self.prior}": is of errors, and in place of a ridge; leave out the other')
 
     def of_kind(self, kind: Kind, preset: Preset | None = None) -> "FitOptions":
         """Return the options of a kind of model, without those that it does not take."""
@@ -128,9 +122,7 @@ class FitRun:
 def require_folds(options: FitOptions, run: FitRun) -> None:
     """Refuse to choose a model by errors on folds that are not run."""
     if options.kind == "auto" and not run.folds:
-        raise InputError(
-            "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"
-        )
+        raise InputError("model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind")
 
 
 def silent(_: float) -> None:

@@ -9,13 +9,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, fewest_rows
-from catenary.calibration.dataset import (
-    CalibrationData,
-    calibration_data,
-    data_notes,
-    error_limits,
-    in_one_order,
-)
+from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.feature_prior import load_prior
 from catenary.calibration.features import FeatureSet
@@ -58,9 +52,7 @@ def fit_logs(
     logs = in_one_order(logs)
     longest = max(len(log) for log in logs)
     if options.history >= longest:
-        raise InputError(
-            f"history: {options.history} previous commands, but the longest recording has {longest} rows"
-        )
+        raise InputError(f"history: {options.history} previous commands, but the longest recording has {longest} rows")
     require_folds(options, run)
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
     data, _, _ = _rows(logs, inputs.features, run)
@@ -96,9 +88,7 @@ class _Attempt:
     validation: CrossValidation | None
 
     @classmethod
-    def prepared(
-        cls, logs: Sequence[MotionLog], options: FitOptions, run: FitRun, progress: Progress
-    ) -> "_Attempt":
+    def prepared(cls, logs: Sequence[MotionLog], options: FitOptions, run: FitRun, progress: Progress) -> "_Attempt":
         """Validate a kind of model on blocks of what is not held out."""
         inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
         data, _, _ = _rows(logs, inputs.features, run)
@@ -117,10 +107,7 @@ class _Attempt:
         """Fit it to all rows."""
         validated = 0.0 if self.validation is None else 0.8
         return fit(
-            self.data,
-            self.inputs,
-            self.options,
-            progress=lambda done: progress(validated + (1.0 - validated) * done),
+            self.data, self.inputs, self.options, progress=lambda done: progress(validated + (1.0 - validated) * done)
         )
 
 
@@ -156,16 +143,7 @@ def _concluded(
         notes = (*notes, _why_no_intervals(validation, run))
     spread = () if validation is None else validation.spread
     held_out = None if late is None else evaluate(model, late)
-    card = model_card(
-        model,
-        data,
-        options,
-        run=run,
-        spread=spread,
-        held_out=held_out,
-        notes=notes,
-        choices=choices,
-    )
+    card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
     return FitResult(model, card, data, spread, held_out, notes, choices)
 
 
@@ -188,9 +166,7 @@ def prior_notes(model: CalibrationModel) -> list[str]:
     for name in dict.fromkeys(each for each in model.priors if each is not None):
         joints = [joint for joint, each in zip(model.joint_names, model.priors, strict=True) if each == name]
         robots = load_prior(name).robots
-        notes.append(
-            f"prior {name}: {', '.join(joints)} began at what {robots} simulated robots have in common"
-        )
+        notes.append(f"prior {name}: {', '.join(joints)} began at what {robots} simulated robots have in common")
     return notes
 
 

@@ -9,10 +9,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Integers
 from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
-from catenary.calibration.feature_prior import (
-    load_prior,
-    prior_of_features,
-)
+from catenary.calibration.feature_prior import load_prior, prior_of_features
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
 from catenary.calibration.model import ANY, CalibrationModel, JointGroup, Target
@@ -50,9 +47,7 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     if isinstance(options.inputs, Mapping):
         for joint in options.inputs:
             if joint not in log.joint_names:
-                raise InputError(
-                    f'inputs of joint "{joint}": no such joint; joints: {", ".join(log.joint_names)}'
-                )
+                raise InputError(f'inputs of joint "{joint}": no such joint; joints: {", ".join(log.joint_names)}')
         inputs = dict(options.inputs)
     else:
         inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
@@ -81,19 +76,14 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
                 play += [(name, share * (high - low)) for share in shares]
                 steps += [(name, step)] if step > 0.0 else []
     if options.play and not play:
-        raise InputError(
-            f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved"
-        )
+        raise InputError(f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved")
     units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
     return Inputs(
-        FeatureSet(signals, units, options.history, tuple(play), tuple(steps), period if steps else None),
-        per_joint,
+        FeatureSet(signals, units, options.history, tuple(play), tuple(steps), period if steps else None), per_joint
     )
 
 
-def fit(
-    data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent
-) -> CalibrationModel:
+def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent) -> CalibrationModel:
     """Fit a calibration model to rows of data.
 
     Joints with the same inputs are fitted together.

@@ -24,12 +24,8 @@ from catenary.errors import InputError
 
 SIMPLEST_FIRST = ("offset", "linear", "polynomial", "neural")
 CLOSE = 1.03  # times the best kind's error
-BLOCKS_OF_LEVEL = (
-    0.9  # the blocks of time are those of intervals that hold this share: fifty, where rows suffice
-)
-ROWS_PER_TERM = (
-    2  # below which a polynomial is not tried: left without a fold, its least squares would hardly be
-)
+BLOCKS_OF_LEVEL = 0.9  # the blocks of time are those of intervals that hold this share: fifty, where rows suffice
+ROWS_PER_TERM = 2  # below which a polynomial is not tried: left without a fold, its least squares would hardly be
 MOST_TERMS = 1000  # of a polynomial that is tried: of more, its fits take minutes
 
 
@@ -44,9 +40,7 @@ class JointChoice:
 
     def __str__(self) -> str:
         """Return the choice in one sentence."""
-        others = ", ".join(
-            f"{name} {error:.3g}" for name, error in self.errors.items() if name != self.chosen
-        )
+        others = ", ".join(f"{name} {error:.3g}" for name, error in self.errors.items() if name != self.chosen)
         error = f"{self.errors[self.chosen]:.3g} {self.unit} on blocks of time that it did not see"
         return f"{self.joint}: {self.chosen}, {error}; {others}"
 

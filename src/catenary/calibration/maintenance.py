@@ -147,13 +147,10 @@ def refresh_with(
     for log in logs:
         if log.sha256 in seen:
             raise InputError(
-                f'recording "{log.name}": the model was fitted to it or refreshed with it; '
-                "expected one of a new day"
+                f'recording "{log.name}": the model was fitted to it or refreshed with it; expected one of a new day'
             )
     limits = error_limits(max_error, logs[0])
-    found = judge_recordings(
-        model, card, logs, accept=accept, max_error=limits, learning=True, done="refreshed"
-    )
+    found = judge_recordings(model, card, logs, accept=accept, max_error=limits, learning=True, done="refreshed")
     data = calibration_data(logs, model.features, max_error=limits)
     refreshed = refresh_model(model, data)
     notes = (*data_notes(logs, data), *found, *refreshed.notes)

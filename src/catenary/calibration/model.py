@@ -96,17 +96,13 @@ class CalibrationModel:
     rate_hz: Positive | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
     priors: Many[str | None] = ()  # (n,) that joints' fits began at; empty where none did
-    limits: StoredFloats | None = (
-        None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
-    )
+    limits: StoredFloats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
     mends: Mends = field(default_factory=dict)  # of its recordings: MotionLog.settled
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
         if len(self.joint_units) != n:
-            raise InputError(
-                f"model: expected a unit for each of its {n} joints, got {len(self.joint_units)}"
-            )
+            raise InputError(f"model: expected a unit for each of its {n} joints, got {len(self.joint_units)}")
         if self.target not in get_args(Target):
             raise InputError(f"model: target {self.target!r}: expected {' or '.join(get_args(Target))}")
         if sorted(j for group in self.groups for j in group.joints) != list(range(n)):
@@ -114,13 +110,9 @@ class CalibrationModel:
         for group in self.groups:
             columns = np.concatenate([group.columns, group.watched])
             if len(columns) and not (0 <= columns.min() and columns.max() < width):
-                raise InputError(
-                    f"model: joints {group.joints} take features beyond the {width} that there are"
-                )
+                raise InputError(f"model: joints {group.joints} take features beyond the {width} that there are")
         if self.priors and len(self.priors) != n:
-            raise InputError(
-                f"model: expected a prior, or none, for each of its {n} joints, got {len(self.priors)}"
-            )
+            raise InputError(f"model: expected a prior, or none, for each of its {n} joints, got {len(self.priors)}")
         object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
         object.__setattr__(self, "largest", as_array("largest", self.largest, (n,)))
         if not (np.abs(self.offset) <= self.largest).all():
@@ -158,9 +150,7 @@ class CalibrationModel:
         """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
         return self.correct(X, q_nominal)[0]
 
-    def correct(
-        self, X: Floats, q_nominal: Floats, leaping: Flags | None = None
-    ) -> tuple[Floats, Flags, Floats]:
+    def correct(self, X: Floats, q_nominal: Floats, leaping: Flags | None = None) -> tuple[Floats, Flags, Floats]:
         """Return `correction`, `inside` and `interval` of features (N, F) and reported positions (N, n).
 
         `leaping` (N,) is that of FeatureSet.rows; without it no row leaps.
@@ -195,9 +185,7 @@ class CalibrationModel:
         """
         leaping = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         steps = [] if interval is None or self.intervals is not None else no_intervals(interval)
-        lower, upper = (
-            np.outer((-ANY, ANY), np.ones_like(self.offset)) if self.limits is None else self.limits
-        )
+        lower, upper = np.outer((-ANY, ANY), np.ones_like(self.offset)) if self.limits is None else self.limits
         bounds = (REACH * self.largest, lower - self.largest, upper + self.largest)
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)

@@ -163,9 +163,7 @@ def adjusted(predictor: AnyPredictor, changes: Sequence[Adjustment]) -> AnyPredi
     The kind stays, but for two: a constant that gets a slope becomes linear, and a network a linear part beside it.
     """
     scale, bias = np.array([c.scale for c in changes]), np.array([c.bias for c in changes])
-    linear, layer = (
-        np.column_stack(each) for each in zip(*((c.linear, c.layer) for c in changes), strict=True)
-    )
+    linear, layer = (np.column_stack(each) for each in zip(*((c.linear, c.layer) for c in changes), strict=True))
     if isinstance(predictor, Constant):
         value = scale * predictor.value + bias
         return Linear(linear, value) if linear.any() else Constant(value)
@@ -251,9 +249,7 @@ def _refresh_group(
     return _Group(replace(group, predictor=predictor), tuple(how), chosen_left, moved, notes)
 
 
-def _only_offset(
-    group: JointGroup, of_offset: Floats, block: NDArray[np.int64], notes: tuple[str, ...]
-) -> _Group:
+def _only_offset(group: JointGroup, of_offset: Floats, block: NDArray[np.int64], notes: tuple[str, ...]) -> _Group:
     """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
     how, moved, left = [], np.zeros(of_offset.shape[1]), of_offset.copy()
     zeroed = _zeroed(of_offset, block)
@@ -273,9 +269,7 @@ def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
         left: (C, N) errors of candidates, each row by a fit that did not see its block; those that change least first.
         block: (N,) block of each row.
     """
-    rmse = np.array(
-        [np.sqrt(np.mean(np.square(left[:, block == k]), axis=1)) for k in np.unique(block)]
-    )  # (K, C)
+    rmse = np.array([np.sqrt(np.mean(np.square(left[:, block == k]), axis=1)) for k in np.unique(block)])  # (K, C)
     excess = rmse - rmse[:, [rmse.mean(axis=0).argmin()]]
     if len(rmse) < 2:
         return 0
@@ -304,21 +298,15 @@ def trained_motion(group: JointGroup, X: Floats) -> Floats:
     return spread
 
 
-def _stays_near(
-    predictor: AnyPredictor, change: Adjustment, output: int, X: Floats, elsewhere: Floats
-) -> bool:
+def _stays_near(predictor: AnyPredictor, change: Adjustment, output: int, X: Floats, elsewhere: Floats) -> bool:
     """Return whether a change of one output is hardly larger over the trained motion than on rows X (N, F)."""
     one = predictor.of([output])
     moved = adjusted(one, [change])
-    here, there = (
-        np.sqrt(np.mean(np.square(moved.predict(each) - one.predict(each)))) for each in (X, elsewhere)
-    )
+    here, there = (np.sqrt(np.mean(np.square(moved.predict(each) - one.predict(each)))) for each in (X, elsewhere))
     return bool(there <= FAR * here + RESOLUTION)
 
 
-def _predictor_is_nearer(
-    of_model: Floats, of_offset: Floats, block: NDArray[np.int64], outside: Flags
-) -> bool:
+def _predictor_is_nearer(of_model: Floats, of_offset: Floats, block: NDArray[np.int64], outside: Flags) -> bool:
     a, b = (np.square(_zeroed(error, block)[outside]).mean(axis=0) for error in (of_model, of_offset))
     return bool((a <= b).all())
 
@@ -353,9 +341,7 @@ class _Designs:
     of_layer: Floats  # (N, h) inputs of the last layer; none where the predictor is a constant
 
 
-def _designs(
-    model: CalibrationModel, group: JointGroup, X: Floats, q: Floats, correction: Floats
-) -> _Designs:
+def _designs(model: CalibrationModel, group: JointGroup, X: Floats, q: Floats, correction: Floats) -> _Designs:
     of_scale = []
     for k, joint in enumerate(group.joints):
         columns = np.column_stack([correction[:, k], q[:, k]])
@@ -373,9 +359,7 @@ def _place_of_position(model: CalibrationModel, group: JointGroup, joint: int) -
     return names.index(name) if name in names else None
 
 
-def _left_on_blocks(
-    designs: _Designs, residual: Floats, rows: NDArray[np.int64], block: NDArray[np.int64]
-) -> Floats:
+def _left_on_blocks(designs: _Designs, residual: Floats, rows: NDArray[np.int64], block: NDArray[np.int64]) -> Floats:
     """Return what every candidate leaves of the residual (N, m) on blocks that it did not see, (C, N, m)."""
     left = np.repeat(residual[None], len(HOW), axis=0)
     for number in np.unique(block):

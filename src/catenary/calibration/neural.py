@@ -223,19 +223,11 @@ PAPER = NetworkSettings((100, 100), "logistic", 5e-4, 1e-3, 1024, 200)
 # Section II-H, for all 138 columns of the robot's state: kernel L1 1e-5 and L2 1e-4, bias L2 1e-4, activity L2 1e-5. It
 # is not stated of which layers: here weights and biases of all, outputs of the hidden ones.
 PAPER_LARGER = NetworkSettings(
-    (600, 500, 400),
-    "logistic",
-    1e-4,
-    1e-3,
-    1024,
-    200,
-    penalties=Penalties(l1=1e-5, bias_l2=1e-4, activity_l2=1e-5),
+    (600, 500, 400), "logistic", 1e-4, 1e-3, 1024, 200, penalties=Penalties(l1=1e-5, bias_l2=1e-4, activity_l2=1e-5)
 )
 # Ours: a linear model carries what is linear, the network learns the rest; how much it is held back is chosen
 # on the last fifth of the training data.
-BEST = NetworkSettings(
-    (100, 100), "tanh", (1e-5, 1e-4, 1e-3, 3e-3, 1e-2), 3e-3, 256, 60, cosine=True, skip_ridge=10.0
-)
+BEST = NetworkSettings((100, 100), "tanh", (1e-5, 1e-4, 1e-3, 3e-3, 1e-2), 3e-3, 256, 60, cosine=True, skip_ridge=10.0)
 
 
 def fit_neural(
@@ -285,13 +277,7 @@ def fit_neural(
 
 
 def _train(
-    X: Floats,
-    Y: Floats,
-    settings: NetworkSettings,
-    l2: float,
-    seed: int,
-    skip: Linear | None,
-    progress: Progress,
+    X: Floats, Y: Floats, settings: NetworkSettings, l2: float, seed: int, skip: Linear | None, progress: Progress
 ) -> Network:
     mean, scale = standardisation(X)
     out_mean, out_scale = standardisation(Y)

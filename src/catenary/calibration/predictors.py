@@ -128,9 +128,7 @@ class Quadratic(Predictor):
 
     def of(self, outputs: Sequence[int]) -> "Quadratic":  # noqa: D102
         taken = list(outputs)
-        return replace(
-            self, linear=self.linear[:, taken], quadratic=self.quadratic[:, taken], bias=self.bias[taken]
-        )
+        return replace(self, linear=self.linear[:, taken], quadratic=self.quadratic[:, taken], bias=self.bias[taken])
 
 
 @dataclass(frozen=True)

@@ -128,9 +128,7 @@ def calibrate(
     opened = open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
     with opened, _steps() as progress:
         if train:
-            result = calibrate_recordings(
-                opened, train, test, reading=reading, asked=asked, run=run, progress=progress
-            )
+            result = calibrate_recordings(opened, train, test, reading=reading, asked=asked, run=run, progress=progress)
         else:
             with robot_of(opened, access, "calibrate") as moved:
                 result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
@@ -139,10 +137,7 @@ def calibrate(
 
 def demo(
     out: Path = option(
-        "FOLDER",
-        "Folder for the results: a new or empty one, or that of a demo before.",
-        Path("demo"),
-        read=out_path,
+        "FOLDER", "Folder for the results: a new or empty one, or that of a demo before.", Path("demo"), read=out_path
     ),
     seed: int | None = SEED,
     as_json: bool = AS_JSON,

@@ -67,9 +67,7 @@ class Commands(Mapping[str, Any]):
             module, function = _FUNCTIONS[name]
             app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
             command = getattr(import_module(f"catenary.cli.{module}"), function)
-            app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(
-                as_typed(command)
-            )
+            app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(as_typed(command))
             self._made[name] = typer.main.get_command(app)
         return self._made[name]
 

@@ -24,15 +24,11 @@ def deploy(
         "PROJECT", "Folder of the project; none with --ros.", None, not_with=("ros", "ros_distro")
     ),
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
-    real_time: bool = option(
-        None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"
-    ),
+    real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
     ros: int | None = option(
         "1|2", "Beside a robot on ROS: publish its messages corrected.", choices=(1, 2), joins_ros=True
     ),
-    arm: str = option(
-        None, "With --ros: gold (left) or green.", "gold", choices=("gold", "green"), goes_with="ros"
-    ),
+    arm: str = option(None, "With --ros: gold (left) or green.", "gold", choices=("gold", "green"), goes_with="ros"),
     dialect: str | None = option(
         None, "With --ros: raven or crtk. [default: raven; of a dVRK PSM crtk]", goes_with="ros"
     ),
@@ -59,9 +55,7 @@ def deploy(
     loaded, _ = load_model(model)
     loaded = replace(loaded, mends={}) if no_mend else loaded
     if project is not None:
-        _in_a_loop(
-            project, loaded, 20.0 if seconds is None else seconds, real_time=real_time, as_json=as_json
-        )
+        _in_a_loop(project, loaded, 20.0 if seconds is None else seconds, real_time=real_time, as_json=as_json)
         return
     from catenary.crtk.network import node_name
     from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
@@ -70,9 +64,7 @@ def deploy(
         print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
     with (
         ros_transport(ros or 1, node_name("deploy", name)) as transport,
-        reader_of(
-            loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, imu=imu
-        ) as client,
+        reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, imu=imu) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque)
         failure: BaseException | None = None
@@ -89,9 +81,7 @@ def deploy(
         raise failure  # behind the report, which is there whatever ended it
 
 
-def _in_a_loop(
-    project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool
-) -> None:
+def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool) -> None:
     from catenary.config import plain_data
     from catenary.reports.page import Table, TableColumn
     from catenary.simulation.plant_state import restore_plant
@@ -119,9 +109,7 @@ def _in_a_loop(
         TableColumn("corrected", "rmse", ".3f"),
     ]
     if result.coverage_asked is not None:
-        columns.append(
-            TableColumn(f"within intervals ({result.coverage_asked:.0%} asked)", "coverage", ".0%")
-        )
+        columns.append(TableColumn(f"within intervals ({result.coverage_asked:.0%} asked)", "coverage", ".0%"))
     print(Table(columns, result.joints, "RMSE while the loop ran").text())
 
 

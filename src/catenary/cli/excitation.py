@@ -102,9 +102,7 @@ class LimitOptions:
     lower: Numbers | None = option("Q,Q,...", "Lower limits to keep, rad and m.")
     upper: Numbers | None = option("Q,Q,...", "Upper limits to keep, rad and m.")
     velocity: Numbers | None = option("V,V,...", "Limits of velocity to keep, rad/s and m/s.")
-    acceleration: Numbers | None = option(
-        "A,A,...", "Limits of acceleration to keep, rad/s2 and m/s2. [default: none]"
-    )
+    acceleration: Numbers | None = option("A,A,...", "Limits of acceleration to keep, rad/s2 and m/s2. [default: none]")
     effort: Numbers | None = option("T,T,...", "Limits of torque to keep, Nm and N. [default: the robot's]")
 
 
@@ -130,8 +128,7 @@ def excitation(
     rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz"),
     trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1),
     torque_noise: float | None = option(
-        "S",
-        "Standard deviation of the torques, Nm and N, for expected errors. [default: 1 % of their limits]",
+        "S", "Standard deviation of the torques, Nm and N, for expected errors. [default: 1 % of their limits]"
     ),
     gravity: Triple | None = GRAVITY,
     imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
@@ -148,12 +145,7 @@ def excitation(
 
     from catenary.identification.motion_limits import room_of
     from catenary.reports.page import Table
-    from catenary.workflows.excitation import (
-        comparison_table,
-        design_excitation,
-        write_excitation,
-        write_trajectory,
-    )
+    from catenary.workflows.excitation import comparison_table, design_excitation, write_excitation, write_trajectory
 
     model = description.load(robot)
     given = vars(limits).copy()

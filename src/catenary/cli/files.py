@@ -50,9 +50,7 @@ def check(
 
 
 def recover(
-    recording: Path = argument(
-        "RECORDING", "Journal (folder or one of its files), .bag, .mcap or its folder."
-    ),
+    recording: Path = argument("RECORDING", "Journal (folder or one of its files), .bag, .mcap or its folder."),
     out: Path | None = option(
         "PATH", "What to write, named as typed. [default: NAME.recovered beside it]", read=out_path
     ),
@@ -104,9 +102,7 @@ def export(
     mcap: Path | None = option(
         "OUT", "MCAP file to write, e.g. lab.mcap, and the robot's URDF beside it, lab.urdf.", writes=MCAP
     ),
-    robot: str | None = option(
-        "ROBOT", "With --mcap: what was recorded. [default: as it says]", goes_with="mcap"
-    ),
+    robot: str | None = option("ROBOT", "With --mcap: what was recorded. [default: as it says]", goes_with="mcap"),
     model: Path | None = option(
         "CALIBRATION", "Calibration for the C header, or beside the recording.", not_with="onnx"
     ),
@@ -115,12 +111,8 @@ def export(
         "Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
         not_with="mcap",
     ),
-    friction: Numbers | None = option(
-        "F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"
-    ),
-    viscous: Numbers | None = option(
-        "F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.", goes_with="c"
-    ),
+    friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N, for --c.", goes_with="c"),
+    viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.", goes_with="c"),
     as_json: bool = option(None, "Print JSON instead of text.", False, flag="--json"),
 ) -> None:
     """Write a robot as C, a model as ONNX, a recording as MCAP.
@@ -198,12 +190,7 @@ def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
 
 
 def _mcap(
-    log: Path,
-    out: Path,
-    robot: str | None,
-    model: Path | None,
-    recordings: ModelRecordingOptions,
-    as_json: bool,
+    log: Path, out: Path, robot: str | None, model: Path | None, recordings: ModelRecordingOptions, as_json: bool
 ) -> None:
     from catenary.calibration.model_file import load_model
     from catenary.robots.catalog import load_robot
@@ -237,9 +224,7 @@ def import_recording(
         "The files of one recording: ROS 1 bags, ROS 2 bags, .mcap, headed .csv, .parquet, .npz, .npy, .mat.",
     ),
     out: Path | None = option("LOG", f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}", writes=LOG),
-    units: str | None = option(
-        "U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."
-    ),
+    units: str | None = option("U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."),
     robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
     yes: bool = option(None, "Take the proposed mapping, if nothing in it is open.", False),
     as_json: bool = AS_JSON,
@@ -260,9 +245,7 @@ def import_recording(
     if mapping is None and layout is None and not (yes and out is not None):
         proposal = propose_mapping(sources, units=units, robot=robot)
         if as_json:
-            print_json(
-                {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
-            )
+            print_json({"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions})
         else:
             print(proposal.toml, end="")
             _say_how_to_go_on(sources, is_open=bool(proposal.questions))
@@ -279,20 +262,12 @@ def import_recording(
     measured = int(log.ok.sum()) if log.q_encoder is not None else None
     doubts = doubts_about(log, robot=robot)
     if as_json:
-        facts = {
-            "log": str(out),
-            "layout": layout,
-            "rows": len(log),
-            "seconds": seconds,
-            "measured": measured,
-        }
+        facts = {"log": str(out), "layout": layout, "rows": len(log), "seconds": seconds, "measured": measured}
         joints = dict(zip(log.joint_names, log.joint_units, strict=True))
         print_json({**facts, "joints": joints, "notes": log.notes, "doubts": doubts})
         return
     print_notes([*log.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)])
-    joints_in_words = ", ".join(
-        f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True)
-    )
+    joints_in_words = ", ".join(f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True))
     print(f"joints: {joints_in_words}")
     print(f"rows:   {len(log)}{'' if seconds is None else f', {seconds:.1f} s'}")
     if measured is not None:

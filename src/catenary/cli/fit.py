@@ -21,13 +21,7 @@ from catenary.cli.options import (
     words,
 )
 from catenary.cli.out_files import NAMED_AS_TYPED
-from catenary.cli.recording_options import (
-    ACCEPT,
-    MAX_ERROR,
-    RECORDINGS,
-    ModelRecordingOptions,
-    RecordingOptions,
-)
+from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_json, print_notes, progress_bar
 from catenary.files import card_path
 from catenary.reports.joint_errors import MODEL
@@ -100,9 +94,7 @@ class ModelOptions:
         "What linear models and preset best begin at, for few minutes of data: simulated (what simulated "
         "robots have in common).",
     )
-    held_out: float | None = option(
-        "SHARE", "Keep the last part of each recording, this share of it, for a test."
-    )
+    held_out: float | None = option("SHARE", "Keep the last part of each recording, this share of it, for a test.")
     folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, least=0)
     coverage: float = option("SHARE", "Share of errors that the intervals about corrected joints hold.", 0.9)
     max_error: Numbers | None = MAX_ERROR
@@ -241,9 +233,7 @@ def refresh(
     from catenary.reports.page import Table, TableColumn
     from catenary.workflows.calibration_model import refresh_calibration
 
-    result = refresh_calibration(
-        model, data, reading=recordings.reading(), accept=tuple(accept), max_error=max_error
-    )
+    result = refresh_calibration(model, data, reading=recordings.reading(), accept=tuple(accept), max_error=max_error)
     save_model(result.model, result.card, out)
     shown = result.as_data()
     if as_json:
@@ -267,9 +257,7 @@ def drift(
     recordings: ModelRecordingOptions,
     model: Path = argument("MODEL", "A model that catenary fit or refresh wrote."),
     data: Sequence[Path] = RECORDINGS,
-    factor: float = option(
-        "K", "For a model without intervals: times its card's error that is too much.", 2.0
-    ),
+    factor: float = option("K", "For a model without intervals: times its card's error that is too much.", 2.0),
     max_error: Numbers | None = MAX_ERROR,
     accept: Sequence[str] = ACCEPT,
     report: Path | None = REPORT,

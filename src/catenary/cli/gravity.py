@@ -84,9 +84,7 @@ class Conditions:
         "the sensor asks for it too.",
         False,
     )
-    sensor_bias: Triple | None = option(
-        "X,Y,Z", "What is left of the unit's bias after its calibration, in m/s2."
-    )
+    sensor_bias: Triple | None = option("X,Y,Z", "What is left of the unit's bias after its calibration, in m/s2.")
     seed: int | None = SIMULATED_SEED
 
     def as_data(self) -> dict[str, Any]:
@@ -295,9 +293,7 @@ def track(
     axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z")),
     seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0),
     damping: str = option(
-        "KIND",
-        "relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.",
-        "relative",
+        "KIND", "relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.", "relative"
     ),
     report: Path | None = REPORT,
     as_json: bool = TABLES_AS_JSON,
@@ -316,9 +312,7 @@ def track(
     from catenary.workflows.gravity.trials import track as run
 
     if controller in ("inertia", "computed-torque") and (conditions.kp or conditions.kd):
-        raise InputError(
-            f"--kp and --kd: {controller} has gains of accelerations; they go with pd, sg, dg, elastic-*"
-        )
+        raise InputError(f"--kp and --kd: {controller} has gains of accelerations; they go with pd, sg, dg, elastic-*")
     arm = conditions.arm(robot, description)
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(

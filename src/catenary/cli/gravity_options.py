@@ -35,9 +35,7 @@ BASE_TILT = option(
     read=base_tilt,
 )
 TILT_OF_BASE = option("R,P", "Roll about x, then pitch about y, of the base.", read=base_tilt)
-IMU_READING = option(
-    "AX,AY,AZ", "In place of --gravity: what an accelerometer on the base reads at rest, up, in m/s2."
-)
+IMU_READING = option("AX,AY,AZ", "In place of --gravity: what an accelerometer on the base reads at rest, up, in m/s2.")
 MOUNTING_FILE = option("FILE", "Sensor's mounting file.")
 
 
@@ -96,12 +94,9 @@ class RuleOptions:
         "What carries the base: gives rules, cut-off and times that suit how it moves.",
         "table",
     )
-    sensor_noise: float | None = option(
-        "M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0
-    )
+    sensor_noise: float | None = option("M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0)
     rule: Sequence[str] = option(
-        "NAME=VALUE",
-        "A rule of what is believed, as max_push=4; repeatable. docs/gravity-vector.md has all of them.",
+        "NAME=VALUE", "A rule of what is believed, as max_push=4; repeatable. docs/gravity-vector.md has all of them."
     )
     hanging: bool = option(None, "The base may hang upside down.", False)
 
@@ -120,14 +115,9 @@ class GravityOptions(RuleOptions):
     """Options that say where gravity comes from; nominal gravity without any."""
 
     gravity: str | None = option(
-        "TOPIC",
-        "With --ros: gravity of `catenary gravity-node`, as /gravity.",
-        goes_with="ros",
-        not_with="imu",
+        "TOPIC", "With --ros: gravity of `catenary gravity-node`, as /gravity.", goes_with="ros", not_with="imu"
     )
-    imu: str | None = option(
-        "TOPIC", "With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw.", goes_with="ros"
-    )
+    imu: str | None = option("TOPIC", "With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw.", goes_with="ros")
     mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu")
 
     def source(self) -> "ImuTopic | None":
@@ -167,12 +157,7 @@ class SensingOptions(RuleOptions):
         return {name: value for name, value in vars(self).items() if value != getattr(defaults, name)}
 
     def source(
-        self,
-        mailbox: "Mailbox",
-        mounting: "Mounting",
-        *,
-        angular: bool,
-        feed: Callable[[float], None] | None = None,
+        self, mailbox: "Mailbox", mounting: "Mounting", *, angular: bool, feed: Callable[[float], None] | None = None
     ) -> "SensedGravity":
         """Return the source of gravity that reads a mailbox so."""
         from catenary.sensing.imu import SensedGravity

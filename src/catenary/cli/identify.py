@@ -7,16 +7,7 @@ from pathlib import Path
 import typer
 
 from catenary.cli.gravity_options import IMU_READING, gravity_of_reading
-from catenary.cli.options import (
-    REPORT,
-    REQUIRED,
-    TABLES_AS_JSON,
-    Names,
-    Triple,
-    argument,
-    option,
-    robots_beginning,
-)
+from catenary.cli.options import REPORT, REQUIRED, TABLES_AS_JSON, Names, Triple, argument, option, robots_beginning
 from catenary.cli.out_files import NAMED_AS_TYPED, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_json, print_notes
@@ -25,8 +16,7 @@ from catenary.errors import InputError
 from catenary.files import card_path
 
 LOGS = argument(
-    "LOG",
-    "Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map.",
+    "LOG", "Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map."
 )
 GRAVITY = option("X,Y,Z", "Gravity vector in base axes, m/s2. [default: 0,0,-9.81]")
 IN_PLACE_OF_GRAVITY = replace(IMU_READING, not_with="gravity")
@@ -54,19 +44,14 @@ def _rows(text: str) -> tuple[int, int]:
 def identify(
     recordings: RecordingOptions,
     data: Sequence[Path] = LOGS,
-    robot: str = option(
-        "ROBOT", "Catalogue name or file; needs no inertia.", REQUIRED, completes=robots_beginning
-    ),
-    out: Path = option(
-        "FILE", f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=PARAMETERS
-    ),
+    robot: str = option("ROBOT", "Catalogue name or file; needs no inertia.", REQUIRED, completes=robots_beginning),
+    out: Path = option("FILE", f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=PARAMETERS),
     test: Sequence[Path] = option("LOG", "A recording to judge the result by; may be repeated."),
     terms: str = option("WHAT", "full: all dynamics; static: poses at rest.", "full"),
     cutoff_hz: float | None = CUT_OFF,
     period: int | None = option("N", "Samples of the motion's period. [default: the robot file's]", least=1),
     weighting: str | None = option(
-        "HOW",
-        "Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]",
+        "HOW", "Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]"
     ),
     consistent: bool = option(
         None,
@@ -80,10 +65,7 @@ def identify(
         "presliding; or none. [default: all]",
     ),
     prior: bool = option(
-        None,
-        "Draw towards the masses of the robot's file, where it has any.",
-        True,
-        flag="--prior/--no-prior",
+        None, "Draw towards the masses of the robot's file, where it has any.", True, flag="--prior/--no-prior"
     ),
     blocks: float | None = option("S", "Hold out every second block of S seconds (static: S rows)."),
     rows: tuple[int, int] | None = option("A:B", "Rows of LOG to fit. [default: all]", read=_rows),

@@ -82,9 +82,7 @@ def monitor(
             pass  # the usual end
 
 
-def _on_screen(
-    name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal", seconds: float | None
-) -> None:
+def _on_screen(name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal", seconds: float | None) -> None:
     import os
 
     from catenary.monitor import monitor_lines

@@ -27,9 +27,7 @@ def goto(
     q_deg: Numbers | None = option("Q,Q,...", "Joints in deg and mm: the first ones, or those of --joints."),
     q: Numbers | None = option("Q,Q,...", "The same in rad and m."),
     joints: Names | None = option("NAME,...", "Which joints; the others stay.", goes_with=("q", "q_deg")),
-    position_mm: Triple | None = option(
-        "X,Y,Z", "In place of joints: where the tool goes, in the base frame."
-    ),
+    position_mm: Triple | None = option("X,Y,Z", "In place of joints: where the tool goes, in the base frame."),
     speed: float = option(None, "Factor on 0.2 rad/s and 10 mm/s, at most 5.", 1.0),
     as_json: bool = AS_JSON,
 ) -> None:
@@ -115,9 +113,7 @@ def follow(
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with open_robot(robot, "follow") as opened, progress_bar("follow") as tell:
-        summary = follow_file(
-            opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell
-        )
+        summary = follow_file(opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell)
     _say(summary, as_json, "followed to its end")
 
 

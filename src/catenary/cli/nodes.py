@@ -13,15 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from catenary.cli.gravity_options import LEVEL_BASE, MOUNTING_FILE, SensingOptions, base_tilt
-from catenary.cli.options import (
-    AS_JSON,
-    LINES_AS_JSON,
-    REQUIRED,
-    Triple,
-    option,
-    require_one,
-    robots_beginning,
-)
+from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one, robots_beginning
 from catenary.cli.robot_choice import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_json, print_json_line, print_notes
 from catenary.errors import InputError
@@ -205,10 +197,7 @@ def encoders(
     from catenary.nodes.encoder_node import EncoderNode, publish_encoders
 
     rig = EncoderRig(bits=bits, direction=np.array(direction))
-    with (
-        make_transport(ros, node_name("encoders", name)) as transport,
-        EncoderBoard(port, rig, baud=baud) as board,
-    ):
+    with make_transport(ros, node_name("encoders", name)) as transport, EncoderBoard(port, rig, baud=baud) as board:
         board.wait_ready()
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
@@ -231,9 +220,7 @@ def gravity_node(
     rate: float = option("HZ", "Rate at which gravity is published.", 100.0),
     topic: str = option("TOPIC", "Topic that gravity is published on.", "/gravity"),
     frame: str = option("NAME", "frame_id of the published gravity.", "base"),
-    points_down: bool = option(
-        None, "The topic's vectors are gravity, not specific force.", False, not_with="port"
-    ),
+    points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
     no_gyroscope: bool = option(None, "Ignore the Imu's angular rates.", False),
     baud: int = replace(BAUD, goes_with="port"),
     duration: float | None = DURATION,
@@ -259,9 +246,7 @@ def gravity_node(
         feed: Callable[[float], None] | None = None
         counts: Any
         if port is not None:
-            device = stack.enter_context(
-                SerialAccelerometer(port, mailbox, baud=baud, clock=lambda: now_of(transport))
-            )
+            device = stack.enter_context(SerialAccelerometer(port, mailbox, baud=baud, clock=lambda: now_of(transport)))
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             told, angular, counts = device.with_ranges(told), hello.has_gyroscope, device.counts
@@ -316,7 +301,5 @@ def _encoder_line(status: "EncoderStatus") -> tuple[str, Sequence[str]]:
 def _gravity_line(status: "GravityStatus") -> tuple[str, Sequence[str]]:
     x, y, z = status.reading.gravity
     tilt, state = status.as_data()["tilt_deg"], status.reading.status.value
-    text = (
-        f"{status.seconds:7.0f} s  gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, tilt {tilt:.2f} deg, {state}"
-    )
+    text = f"{status.seconds:7.0f} s  gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, tilt {tilt:.2f} deg, {state}"
     return text, status.warnings

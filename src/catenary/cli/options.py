@@ -178,9 +178,7 @@ def _refuse_files(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
             written[one.typed] = value, one.option.writes
         elif one.option.writes is None:
             named = value if isinstance(value, tuple) else (value,)
-            read += [
-                Path(each) for each in named if isinstance(each, Path) or (each and one.option.completes)
-            ]
+            read += [Path(each) for each in named if isinstance(each, Path) or (each and one.option.completes)]
     refuse_outputs(written, read)
 
 
@@ -198,9 +196,7 @@ def numbers(text: str, count: int | None = None) -> Numbers:
         try:
             values.append(float(word))
         except ValueError:
-            raise typer.BadParameter(
-                f"expected numbers separated by commas, got {word!r} in {text!r}"
-            ) from None
+            raise typer.BadParameter(f"expected numbers separated by commas, got {word!r} in {text!r}") from None
     if not values or len(values) != (count or len(values)):
         expected = f"{count} numbers" if count else "numbers"
         raise typer.BadParameter(f"expected {expected} separated by commas, got {text!r}")
@@ -223,9 +219,7 @@ def refuse_spaces(parameters: Sequence[Any], arguments: Sequence[str]) -> None:
     for k, word in enumerate(arguments):
         following = arguments[k + 1 : k + 3]
         if word in lists and len(following) == 2 and all(map(_is_number, following)):
-            raise InputError(
-                f"{word}: expected {lists[word]} with commas, got {' '.join(following)} with spaces"
-            )
+            raise InputError(f"{word}: expected {lists[word]} with commas, got {' '.join(following)} with spaces")
 
 
 def robots_beginning(incomplete: str) -> list[str]:

@@ -16,20 +16,7 @@ from catenary.files import card_path
 
 # endings that say what a file is, to catenary, to other programs or to people
 _TOLD = {
-    *(
-        ".npz",
-        ".npy",
-        ".mat",
-        ".parquet",
-        ".csv",
-        ".txt",
-        ".toml",
-        ".json",
-        ".yaml",
-        ".urdf",
-        ".xml",
-        ".mjcf",
-    ),
+    *(".npz", ".npy", ".mat", ".parquet", ".csv", ".txt", ".toml", ".json", ".yaml", ".urdf", ".xml", ".mjcf"),
     *(".h", ".c", ".py", ".onnx", ".html", ".htm", ".pdf", ".png", ".svg", ".md"),
     *(".bag", ".mcap", ".db3", ".zip", ".gz", ".xlsx"),
 }
@@ -43,9 +30,7 @@ class FileKind:
     name: str
     endings: tuple[str, ...]  # that its name may have, beside none and unknown ones
     is_one: Callable[[Path], bool]  # whether an existing file is one
-    beside: "tuple[str, Callable[[Path], Path], FileKind | None] | None" = (
-        None  # written with it: what, where, kind
-    )
+    beside: "tuple[str, Callable[[Path], Path], FileKind | None] | None" = None  # written with it: what, where, kind
 
 
 def out_path(typed: str | Path) -> Path:
@@ -157,9 +142,7 @@ def _is_excitation(path: Path) -> bool:
 
 
 _CARD = ("the card", card_path, None)
-MODEL = FileKind(
-    "a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"), _CARD
-)
+MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"), _CARD)
 PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), _CARD)
 LOG = FileKind("a motion log", (".parquet",), _is_log)
 EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
@@ -169,10 +152,7 @@ HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))
 GRAPH = FileKind("an ONNX graph", (".onnx",), _holds(b"catenary"))
 URDF = FileKind("a URDF", (".urdf", ".xml"), _holds(b"<robot"))
 MCAP = FileKind(
-    "an MCAP file",
-    (".mcap",),
-    _holds(b"\x89MCAP"),
-    ("the URDF", lambda path: path.with_suffix(".urdf"), URDF),
+    "an MCAP file", (".mcap",), _holds(b"\x89MCAP"), ("the URDF", lambda path: path.with_suffix(".urdf"), URDF)
 )
 PICTURE = FileKind("a picture", (".png", ".svg", ".pdf"), _is_picture)
 PAGE = FileKind("a page", (".html", ".htm"), _holds(b"<!doctype html>"))

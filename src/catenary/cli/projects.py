@@ -24,9 +24,7 @@ BEGUN_FOLDER = argument("PROJECT", "Folder of a project that was begun.")
 SEED = option(None, "Simulate another robot, drawn with this seed. [default: the nominal one]")
 ARM_NAMESPACE = option("/NAME", "Of a dVRK PSM: in front of its topics. [default: /PSM1]")
 ARM_KIND = option(
-    "ROBOT",
-    "Which robot a new project is of: raven2 or dvrk_psm. [default: raven2]",
-    completes=robots_beginning,
+    "ROBOT", "Which robot a new project is of: raven2 or dvrk_psm. [default: raven2]", completes=robots_beginning
 )
 HOURS = option(None, "Length of the random motion.")
 
@@ -42,12 +40,7 @@ class ArmOptions:
 
     def settings(self) -> dict[str, Any]:
         """Return the project's settings that were typed; None for the others."""
-        return {
-            "seed": self.seed,
-            "payload_kg": self.payload,
-            "side": self.side,
-            "base_tilt_deg": self.base_tilt_deg,
-        }
+        return {"seed": self.seed, "payload_kg": self.payload, "side": self.side, "base_tilt_deg": self.base_tilt_deg}
 
 
 def _fractions(text: str) -> Numbers:
@@ -65,15 +58,9 @@ def _fractions(text: str) -> Numbers:
 class ExcitationOptions(ArmOptions):
     """Options of an arm, and of the zig-zag that it is calibrated with."""
 
-    direction: str | None = option(
-        None, "Joints that the zig-zag sweeps: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3."
-    )
-    form: str | None = option(
-        None, "Which published J1-J2-J3: generator, files or paper. [default: generator]"
-    )
-    sparsity: Numbers | None = option(
-        "S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions
-    )
+    direction: str | None = option(None, "Joints that the zig-zag sweeps: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
+    form: str | None = option(None, "Which published J1-J2-J3: generator, files or paper. [default: generator]")
+    sparsity: Numbers | None = option("S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions)
     train_minutes: float | None = option("MIN", "Length of a dVRK PSM's motion to train on. [default: 20]")
     state_rate: float | None = option("HZ", "Rate of raven_state, 30 or 100. [default: 30]")
 
@@ -93,10 +80,7 @@ class RobotAccess:
     """Options of a project's robot: where it is, and whether a person beside it is asked."""
 
     ros: int | None = option(
-        "1|2",
-        "Robot on ROS 1 or 2. [default: the project's, simulated at first]",
-        choices=(1, 2),
-        joins_ros=True,
+        "1|2", "Robot on ROS 1 or 2. [default: the project's, simulated at first]", choices=(1, 2), joins_ros=True
     )
     yes: bool = option(None, "With --ros: do not ask; the robot's state must permit each step.", False)
     simulated: bool = option(None, "With --ros: that robot is a simulation; recordings say so.", False)

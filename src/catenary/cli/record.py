@@ -38,9 +38,7 @@ if TYPE_CHECKING:
 def home(
     arm: ArmOptions,
     access: RobotAccess,
-    project: Path | None = argument(
-        "PROJECT", "Folder of the robot's project; made if it is not there.", None
-    ),
+    project: Path | None = argument("PROJECT", "Folder of the robot's project; made if it is not there.", None),
     robot: str | None = option(
         "ROBOT", "Which one; of a project raven2 or dvrk_psm. [default: raven2]", completes=robots_beginning
     ),
@@ -151,9 +149,7 @@ def record(
     project: Path = FOLDER,
     hours: float | None = HOURS,
     name: str = option(None, "Name of the recording.", "test"),
-    no_motion: bool = option(
-        None, "With --ros: record the robot while somebody else moves it; Ctrl-C ends it.", False
-    ),
+    no_motion: bool = option(None, "With --ros: record the robot while somebody else moves it; Ctrl-C ends it.", False),
     robot: str | None = replace(ARM_KIND, goes_with="no_motion"),
     namespace: str | None = replace(ARM_NAMESPACE, goes_with="no_motion"),
     as_json: bool = AS_JSON,
@@ -179,9 +175,7 @@ def record(
         say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
-def _begun_by_others(
-    project: Path, access: RobotAccess, robot: str | None, namespace: str | None
-) -> "Project":
+def _begun_by_others(project: Path, access: RobotAccess, robot: str | None, namespace: str | None) -> "Project":
     """Open or begin a project whose robot somebody else moves; the settings of one that was begun stay as they are."""
     from catenary.workflows.project.folder import is_project
 
@@ -192,9 +186,7 @@ def _begun_by_others(
     return open_project(project)
 
 
-def _record_others(
-    project: "Project", access: RobotAccess, hours: float | None, name: str, as_json: bool
-) -> None:
+def _record_others(project: "Project", access: RobotAccess, hours: float | None, name: str, as_json: bool) -> None:
     """Record a robot that somebody else moves."""
     from catenary.crtk.network import node_name
     from catenary.recording.journal import About

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 
 RECORDINGS = argument(
     "DATA",
-    "Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others "
-    "with --map.",
+    "Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others with --map.",
 )
 ACCEPT = option("NAME", "Go on though this was found wrong with the data; repeatable.")
 MAX_ERROR = option("E,E,...", "Leave out rows with larger errors, per joint in deg, mm.")
@@ -56,8 +55,7 @@ class MendOptions:
     """How recordings are mended before they are used."""
 
     units: str | None = _of_recordings(
-        "U,U,...",
-        "Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone.",
+        "U,U,...", "Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone."
     )
     swap: Sequence[str] = _of_recordings(
         "J,J", "These measured columns stand in each other's place; tau:J,J of torques."
@@ -116,8 +114,5 @@ class ModelRecordingOptions(RecordingOptions):
     """The same of recordings that are given to a model, which knows how its training data were mended."""
 
     no_mend: bool = option(
-        None,
-        "Do not mend recordings as the model's training data were mended.",
-        False,
-        goes_with=(*_READS, "what"),
+        None, "Do not mend recordings as the model's training data were mended.", False, goes_with=(*_READS, "what")
     )

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
 NODE_NAME = option("NAME", "On ROS: this program's. [default: catenary_COMMAND_PID]")
-CARRIER = option(
-    "1|2|none", "ROS that carries the messages.", "1", choices=("1", "2", "none"), joins_ros=True
-)
+CARRIER = option("1|2|none", "ROS that carries the messages.", "1", choices=("1", "2", "none"), joins_ros=True)
 BAUD = option(None, "Speed of the serial line.", 115200, least=300)
 RECORD = option("FOLDER", "Also record a RAVEN-II's topics.")
 SIMULATED_SEED = option(
@@ -40,18 +38,12 @@ class WatchedRobot:
         "1|2", "The robot is on ROS 1 or 2. [default: simulated here]", choices=(1, 2), joins_ros=True
     )
     dialect: str | None = option(
-        None,
-        "With --ros: raven or crtk. [default: the robot's own]",
-        choices=("raven", "crtk"),
-        goes_with="ros",
+        None, "With --ros: raven or crtk. [default: the robot's own]", choices=("raven", "crtk"), goes_with="ros"
     )
     namespace: str | None = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros")
     name: str | None = option(NODE_NAME.metavar, NODE_NAME.help, goes_with="ros")
     simulated: bool = option(
-        None,
-        "With --ros: that robot is simulated, so there is no workspace to clear.",
-        False,
-        goes_with="ros",
+        None, "With --ros: that robot is simulated, so there is no workspace to clear.", False, goes_with="ros"
     )
     base_tilt_deg: tuple[float, float] | None = option(
         "R,P", "Simulated: roll about x, then pitch about y, of its base.", read=base_tilt, not_with="ros"
@@ -72,9 +64,7 @@ class MovedRobot(WatchedRobot):
 class PacedRobot(MovedRobot):
     """Options of a robot that is moved by itself, for which simulated time may run faster."""
 
-    fast: bool = option(
-        None, "Simulated: as fast as the machine allows, not in real time.", False, not_with="ros"
-    )
+    fast: bool = option(None, "Simulated: as fast as the machine allows, not in real time.", False, not_with="ros")
 
 
 class TerminalGuide:
@@ -102,12 +92,7 @@ def ros_transport(version: int, name: str) -> "Iterator[Transport]":
 
 @contextmanager
 def open_robot(
-    chosen: WatchedRobot,
-    command: str,
-    *,
-    moves: bool = True,
-    homed: bool = True,
-    imu: "ImuTopic | None" = None,
+    chosen: WatchedRobot, command: str, *, moves: bool = True, homed: bool = True, imu: "ImuTopic | None" = None
 ) -> "Iterator[OperatedRobot]":
     """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is."""
     from catenary.crtk.client import CrtkClient

@@ -50,8 +50,7 @@ def joint_values(model: "RobotModel", q: Numbers | None, q_deg: Numbers | None) 
     """Return all joints of a robot from one of the two options, (n,) in rad and m."""
     if (q is None) == (q_deg is None):
         raise InputError(
-            f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): "
-            f"{_names_and_units(model)}"
+            f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): {_names_and_units(model)}"
         )
     return some_joint_values(model, q, q_deg, model.joint_names)[0]
 

@@ -47,9 +47,7 @@ def robots(as_json: bool = TABLES_AS_JSON) -> None:
     with without_notes(True):  # those that a robot has when it is named
         models = [load_robot(name) for name in robot_names()]
     if as_json:
-        print_json(
-            [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
-        )
+        print_json([{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models])
         return
     from catenary.reports.page import Table, TableColumn
 
@@ -108,10 +106,7 @@ def ik(
     robot: str = ROBOT,
     position_mm: Triple | None = option("X,Y,Z", "Position of the frame."),
     rpy_deg: Triple | None = option(
-        "R,P,Y",
-        "Orientation of the frame: turned about fixed x, y, z.",
-        goes_with="position_mm",
-        not_with="quaternion",
+        "R,P,Y", "Orientation of the frame: turned about fixed x, y, z.", goes_with="position_mm", not_with="quaternion"
     ),
     quaternion: tuple[float, float, float, float] | None = option(
         "W,X,Y,Z", "Orientation of the frame.", goes_with="position_mm"
@@ -256,9 +251,7 @@ def plot(
     figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
     write_atomically(out, buffer.getvalue())
     if as_json:
-        print_json(
-            {"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)}
-        )
+        print_json({"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)})
         return
     print(f"picture: {out}")
 
@@ -313,8 +306,7 @@ def _print_compact(report: "RegressorReport") -> None:
     rows = list(zip(names, form.labels, values, form.units, strict=True))
     print(Table(columns, rows, "Parameters", left=2).text())
     symbols = [
-        [name, symbol.meaning, "" if symbol.value is None else symbol.value]
-        for name, symbol in form.symbols.items()
+        [name, symbol.meaning, "" if symbol.value is None else symbol.value] for name, symbol in form.symbols.items()
     ]
     print(Table(columns[:3], symbols, "Symbols", left=2).text())
     if form.ineffective:

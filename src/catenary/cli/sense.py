@@ -33,9 +33,7 @@ _LINE_EVERY = 1.0  # [s] in a file or pipe
 class ReplayOptions:
     """A recording in place of a sensor."""
 
-    replay: Path | None = option(
-        "FILE", "Read a recorded sensor: a bag, or a CSV with time, ax, ay, az, gx, gy, gz."
-    )
+    replay: Path | None = option("FILE", "Read a recorded sensor: a bag, or a CSV with time, ax, ay, az, gx, gy, gz.")
     topic: str | None = option("TOPIC", "Of a bag with several sensor_msgs/Imu.", goes_with="replay")
     columns: Names | None = option(
         "C,C,C[,...]", "Of a table: the accelerometer's columns, then the gyroscope's.", goes_with="replay"
@@ -46,9 +44,7 @@ class ReplayOptions:
         "the whole robot, or the joints of --robot in rad and m.",
         goes_with="replay",
     )
-    robot: str | None = option(
-        "ROBOT", "Arm that carried the sensor, on a level base.", goes_with="orientations"
-    )
+    robot: str | None = option("ROBOT", "Arm that carried the sensor, on a level base.", goes_with="orientations")
     frame: str | None = option(
         "NAME", "Link of it that the sensor is fixed to. [default: the tip]", goes_with="orientations"
     )
@@ -58,9 +54,7 @@ class ReplayOptions:
         if self.replay is None:
             return None
         if tumble is not (self.orientations is not None):
-            raise InputError(
-                "sense: --replay with --tumble needs --orientations, and --orientations --tumble"
-            )
+            raise InputError("sense: --replay with --tumble needs --orientations, and --orientations --tumble")
         from catenary.recording.import_formats.imu_recording import read_imu
 
         found = read_imu(self.replay, topic=self.topic, columns=self.columns or ())
@@ -74,16 +68,12 @@ def sense(
     port: str | None = option("PORT", "Serial port, as /dev/ttyACM0."),
     simulated: bool = option(None, "Use a simulated sensor.", False),
     base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, goes_with="simulated"),
-    rate: float | None = option(
-        "HZ", "Sample rate of the simulated sensor. [default: 200]", goes_with="simulated"
-    ),
+    rate: float | None = option("HZ", "Sample rate of the simulated sensor. [default: 200]", goes_with="simulated"),
     seed: int = option(None, "Seed of the simulated sensor's noise.", 0, least=0, goes_with="simulated"),
     duration: float | None = option("S", "How long to watch. [default: 5; until Ctrl-C on a terminal]"),
     mounting: Path | None = MOUNTING_FILE,
     baud: int = replace(BAUD, goes_with="port"),
-    tumble: bool = option(
-        None, "Calibrate the sensor in several attitudes and write a mounting file.", False
-    ),
+    tumble: bool = option(None, "Calibrate the sensor in several attitudes and write a mounting file.", False),
     out: Path | None = option(
         "FILE",
         f"File that --tumble writes. {NAMED_AS_TYPED} [default: mounting.toml]",
@@ -127,13 +117,7 @@ def sense(
 
 @contextmanager
 def _opened(
-    port: str | None,
-    told: "Mounting",
-    tilt_deg: tuple[float, float],
-    rate: float,
-    seed: int,
-    baud: int,
-    tumble: bool,
+    port: str | None, told: "Mounting", tilt_deg: tuple[float, float], rate: float, seed: int, baud: int, tumble: bool
 ) -> "Iterator[tuple[Feed | None, Mounting]]":
     """Open the sensor, with its mounting and ranges; no feed for a simulated tumble, which is many sensors."""
     from dataclasses import replace
@@ -247,11 +231,7 @@ def _print_summary(summary: "SenseSummary") -> None:
 
 
 def _replay(
-    recording: "ImuRecording",
-    sensing: SensingOptions,
-    told: "Mounting",
-    duration: float | None,
-    as_json: bool,
+    recording: "ImuRecording", sensing: SensingOptions, told: "Mounting", duration: float | None, as_json: bool
 ) -> None:
     from catenary.workflows.replay import ReplayFeed
     from catenary.workflows.sense import SETTLE
@@ -262,9 +242,7 @@ def _replay(
     _watch(feed, source, left if duration is None else min(duration, left), as_json)
 
 
-def _calibrate(
-    recording: "ImuRecording", options: ReplayOptions, told: "Mounting", out: Path, as_json: bool
-) -> None:
+def _calibrate(recording: "ImuRecording", options: ReplayOptions, told: "Mounting", out: Path, as_json: bool) -> None:
     from catenary.robots.catalog import load_robot
     from catenary.workflows.replay import calibrate_replay, read_orientations
 

@@ -37,36 +37,23 @@ def view(
     ),
     model: Path | None = option("MODEL", "Calibration model: the calibrated arm beside the reported one."),
     log: Path | None = option(
-        "LOG",
-        "Show a recording of the robot: .parquet, .npz, or others with --map.",
-        not_with=("ros", "robot_seed"),
+        "LOG", "Show a recording of the robot: .parquet, .npz, or others with --map.", not_with=("ros", "robot_seed")
     ),
     ros: int | None = option(
         "1|2", "Beside a robot on ROS 1 or 2, which is only read.", choices=(1, 2), joins_ros=True
     ),
     dialect: str | None = option(
-        None,
-        "With --ros: raven or crtk. [default: the robot's own]",
-        choices=("raven", "crtk"),
-        goes_with="ros",
+        None, "With --ros: raven or crtk. [default: the robot's own]", choices=("raven", "crtk"), goes_with="ros"
     ),
     namespace: str | None = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros"),
     name: str | None = replace(NODE_NAME, goes_with="ros"),
     control: bool = option(
-        None,
-        "With --ros: buttons that move the robot while they are held, as teleop does.",
-        False,
-        goes_with="ros",
+        None, "With --ros: buttons that move the robot while they are held, as teleop does.", False, goes_with="ros"
     ),
     simulated: bool = option(
-        None,
-        "With --control: that robot is simulated, there is no workspace to clear.",
-        False,
-        goes_with="control",
+        None, "With --control: that robot is simulated, there is no workspace to clear.", False, goes_with="control"
     ),
-    yes: bool = option(
-        None, "With --control: the workspace is clear; do not ask.", False, goes_with="control"
-    ),
+    yes: bool = option(None, "With --control: the workspace is clear; do not ask.", False, goes_with="control"),
     port: int = option(None, "Of 127.0.0.1; the next free one where it is taken.", 8080),
     host: str = option(None, "127.0.0.1 alone; from another machine forward the port over SSH.", HERE),
     browser: bool | None = option(
@@ -154,9 +141,7 @@ def _beside(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
     return _Titled(robot.robot, arm)
 
 
-def _recording(
-    what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions
-) -> _Titled:
+def _recording(what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions) -> _Titled:
     """Return a recording of a robot, or a project's."""
     from catenary.calibration.model_file import load_model
     from catenary.robots.catalog import load_robot

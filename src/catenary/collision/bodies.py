@@ -166,9 +166,7 @@ def _body(shape: Shape, *, obstacle: bool) -> Body:
             solid, surface, vertices = mesh_of(shape.name, form)
             centre, half, radius = capsule_about(vertices)
     start, end = (pose.rotation @ (centre + sign * half) + pose.position for sign in (-1.0, 1.0))
-    return Body(
-        shape.name, shape.link, pose, start, end, radius, solid=solid, surface=surface, is_obstacle=obstacle
-    )
+    return Body(shape.name, shape.link, pose, start, end, radius, solid=solid, surface=surface, is_obstacle=obstacle)
 
 
 def capsule_about(vertices: Floats) -> tuple[Floats, Floats, float]:

@@ -157,11 +157,7 @@ def _halved(search: _Looks, path: JointPath, open_: Intervals) -> tuple[_Looks, 
         np.concatenate([search.is_true[kept], new.is_true]),
     )
     mid = len(kept) + place
-    return joined, (
-        np.concatenate([old_left, mid]),
-        np.concatenate([mid, old_right]),
-        np.concatenate([pairs, pairs]),
-    )
+    return joined, (np.concatenate([old_left, mid]), np.concatenate([mid, old_right]), np.concatenate([pairs, pairs]))
 
 
 def _nearest(scene: CollisionScene, path: JointPath, times: Floats) -> tuple[float, float, int]:

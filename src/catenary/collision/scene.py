@@ -166,9 +166,7 @@ class CollisionScene:
     def reach(self) -> Floats:
         """How fast a pair's distance changes at most: (P, n) [m/s] for one unit of each coordinate's speed."""
         tree = np.array([reach_of_body(self.model, body) for body in self.bodies])
-        common = np.array(
-            [self._ancestors(self.bodies[a]) & self._ancestors(self.bodies[b]) for a, b in self.pairs]
-        )
+        common = np.array([self._ancestors(self.bodies[a]) & self._ancestors(self.bodies[b]) for a, b in self.pairs])
         both = (tree[self.pairs[:, 0]] + tree[self.pairs[:, 1]]) * ~common
         return np.asarray(both @ np.abs(self.model.coupling))
 
@@ -235,15 +233,11 @@ def scene_of(
     """
     own = bodies_of(geometry.shapes)
     bodies = [*own, *bodies_of(tuple(obstacles), obstacles=True)]
-    named = [
-        {body.name, model.base} if body.link < 0 and not body.is_obstacle else {body.name} for body in bodies
-    ]
+    named = [{body.name, model.base} if body.link < 0 and not body.is_obstacle else {body.name} for body in bodies]
     known = {model.base}.union(*named)
     for name in (name for pair in ignored for name in pair):
         if name not in known:
-            raise InputError(
-                f'"{name}": no link with a shape and no obstacle; there are {", ".join(sorted(known))}'
-            )
+            raise InputError(f'"{name}": no link with a shape and no obstacle; there are {", ".join(sorted(known))}')
     skipped = {frozenset(pair) for pair in ignored}
     shaped = {body.link for body in own}
     pairs = [
@@ -256,12 +250,7 @@ def scene_of(
     if not pairs:
         raise InputError(f'robot "{model.name}": no two bodies that could collide')
     return CollisionScene(
-        model,
-        tuple(bodies),
-        np.array([(j, i) for i, j in pairs]),
-        geometry.origin,
-        geometry.assumed,
-        geometry.notes,
+        model, tuple(bodies), np.array([(j, i) for i, j in pairs]), geometry.origin, geometry.assumed, geometry.notes
     )
 
 

@@ -73,9 +73,7 @@ class ElasticPD:
         self.pd = JointPD(kp, kd, damping=damping, n=model.n)
         self.stiffness = as_array("stiffness", stiffness, (model.n,))
         if compensation not in get_args(Compensation):
-            raise InputError(
-                f'compensation "{compensation}": expected one of {", ".join(get_args(Compensation))}'
-            )
+            raise InputError(f'compensation "{compensation}": expected one of {", ".join(get_args(Compensation))}')
         self.compensation = compensation
         self.gravity = nominal_gravity(gravity)
         self.margin = stiffness_margin(model, self.pd.kp, self.stiffness, gravity=self.gravity)
@@ -171,9 +169,7 @@ def stiffness_margin(
     best, where = float(values.min()), points[int(values.argmin())]
     for k in np.argsort(values)[:_CLIMBS]:
         bounds = [(0.0, 1.0)] * len(points[k])
-        climbed = minimize(
-            negative_share, np.array(points[k], dtype=np.float64), bounds=bounds, method="L-BFGS-B"
-        )
+        climbed = minimize(negative_share, np.array(points[k], dtype=np.float64), bounds=bounds, method="L-BFGS-B")
         if climbed.fun < best:
             best, where = float(climbed.fun), climbed.x
     own_slopes = np.diag(slope_at(where)).copy()

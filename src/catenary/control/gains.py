@@ -146,6 +146,4 @@ def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upp
     are infinite for none.
     """
     most = as_array("torque", torque, (len(units),), finite=False)
-    return TorqueLimits(
-        most, slew=most / RISE_TIME, lower=lower, upper=upper, taper=[TAPER[unit] for unit in units]
-    )
+    return TorqueLimits(most, slew=most / RISE_TIME, lower=lower, upper=upper, taper=[TAPER[unit] for unit in units])

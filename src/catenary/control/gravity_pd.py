@@ -96,9 +96,7 @@ class GravityHold:
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return the torques (n,) [Nm|N] that gravity asks for at the measured position."""
         if len(state.q) != self.model.n:
-            raise InputError(
-                f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}"
-            )
+            raise InputError(f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}")
         self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
         return self.feedforward.copy()
 

@@ -71,9 +71,7 @@ class InertiaPD:
         """
         correction = self.pd.torque(state, reference)
         if len(reference.qdd) != self.model.n:
-            raise InputError(
-                f"inertia PD: the model has {self.model.n} joints, the reference {len(reference.qdd)}"
-            )
+            raise InputError(f"inertia PD: the model has {self.model.n} joints, the reference {len(reference.qdd)}")
         motion = (state.q, state.qd, np.zeros(self.model.n)) if self.coriolis else (state.q,)
         bias = self._bias_torque(*motion, *gravity_and_rates(state, self.gravity))
         inertia = self._mass_matrix(state.q) + self.motor_inertia

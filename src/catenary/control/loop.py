@@ -209,12 +209,8 @@ def run_loop(
                 reading = gravity.read(state.time)
                 sensed.add(reading)
                 if reading.status is ReadingStatus.STOP:
-                    raise SensorError(
-                        f"gravity is not known: {reading.faults.message or 'the sensor is lost'}"
-                    )
-                state = JointState(
-                    *state[:5], reading.gravity, reading.age, reading.base_rates, state.q_interval
-                )
+                    raise SensorError(f"gravity is not known: {reading.faults.message or 'the sensor is lost'}")
+                state = JointState(*state[:5], reading.gravity, reading.age, reading.base_rates, state.q_interval)
             reference = trajectory(number * dt)
             tau = None
             if controller is None:

@@ -66,9 +66,7 @@ class LoopReport:
                 values = zip(("median", "p99", "p99.9", "max"), timing, strict=True)
                 lines.append(f"{name} [us]: " + ", ".join(f"{key} {1e6 * v:.4g}" for key, v in values))
         if self.overruns is not None:
-            lines.append(
-                f"overruns: {self.overruns}; real-time priority: {'yes' if self.has_priority else 'no'}"
-            )
+            lines.append(f"overruns: {self.overruns}; real-time priority: {'yes' if self.has_priority else 'no'}")
         for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True)):
             line = f"{name}: tracking error {self.tracking_nominal[j]:.4g} {unit} RMS"
             if self.tracking_calibrated is not None and self.outside_valid_range is not None:

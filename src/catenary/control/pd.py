@@ -67,9 +67,7 @@ class JointPD:
     Without gravity compensation it sags by gravity_torque / kp.
     """
 
-    def __init__(
-        self, kp: ArrayLike, kd: ArrayLike, *, damping: Damping = "relative", n: int | None = None
-    ) -> None:
+    def __init__(self, kp: ArrayLike, kd: ArrayLike, *, damping: Damping = "relative", n: int | None = None) -> None:
         """Take the gains.
 
         Args:

@@ -48,9 +48,7 @@ class FiniteTicks:
     def _in_words(self) -> str:
         found = []
         for what, counts in zip(("measured position", "torque"), self._lost, strict=True):
-            joints = [
-                f'"{name}" ({count} ticks)' for name, count in zip(self._names, counts, strict=True) if count
-            ]
+            joints = [f'"{name}" ({count} ticks)' for name, count in zip(self._names, counts, strict=True) if count]
             if joints:
                 found.append(f"{what} of {', '.join(joints)}")
         return "; ".join(found)

@@ -72,9 +72,7 @@ class CrtkClient(CrtkReader):
         super()._connect(timeout)
         torques = self._publishers.get("servo_jf")
         obeys = torques is not None and self.transport.connections(torques.topic).subscribers
-        self.supports = frozenset(
-            {"servo_jp", "servo_jr", "state_command", *(("servo_jf",) if obeys else ())}
-        )
+        self.supports = frozenset({"servo_jp", "servo_jr", "state_command", *(("servo_jf",) if obeys else ())})
 
     # what it obeys
 
@@ -127,9 +125,7 @@ class CrtkClient(CrtkReader):
             TransportError: The robot fell silent.
         """
         if command not in STATE_COMMANDS:
-            raise UnsupportedCommandError(
-                f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
-            )
+            raise UnsupportedCommandError(f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}')
         self._goal = None
         begin = self.transport.steady()
         patience = timeout or (HOMING_TIMEOUT if command == "home" else COMMAND_TIMEOUT)

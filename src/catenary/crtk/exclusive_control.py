@@ -101,9 +101,7 @@ class Commander:
         self._transport = transport
         self._topic: str | None = None  # that it commanded by
         self._process: tuple[str, ...] = ()  # its name and address; none where the transport does not tell
-        self._commanded = self._heard = (
-            0  # [ns] its last command that was obeyed, and its last one that came in
-        )
+        self._commanded = self._heard = 0  # [ns] its last command that was obeyed, and its last one that came in
         self._looked = self._went_on = 0  # [ns] last look, and end of the last stall
         self._stood = 0  # [ns] length of stalls after the last command, and of one just before it
         self._gone: int | None = None  # [ns] when it was first seen to be gone

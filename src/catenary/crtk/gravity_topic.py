@@ -57,9 +57,7 @@ class MeasuredGravity:
         self._mounting, self._kind, self._plausible = imu.mounting, imu.kind, imu.plausible
         self._transport = transport
         self._status = (
-            Latest(transport, f"{imu.topic}/status", "crtk_msgs/StringStamped")
-            if imu.kind is Kind.FREE_FALL
-            else None
+            Latest(transport, f"{imu.topic}/status", "crtk_msgs/StringStamped") if imu.kind is Kind.FREE_FALL else None
         )
         self._seen: int | None = None  # arrival of the newest message that was looked at
         self._measured: int | None = None  # arrival of the newest plausible one

@@ -12,15 +12,7 @@ from catenary.crtk.clock import Clock
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
-from catenary.crtk.transport import (
-    Connections,
-    Handler,
-    Publisher,
-    Transport,
-    absolute,
-    answer_of,
-    other_type,
-)
+from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, answer_of, other_type
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
 

@@ -32,11 +32,7 @@ def message_class(name: str) -> Any:
 def _made(name: str) -> Any:
     parts = fields(name)
     make: Any = namedtuple  # its checkers want literals
-    made = make(
-        name.rpartition("/")[2],
-        [field.name for field in parts],
-        defaults=[_default(field) for field in parts],
-    )
+    made = make(name.rpartition("/")[2], [field.name for field in parts], defaults=[_default(field) for field in parts])
     made.__doc__ = f"{name}: {', '.join(f'{field.type} {field.name}' for field in parts)}"
     return made
 
@@ -66,9 +62,7 @@ def stamp_of(message: Message) -> int | None:
 def message_fields(name: str, message: Message) -> Iterator[tuple[Field, Any]]:
     """Return the fields of a message with their values."""
     if not isinstance(message, message_class(name)):
-        raise InputError(
-            f"expected a message {current_name(name)}, got {type(message).__name__}: {message!r}"
-        )
+        raise InputError(f"expected a message {current_name(name)}, got {type(message).__name__}: {message!r}")
     return zip(fields(name), message, strict=True)
 
 

@@ -18,16 +18,7 @@ from rosbags.serde import SerdeError
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import HEADER, Message, has_header, message_class, message_fields
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.messages import (
-    MESSAGES,
-    NUMBERS,
-    TIMES,
-    Field,
-    current_name,
-    fields,
-    ros2_name,
-    typestore,
-)
+from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, Field, current_name, fields, ros2_name, typestore
 
 NO_MESSAGE = (  # what rosbags raises of bytes, and `struct` of values, that do not fit
     SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError, LookupError, AssertionError,
@@ -37,9 +28,7 @@ _EIGHT_BYTES = str.maketrans("lL", "qQ")  # NumPy's letters, in the standard siz
 _ZEROS = tuple(bytes(k) for k in range(8))
 _COUNT = struct.Struct("<I")  # of an array or a text, and a header's `seq`
 _TIME = 8  # bytes
-_Write = Callable[
-    [list[bytes], int, Any], int
-]  # adds the bytes of values that begin at a place; gives where they end
+_Write = Callable[[list[bytes], int, Any], int]  # adds the bytes of values that begin at a place; gives where they end
 
 
 class Encoding(NamedTuple):

@@ -28,11 +28,7 @@ _logger = logging.getLogger(__name__)
 
 
 def joint_state_message(
-    names: tuple[str, ...],
-    stamp: int,
-    position: ArrayLike = (),
-    velocity: ArrayLike = (),
-    effort: ArrayLike = (),
+    names: tuple[str, ...], stamp: int, position: ArrayLike = (), velocity: ArrayLike = (), effort: ArrayLike = ()
 ) -> Message:
     """Return a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it."""
     values = []
@@ -77,9 +73,7 @@ def joint_values(
             )
         return values[: len(names)]
     if len(values) != len(given):
-        raise InputError(
-            f"JointState.{field}: {len(values)} numbers for {len(given)} names {', '.join(given)}"
-        )
+        raise InputError(f"JointState.{field}: {len(values)} numbers for {len(given)} names {', '.join(given)}")
     if given == names:
         return values
     by_name = dict(zip(given, values, strict=True))
@@ -151,9 +145,7 @@ def rotation_of(turn: Message) -> Floats:
     quaternion = as_array("quaternion", (turn.w, turn.x, turn.y, turn.z), (4,))
     length = hypot(*quaternion.tolist())
     if abs(length - 1.0) > 0.01:
-        raise InputError(
-            f"quaternion (w, x, y, z) {quaternion.tolist()}: expected length 1, got {length:.3g}"
-        )
+        raise InputError(f"quaternion (w, x, y, z) {quaternion.tolist()}: expected length 1, got {length:.3g}")
     return rotation_from_quaternion(quaternion)
 
 
@@ -190,9 +182,7 @@ def specific_force(message: Message) -> Floats:
     elif isinstance(message, message_class("geometry_msgs/Vector3Stamped")):
         values = message.vector
     else:
-        raise InputError(
-            f"expected an Imu, an AccelStamped or a Vector3Stamped, got {type(message).__name__}"
-        )
+        raise InputError(f"expected an Imu, an AccelStamped or a Vector3Stamped, got {type(message).__name__}")
     return as_array(type(message).__name__, tuple(values), (3,))
 
 

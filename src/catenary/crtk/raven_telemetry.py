@@ -17,23 +17,12 @@ from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError, TransportError
 from catenary.plant import Column, OperatingState, Plant
 from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE, RATIO, shift_of
-from catenary.recording.topics import (
-    EXT_JPOS,
-    JOINT_ENC,
-    JOINTS,
-    RAVENSTATE,
-    RAVENSTATE_100HZ,
-    Arm,
-    TopicColumn,
-)
+from catenary.recording.topics import EXT_JPOS, JOINT_ENC, JOINTS, RAVENSTATE, RAVENSTATE_100HZ, Arm, TopicColumn
 from catenary.transmission.cable_coupling import joint_forces
 
 _COLUMNS = {column.name: column for column in RAVENSTATE.columns}
 # channels of measured_js's joints: shoulder, elbow, insertion, roll, wrist, two jaws
-CHANNELS: Mapping[str, tuple[int, ...]] = {
-    "gold": (0, 1, 2, 4, 5, 6, 7),
-    "green": (8, 9, 10, 12, 13, 14, 15),
-}
+CHANNELS: Mapping[str, tuple[int, ...]] = {"gold": (0, 1, 2, 4, 5, 6, 7), "green": (8, 9, 10, 12, 13, 14, 15)}
 
 
 def raven_state_columns(message: Message) -> dict[str, Floats]:
@@ -81,8 +70,7 @@ class RavenTelemetry:
         self._arm: Arm = arm
         self._stale_after = stale_after
         self._encoders = {
-            topic.columns[0].name: Latest(transport, topic.name, topic.type)
-            for topic in (EXT_JPOS, JOINT_ENC)
+            topic.columns[0].name: Latest(transport, topic.name, topic.type) for topic in (EXT_JPOS, JOINT_ENC)
         }
         there = transport.topics()
         encoders = [topic.columns[0] for topic in (EXT_JPOS, JOINT_ENC) if topic.name in there]

@@ -185,9 +185,7 @@ class CrtkReader:
         if self._origin is None:
             self._origin = message.header.stamp
         time = (message.header.stamp - self._origin) / SECOND
-        return state._replace(
-            time=time, q=np.array(state.q), qd=np.array(state.qd), tau=np.array(tau), q_motor=q_motor
-        )
+        return state._replace(time=time, q=np.array(state.q), qd=np.array(state.qd), tau=np.array(tau), q_motor=q_motor)
 
     def setpoint_js(self) -> JointState:
         """Return the latest joint setpoint that the robot reports; at rest where it reports no velocity.
@@ -323,8 +321,7 @@ class CrtkReader:
             if (self.transport.steady() - begin) / SECOND >= timeout:
                 where = self.namespace or f"{self.arm} arm"
                 raise TransportError(
-                    f"the robot ({self.dialect}, {where}) is not there after {timeout:g} s: "
-                    + "; ".join(missing)
+                    f"the robot ({self.dialect}, {where}) is not there after {timeout:g} s: " + "; ".join(missing)
                 )
             self.transport.sleep(0.01)
 

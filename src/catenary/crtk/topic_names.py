@@ -86,9 +86,7 @@ _CRTK: _Verbs = {
     **dict.fromkeys(("jacobian", "body/jacobian", "spatial/jacobian"), (MATRIX, "out")),
     WARNING: ("std_msgs/String", "out"),
     "state_command": (COMMAND, "in"),
-    **dict.fromkeys(
-        ("servo_jp", "servo_jr", "servo_jv", "servo_jf", "move_jp", "move_jr"), (JOINT_STATE, "in")
-    ),
+    **dict.fromkeys(("servo_jp", "servo_jr", "servo_jv", "servo_jf", "move_jp", "move_jr"), (JOINT_STATE, "in")),
     **dict.fromkeys(("servo_cp", "servo_cr", "move_cp", "move_cr"), (POSE, "in")),
     "servo_cv": (TWIST, "in"),
     **dict.fromkeys(("servo_cf", "body/servo_cf", "spatial/servo_cf"), (WRENCH, "in")),
@@ -148,9 +146,7 @@ def topics(dialect: DialectName) -> tuple[CrtkTopic, ...]:
     raise InputError(f'dialect "{dialect}": expected raven or crtk')
 
 
-def find_topic(
-    dialect: DialectName, verb: str, arm: Arm | None = None, namespace: str | None = None
-) -> CrtkTopic:
+def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespace: str | None = None) -> CrtkTopic:
     """Return the topic of a verb of an arm, or of the whole robot when `arm` is None.
 
     Args:

@@ -79,9 +79,7 @@ class Publisher(ABC):
 class Transport(ABC):
     """Carries messages and calls under one name."""
 
-    lapses: tuple[int, ...] = (
-        0,
-    )  # [ns] from the end of a program until it is no longer connected: these, about
+    lapses: tuple[int, ...] = (0,)  # [ns] from the end of a program until it is no longer connected: these, about
 
     def __init__(self, name: str, clock: Clock | None = None) -> None:
         """Check the name.
@@ -143,9 +141,7 @@ class Transport(ABC):
         self.require_open()
         topic = absolute(topic)
         decode = self._decoder(type_name, bounds)
-        subscription = Subscription(
-            topic, current_name(type_name), self.inbox, decode, callback, depth, bounds
-        )
+        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, callback, depth, bounds)
         self._subscribe(subscription, type_name)
         return subscription
 
@@ -161,9 +157,7 @@ class Transport(ABC):
         service_md5_sum(type_name)  # refuses unknown types
         self._serve(name, type_name, handler)
 
-    def call(
-        self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
-    ) -> Message:
+    def call(self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0) -> Message:
         """Call a service and return its response.
 
         Raises:
@@ -288,9 +282,7 @@ class Latest:
         self._subscription.close()
 
 
-def answer_of(
-    name: str, waiting: Request, timeout: float, serve: Callable[[], object] | None = None
-) -> Message:
+def answer_of(name: str, waiting: Request, timeout: float, serve: Callable[[], object] | None = None) -> Message:
     """Return the answer of a service, waiting up to `timeout` [s] and calling `serve` meanwhile."""
     if not waiting.wait(timeout, serve):
         raise TransportError(f"service {name}: no answer within {timeout} s")
@@ -336,6 +328,4 @@ def absolute(name: str) -> str:
 
 def other_type(topic: str, wanted: str, found: str) -> TransportError:
     """Return the error of a topic that carries another type than was asked for."""
-    return TransportError(
-        f"topic {topic} carries {found}, expected {wanted}; one topic cannot carry two types"
-    )
+    return TransportError(f"topic {topic} carries {found}, expected {wanted}; one topic cannot carry two types")

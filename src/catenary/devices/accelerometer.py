@@ -233,7 +233,5 @@ class SerialAccelerometer(SerialBoard):
         force = np.array(sample.acceleration) * ACCELERATION_UNITS[self.hello.acceleration_unit]
         # rates first: when gravity is looked at, how the base turned meanwhile is known
         if sample.rate is not None and self.hello.has_gyroscope:
-            self.mailbox.put(
-                stamp, np.array(sample.rate) * RATE_UNITS[self.hello.rate_unit], Kind.ANGULAR_RATE
-            )
+            self.mailbox.put(stamp, np.array(sample.rate) * RATE_UNITS[self.hello.rate_unit], Kind.ANGULAR_RATE)
         self.mailbox.put(stamp, force, Kind.SPECIFIC_FORCE)

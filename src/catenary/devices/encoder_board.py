@@ -67,12 +67,7 @@ class EncoderBoard(SerialBoard):
     """
 
     def __init__(
-        self,
-        port: str,
-        rig: EncoderRig | None = None,
-        *,
-        baud: int = BAUD,
-        clock: Callable[[], float] = time.monotonic,
+        self, port: str, rig: EncoderRig | None = None, *, baud: int = BAUD, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Open the port and begin to read.
 

@@ -92,9 +92,7 @@ class CountTracker:
             return Tracked(Verdict.REJECTED, self._counts, self._told(far, step))
         return self._doubt(self._candidate, raw, time, step, late)
 
-    def _doubt(
-        self, candidate: tuple[Raw, float, int], raw: Raw, time: float, step: Floats, late: float
-    ) -> Tracked:
+    def _doubt(self, candidate: tuple[Raw, float, int], raw: Raw, time: float, step: Floats, late: float) -> Tracked:
         """Judge a row after one that was rejected: is it near the last good one, or near the rejected one?"""
         other, since, agree = candidate
         gap = max(0.0, time - since)

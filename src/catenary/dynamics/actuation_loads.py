@@ -7,14 +7,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_not_negative, one_for_all
 from catenary.errors import InputError
-from catenary.robots.actuation import (
-    Actuation,
-    ActuationKind,
-    ActuationTerm,
-    Friction,
-    LeverSpring,
-    actuation_terms,
-)
+from catenary.robots.actuation import Actuation, ActuationKind, ActuationTerm, Friction, LeverSpring, actuation_terms
 from catenary.robots.model import RobotModel
 
 NEVER_NEGATIVE: tuple[ActuationKind, ...] = (
@@ -103,12 +96,7 @@ def actuation_columns(
 
 
 def term_load(
-    term: ActuationTerm,
-    q: Floats,
-    qd: Floats,
-    qdd: Floats,
-    coulomb_velocity: float,
-    carried: Floats | None = None,
+    term: ActuationTerm, q: Floats, qd: Floats, qdd: Floats, coulomb_velocity: float, carried: Floats | None = None
 ) -> Floats:
     """Return the load f(s) (N,) of one term along s = c . q, per unit; friction as in steady sliding.
 

@@ -38,12 +38,7 @@ class BaseMotion(NamedTuple):
 
 
 def inverse_dynamics(
-    model: RobotModel,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    gravity: ArrayLike,
-    base: BaseMotion | None = None,
+    model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike, base: BaseMotion | None = None
 ) -> Floats:
     """Return the torques of a motion: M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
 
@@ -204,9 +199,7 @@ def _inverse_dynamics_rows(
         to_tree(coupling, qdd[k], xdd)
         for r in range(3):
             acceleration[n, r] = 0.0 - gravity[k if len(gravity) > 1 else 0, r]
-        newton_euler_recursion(
-            tree, rotation, position, xd, xdd, omega, alpha, acceleration, force, moment, torque
-        )
+        newton_euler_recursion(tree, rotation, position, xd, xdd, omega, alpha, acceleration, force, moment, torque)
         to_robot(coupling, torque, out[k])
 
 

@@ -103,9 +103,7 @@ def inverse_kinematics(
         if best is None or sum(found[1:]) < sum(best[1:]):
             best = found
     assert best is not None
-    raise UnreachablePoseError(
-        _message(model, model.tip if frame is None else frame, match, best, len(tried))
-    )
+    raise UnreachablePoseError(_message(model, model.tip if frame is None else frame, match, best, len(tried)))
 
 
 def nearest_coordinates(
@@ -163,9 +161,7 @@ def _damped_least_squares(
         return np.concatenate([left, rotation_vector(target.rotation @ pose.rotation.T)])
 
     def reached(e: Floats) -> bool:
-        return bool(
-            np.linalg.norm(e[:3]) <= position_tolerance and np.linalg.norm(e[3:]) <= orientation_tolerance
-        )
+        return bool(np.linalg.norm(e[:3]) <= position_tolerance and np.linalg.norm(e[3:]) <= orientation_tolerance)
 
     q, placed = q_start, Configuration(model, q_start)
     e, damping = error(placed), 1e-3

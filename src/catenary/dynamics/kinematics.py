@@ -81,9 +81,7 @@ def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) ->
     return placed.pose(in_frame).inverse() @ placed.pose(frame)
 
 
-def jacobian(
-    model: RobotModel, q: ArrayLike, frame: str | None = None, point: ArrayLike | None = None
-) -> Floats:
+def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: ArrayLike | None = None) -> Floats:
     """Return the Jacobian of a point fixed in a frame, in base axes.
 
     (velocity of the point; angular velocity of the frame) = J qd. A revolute joint with axis z through o
@@ -117,9 +115,7 @@ def reachable_points(
     turns = np.array(model.joint_units) == "rad"
     if (open_ended & ~turns).any():
         name = model.joint_names[int(np.flatnonzero(open_ended & ~turns)[0])]
-        raise InputError(
-            f'robot "{model.name}": joint "{name}" slides without limits: no end to its workspace'
-        )
+        raise InputError(f'robot "{model.name}": joint "{name}" slides without limits: no end to its workspace')
     full_turn = open_ended | (turns & (upper - lower > 2.0 * np.pi))
     lower[full_turn], upper[full_turn] = -np.pi, np.pi
     at = rng.random((count, model.n))
@@ -129,9 +125,7 @@ def reachable_points(
 
 
 @compiled
-def _place_rows(
-    tree: Tree, coupling: Floats, offset: Floats, q: Floats, rotations: Floats, positions: Floats
-) -> None:
+def _place_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, rotations: Floats, positions: Floats) -> None:
     n = len(tree.parent)
     work = np.empty((3, n))
     rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))

@@ -81,9 +81,7 @@ def mass_matrix_line(model: RobotModel) -> Line:
     p = placed(model)
     m, n = len(p.tree.parent), model.n
     matrix = empty(m, m)
-    composite_body_recursion(
-        p.tree, p.rotation, p.position, empty(m + 1), empty(m + 1, 3), empty(m + 1, 3, 3), matrix
-    )
+    composite_body_recursion(p.tree, p.rotation, p.position, empty(m + 1), empty(m + 1, 3), empty(m + 1, 3, 3), matrix)
     half = [_to_robot(p.coupling, matrix[i]) for i in range(m)]  # rows of tree matrix @ coupling
     entries = np.array(half, dtype=object)
     columns = [_to_robot(p.coupling, entries[:, l]) for l in range(n)]
@@ -107,9 +105,7 @@ def inverse_dynamics_line(model: RobotModel, *, moving_base: bool = True) -> Lin
     return _newton_euler_line(p, qd, qdd, moving_base=moving_base)
 
 
-def _newton_euler_line(
-    p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True
-) -> Line:
+def _newton_euler_line(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True) -> Line:
     m = len(p.tree.parent)
     omega, alpha, acceleration, torque = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3), empty(m)
     acceleration[m] = -p.trace.inputs("gravity", 3)

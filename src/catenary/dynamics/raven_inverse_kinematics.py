@@ -39,9 +39,7 @@ class RavenArm(NamedTuple):
 
 
 @compiled
-def raven_candidates(
-    arm: RavenArm, rotations: Floats, positions: Floats, k: int, out: Floats
-) -> tuple[int, float]:
+def raven_candidates(arm: RavenArm, rotations: Floats, positions: Floats, k: int, out: Floats) -> tuple[int, float]:
     """Write to out (8, n) all configurations that reach pose k of the tip in frame 0, whatever the limits.
 
     Rotations (N, 3, 3) are not read for three joints. Angles are in (-pi, pi], insertion in m.
@@ -119,9 +117,7 @@ def _write_tool_angles(
 
 
 @compiled
-def nearest_within_limits(
-    arm: RavenArm, rotations: Floats, positions: Floats, q_start: Floats, out: Floats
-) -> int:
+def nearest_within_limits(arm: RavenArm, rotations: Floats, positions: Floats, q_start: Floats, out: Floats) -> int:
     """Write to out (N, n) for every pose the configuration within the limits nearest to the one before.
 
     Returns how many poses were solved: N, or the index of the first that has no such configuration.

@@ -43,9 +43,7 @@ from catenary.robots.model import Tree
 
 
 @inlined
-def place_joints(
-    tree: Tree, x: Numbers, sine: Numbers, cosine: Numbers, rotation: Numbers, position: Numbers
-) -> None:
+def place_joints(tree: Tree, x: Numbers, sine: Numbers, cosine: Numbers, rotation: Numbers, position: Numbers) -> None:
     """Place every link in its parent.
 
     A revolute joint turns by Rodrigues' formula, R = c 1 + s [a]x + (1 - c) a a^T, a prismatic one moves
@@ -236,13 +234,7 @@ def _at(w: Vector, dw: Vector, r: Vector) -> Vector:
 
 @inlined
 def composite_body_recursion(
-    tree: Tree,
-    rotation: Numbers,
-    position: Numbers,
-    mass: Numbers,
-    moment: Numbers,
-    inertia: Numbers,
-    matrix: Numbers,
+    tree: Tree, rotation: Numbers, position: Numbers, mass: Numbers, moment: Numbers, inertia: Numbers, matrix: Numbers
 ) -> None:
     """Compute the mass matrix: composite rigid bodies (Walker, Orin 1982; Featherstone 2008, table 6.2).
 

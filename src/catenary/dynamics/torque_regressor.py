@@ -23,12 +23,7 @@ PARAMETER_UNITS = ("kg", "kg m", "kg m", "kg m", *(["kg m2"] * 6))
 
 
 def torque_regressor(
-    model: RobotModel,
-    q: ArrayLike,
-    qd: ArrayLike,
-    qdd: ArrayLike,
-    gravity: ArrayLike,
-    base: BaseMotion | None = None,
+    model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike, base: BaseMotion | None = None
 ) -> Floats:
     """Return the matrix Y of tau = Y phi, for the robot's links and its coordinates; needs no inertia.
 

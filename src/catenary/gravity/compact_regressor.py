@@ -127,9 +127,7 @@ class CompactRegressor:
         tolerance = 1e-9 * float(np.abs(full).max(initial=0.0))
         for k in self.zeros:
             if abs(full[k]) > tolerance:
-                raise InputError(
-                    f"s[{k}] is {full[k]:g}: expected 0, this robot's structure has nothing there"
-                )
+                raise InputError(f"s[{k}] is {full[k]:g}: expected 0, this robot's structure has nothing there")
         for label, entries in zip(self.labels, self.sources, strict=True):
             first = entries[0]
             for k in entries[1:]:
@@ -159,9 +157,7 @@ class CompactRegressor:
         """
         rows = r" \\ ".join(" & ".join(row) for row in self._entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
-        lines = [
-            rf"g = g_c \begin{{bmatrix}} {rows} \end{{bmatrix}} \begin{{bmatrix}} {vector} \end{{bmatrix}}"
-        ]
+        lines = [rf"g = g_c \begin{{bmatrix}} {rows} \end{{bmatrix}} \begin{{bmatrix}} {vector} \end{{bmatrix}}"]
         table, shared = self.written(DOWN)
         lines += [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
         lines += [
@@ -195,14 +191,10 @@ class CompactRegressor:
         lines = [f"g = g_c [{','.join('[' + ' '.join(row) + ']' for row in table)}] [{names}]^T"]
         if len(lines[0]) > WIDE:
             lines = [f"g = g_c (Z1 s1 + ... + Z{len(self.expressions)} s{len(self.expressions)})"]
-            lines += [
-                f"Z{k + 1} = [{', '.join(row[k] for row in table)}]^T" for k in range(len(self.expressions))
-            ]
+            lines += [f"Z{k + 1} = [{', '.join(row[k] for row in table)}]^T" for k in range(len(self.expressions))]
         lines += [f"s{k + 1} = {label}" for k, label in enumerate(self.labels)]
         if any("Z" in cell for row in table for cell in row):
-            lines.append(
-                "Zr,c: an entry of more than three terms, -gravity . (z_r x e), e the axis of column c"
-            )
+            lines.append("Zr,c: an entry of more than three terms, -gravity . (z_r x e), e the axis of column c")
         return "\n".join(lines)
 
     def _entries(self, *, latex: bool) -> list[list[str]]:
@@ -299,9 +291,7 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     )
 
 
-def _compact_line(
-    model: RobotModel, columns: Sequence[RegressorColumn], targets: Sequence[int], width: int
-) -> Line:
+def _compact_line(model: RobotModel, columns: Sequence[RegressorColumn], targets: Sequence[int], width: int) -> Line:
     """Trace the regressor (n, width), row by row; inputs q (n,) and gravity (3,).
 
     As `regressor_columns` has it, but in the links' frames. A first moment e asks z . (gravity x e) = e . (z x gravity)

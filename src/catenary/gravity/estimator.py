@@ -64,9 +64,7 @@ class EstimatedGravity:
             raise InputError(f'form "{form}": expected one of {", ".join(get_args(Form))}')
         self.regressor = compact = compact_regressor(model)
         if not compact.expressions:
-            raise InputError(
-                f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints'
-            )
+            raise InputError(f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints')
         self.model = model
         self.labels = compact.labels if form == "compact" else FullRegressor(model).labels
         self._s = self._start(s0)

@@ -17,12 +17,7 @@ from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
 ExportedQuantity = Literal[
-    "gravity",
-    "mass_matrix",
-    "inverse_dynamics",
-    "forward_kinematics",
-    "gravity_regressor",
-    "compact_regressor",
+    "gravity", "mass_matrix", "inverse_dynamics", "forward_kinematics", "gravity_regressor", "compact_regressor"
 ]
 ExportTarget = Literal["jax", "casadi", "sympy", "c99"]
 

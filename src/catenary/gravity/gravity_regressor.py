@@ -88,9 +88,7 @@ def _full(model: RobotModel, rows: Floats, gravities: Floats) -> Floats:
     return out
 
 
-def regressor_columns(
-    model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, gravity: Floats
-) -> Floats:
+def regressor_columns(model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, gravity: Floats) -> Floats:
     """Return chosen columns (N, n, len(columns)) of the regressor; inputs are not checked.
 
     The mass that a prismatic joint with axis z carries asks -gravity . z of the joint itself and, because the joint
@@ -124,10 +122,7 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
 def _full_labels(model: RobotModel) -> tuple[str, ...]:
     frames = (model.base, *model.link_names)
     moments = [
-        f"carried by {link}, along {axis} of {frame}"
-        for link in model.link_names
-        for frame in frames
-        for axis in "xyz"
+        f"carried by {link}, along {axis} of {frame}" for link in model.link_names for frame in frames for axis in "xyz"
     ]
     slides = np.flatnonzero(model.tree.prismatic)
     return (*moments, *(f"mass carried by {model.link_names[link]}" for link in slides))
@@ -213,9 +208,7 @@ def _placed(model: RobotModel, q: Floats, gravity: Floats) -> _Placed:
 def _shares(model: RobotModel) -> Floats:
     """Return the shares (n_tree, n, n_tree) of a coordinate in what a joint holds of a link; 0 if it carries it not."""
     n = len(model.tree.parent)
-    carries = np.array(
-        [[link in carried_links(model.tree, joint) for link in range(n)] for joint in range(n)]
-    )
+    carries = np.array([[link in carried_links(model.tree, joint) for link in range(n)] for joint in range(n)])
     shares: Floats = model.coupling[:, :, None] * carries.reshape(n, 1, n)
     return shares
 

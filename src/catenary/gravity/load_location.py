@@ -69,9 +69,7 @@ class LoadBeliefs(NamedTuple):
 class LoadHypotheses:
     """One hypothesis per frame that may carry a load; torques are taken one after the other."""
 
-    def __init__(
-        self, regressor: CompactRegressor, frames: Sequence[str], load: tuple[float, float] = LOAD
-    ) -> None:
+    def __init__(self, regressor: CompactRegressor, frames: Sequence[str], load: tuple[float, float] = LOAD) -> None:
         """Take the frames, and the standard deviations of a large load's mass [kg] and moment [kg m]."""
         self.frames, self._regressor = tuple(frames), regressor
         self._sizes = np.repeat(as_positive("load", load, (2,)), (1, PER_LOAD - 1))
@@ -91,9 +89,7 @@ class LoadHypotheses:
         self._squares += Z.T @ Z
         self._products += Z.T @ y
 
-    def beliefs(
-        self, q: Floats, gravity: Floats, noise: Floats, beforehand: float | None = None
-    ) -> LoadBeliefs:
+    def beliefs(self, q: Floats, gravity: Floats, noise: Floats, beforehand: float | None = None) -> LoadBeliefs:
         """Return probabilities and masses; every frame is as likely beforehand.
 
         q (n,) is where the arm stands, from where a joint may move to tell more; beforehand is the probability that
@@ -106,8 +102,7 @@ class LoadHypotheses:
             bodies.append((float(body[0]), float(self._sizes[0] * deviation), body[1:]))
         none, *shares = self.shares(beforehand)
         carriers = [
-            CarrierBelief(frame, share, *body)
-            for frame, share, body in zip(self.frames, shares, bodies, strict=True)
+            CarrierBelief(frame, share, *body) for frame, share, body in zip(self.frames, shares, bodies, strict=True)
         ]
         carriers.sort(key=lambda one: -one.probability)
         joint = None
@@ -224,11 +219,7 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
 
 
 def telling_joint(
-    regressor: CompactRegressor,
-    loads: Sequence[tuple[str, Floats]],
-    q: Floats,
-    gravity: Floats,
-    noise: Floats,
+    regressor: CompactRegressor, loads: Sequence[tuple[str, Floats]], q: Floats, gravity: Floats, noise: Floats
 ) -> str | None:
     """Return the joint whose motion makes the torques of two loads differ most, None where no joint's would show it.
 

@@ -38,9 +38,7 @@ def load_directions(regressor: CompactRegressor, frame: str) -> Floats:
     model = regressor.model
     link, pose = model.frame(frame)
     if link < 0:
-        raise InputError(
-            f'robot "{model.name}": frame "{frame}" is fixed to the base: no joint would carry a load'
-        )
+        raise InputError(f'robot "{model.name}": frame "{frame}" is fixed to the base: no joint would carry a load')
     mass = np.zeros(len(model.tree.parent))
     mass[link] = 1.0
     moments, masses = carried(model.tree._replace(mass=mass, com=np.zeros_like(model.tree.com)))

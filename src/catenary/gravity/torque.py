@@ -89,9 +89,7 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
 
 
 @compiled
-def _gravity_torque_rows(
-    tree: Tree, coupling: Floats, offset: Floats, q: Floats, gravity: Floats, out: Floats
-) -> None:
+def _gravity_torque_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, gravity: Floats, out: Floats) -> None:
     n = len(tree.parent)
     work = np.empty((3, n))
     rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))

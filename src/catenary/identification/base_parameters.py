@@ -172,9 +172,7 @@ def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL
     else:
         field = as_array("gravity", gravity, (3,))
         if not np.linalg.norm(field) > 0.0:
-            raise InputError(
-                "gravity is zero: expected an acceleration, without it no parameter has an effect"
-            )
+            raise InputError("gravity is zero: expected an acceleration, without it no parameter has an effect")
     rest = np.zeros_like(q)
     Y = parameters.regressor(q, rest, rest, field).reshape(-1, len(parameters.names))
     return _reduced(parameters, Y, _outwards(parameters))

@@ -36,9 +36,7 @@ LEAST_PRIOR = 1e-8  # of the squared torque: with a prior, what torques do not s
 REACH = 0.5  # [m] from a link's frame to its centre of mass, at most, where no inertia tells
 
 
-def consistent_fit(
-    base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = LEAST_PRIOR
-) -> Floats:
+def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = LEAST_PRIOR) -> Floats:
     """Return all parameters phi (k,) that minimise ||Y phi - tau|| among the physically consistent ones.
 
     Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken.

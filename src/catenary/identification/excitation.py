@@ -65,13 +65,7 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     q = np.array(poses)
     zero = np.zeros_like(q)
     return Excitation(
-        np.arange(count, dtype=float),
-        q,
-        zero,
-        zero,
-        condition_of(base, q, zero, zero, g),
-        base,
-        "static",
+        np.arange(count, dtype=float), q, zero, zero, condition_of(base, q, zero, zero, g), base, "static"
     )
 
 
@@ -88,9 +82,7 @@ def _candidates(limits: MotionLimits, low: Floats, high: Floats, rng: np.random.
     )
 
 
-def shown_parameters(
-    parameters: Parameters, room: Room, gravity: Floats, rng: np.random.Generator
-) -> BaseParameters:
+def shown_parameters(parameters: Parameters, room: Room, gravity: Floats, rng: np.random.Generator) -> BaseParameters:
     """Return the base parameters that motion within the limits shows."""
     low, high = room.inner()
     size = (200, parameters.model.n)
@@ -170,9 +162,7 @@ def fourier_motion(
 class _MotionSearch:
     """Motions that seemed to keep all limits, each better than the one before it."""
 
-    def __init__(
-        self, limits: MotionLimits, base: BaseParameters, period: float, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, limits: MotionLimits, base: BaseParameters, period: float, rng: np.random.Generator) -> None:
         self.limits, self.base, self.period, self.rng = limits, base, period, rng
         self.best: list[tuple[float, _Draw, FourierSeries]] = []
         self.times = np.arange(ROWS) * period / ROWS
@@ -183,9 +173,7 @@ class _MotionSearch:
         n = self.limits.model.n
         draw = _Draw(self.rng.normal(size=(2, harmonics, n)), self.rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
         if self.centres is None:
-            self._take(
-                draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
-            )
+            self._take(draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room))
             return
         if self.best:  # what shows less at its full size is not worth shrinking
             full = scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
@@ -208,9 +196,7 @@ class _MotionSearch:
             np.clip(last.share + 0.3 * moved * self.rng.normal(size=n), 0.1, 1.0),
             np.clip(last.place + 0.3 * moved * self.rng.normal(size=n), 0.0, 1.0),
         )
-        self._take(
-            draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room)
-        )
+        self._take(draw, scaled_motion(draw.coefficients, draw.share, draw.place, self.period, self.limits.room))
 
     def proven(self) -> tuple[FourierSeries, CheckedMotion]:
         """Return the best motion that keeps all limits at every instant."""
@@ -249,9 +235,7 @@ def free_poses(limits: MotionLimits, rng: np.random.Generator) -> Floats:
     return free
 
 
-def scaled_motion(
-    coefficients: Floats, share: Floats, place: Floats, period: float, room: Room
-) -> FourierSeries:
+def scaled_motion(coefficients: Floats, share: Floats, place: Floats, period: float, room: Room) -> FourierSeries:
     """Return the motion of some coefficients whose joints go over `share` of what room and velocity allow.
 
     `place` tells where, 0 at the lower end of the room that the motion leaves, 1 at the upper.
@@ -365,11 +349,7 @@ def compare(limits: MotionLimits, design: Excitation, noise: Floats, rng: np.ran
     for _ in range(ATTEMPTS):
         coefficients = rng.normal(size=(2, harmonics, limits.model.n))
         found = shrunk_motion(
-            coefficients,
-            rng.uniform(0.6, 1.0, limits.model.n),
-            centres[rng.integers(len(centres))],
-            period,
-            limits,
+            coefficients, rng.uniform(0.6, 1.0, limits.model.n), centres[rng.integers(len(centres))], period, limits
         )
         if found is not None:
             rows = found[0].sample(design.time)

@@ -200,9 +200,7 @@ def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats 
         return None
     if (np.einsum("fjj->fj", lower)[:, -added:] < DISTINCT).any():
         return None
-    solution = np.linalg.solve(correlation[:, :m, :m] + 1e-12 * np.eye(m), correlation[:, :m, m, None])[
-        :, :, 0
-    ]
+    solution = np.linalg.solve(correlation[:, :m, :m] + 1e-12 * np.eye(m), correlation[:, :m, m, None])[:, :, 0]
     beta = solution * scale[:, m:] / scale[:, :m]
     vector = np.zeros((FOLDS, 1, target + 1, 1))
     vector[:, 0, columns, 0], vector[:, 0, target, 0] = -beta, 1.0

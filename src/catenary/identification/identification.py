@@ -13,22 +13,10 @@ from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
-from catenary.identification.consistency import (
-    LEAST_PRIOR,
-    consistent_fit,
-    prior_of,
-    unseen_of,
-    weight_of_prior,
-)
+from catenary.identification.consistency import LEAST_PRIOR, consistent_fit, prior_of, unseen_of, weight_of_prior
 from catenary.identification.friction_choice import FrictionPart, choose_friction
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
-from catenary.identification.least_squares import (
-    covariance,
-    excitation,
-    solve,
-    triangles,
-    weigh,
-)
+from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
 from catenary.identification.parameters import Parameters
 from catenary.identification.residuals import (
     LogResidual,
@@ -77,11 +65,7 @@ class Identification:
         return np.sqrt(np.diag(self.covariance))
 
     def predict(
-        self,
-        q: ArrayLike,
-        qd: ArrayLike | None = None,
-        qdd: ArrayLike | None = None,
-        gravity: ArrayLike | None = None,
+        self, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None, gravity: ArrayLike | None = None
     ) -> Floats:
         """Predict the torques of a motion, known ones included: Y_b beta + known, friction as in steady sliding.
 
@@ -124,9 +108,7 @@ class Identification:
 
     def compare(self, samples: Samples) -> LogResidual:
         """Compute the residual on a recording."""
-        return residual(
-            samples, self.predict_samples(samples), filter_of(self.model, self.options).period_samples
-        )
+        return residual(samples, self.predict_samples(samples), filter_of(self.model, self.options).period_samples)
 
     def predict_samples(self, samples: Samples) -> Floats:
         """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its history."""
@@ -155,9 +137,7 @@ class Identification:
         actuation = actuation_of(self.model)
         if static:
             none: dict[str, Any] = {"coulomb": False, "viscous": False, "asymmetric": False, "load": False}
-            still = [
-                replace(f, stribeck=None, presliding=None, **none) for f in actuation.friction if f.offset
-            ]
+            still = [replace(f, stribeck=None, presliding=None, **none) for f in actuation.friction if f.offset]
             actuation = replace(actuation, friction=tuple(still), motor_inertia=())
         what = "mass and its centre" if static else "inertia, friction, rotors and springs"
         return replace(
@@ -212,18 +192,14 @@ def prepared(
     return [part[0] for part in parted], [*(part[1] for part in parted), *tested]
 
 
-def identify_samples(
-    samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions
-) -> Identification:
+def identify_samples(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
     """Identify from recordings that are filtered already; see `identify`."""
     gravity = as_array("gravity", options.gravity, (3,))
     plain = _fit(samples, model, replace(options, consistent=False), gravity)
     actuation, parts = actuation_of(model), tuple[FrictionPart, ...]()
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples, gravity)
-        actuation, parts = choose_friction(
-            plain.base, gravity, heard, plain.weights, actuation, options.friction
-        )
+        actuation, parts = choose_friction(plain.base, gravity, heard, plain.weights, actuation, options.friction)
     if not parts and not options.consistent:
         return plain
     chosen = replace(model, actuation=actuation) if parts else model
@@ -286,16 +262,13 @@ def _fit(
     return replace(result, training=tuple(result.compare(part) for part in samples))
 
 
-def carrying(
-    base: BaseParameters, beta: Floats, samples: Sequence[Samples], gravity: Floats
-) -> list[Samples]:
+def carrying(base: BaseParameters, beta: Floats, samples: Sequence[Samples], gravity: Floats) -> list[Samples]:
     """Return recordings with what the links, rotors and springs ask in them, which friction may grow with."""
     kept = np.isin(base.columns, base.parameters.carrying)
     return [
         replace(
             part,
-            carried=part.known
-            + np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part, gravity)]),
+            carried=part.known + np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part, gravity)]),
         )
         for part in samples
     ]

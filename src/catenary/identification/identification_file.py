@@ -67,8 +67,7 @@ def identification_card(
     return {
         "robot": result.model.name,
         "joints": [
-            {"name": n, "unit": u}
-            for n, u in zip(result.model.joint_names, result.model.joint_units, strict=True)
+            {"name": n, "unit": u} for n, u in zip(result.model.joint_names, result.model.joint_units, strict=True)
         ],
         "options": plain_data(result.options),
         "n_base": base.count,

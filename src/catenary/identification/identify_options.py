@@ -31,9 +31,7 @@ class IdentifyOptions:
     period_samples: int | None = None  # of the excitation: residuals are told over the first period, too
     weighting: Weighting | None = None
     consistent: bool = True  # only parameters that bodies and friction can have
-    friction: tuple[str, ...] = (
-        FRICTION_PARTS  # parts that held-out blocks may add to that of the robot's file
-    )
+    friction: tuple[str, ...] = FRICTION_PARTS  # parts that held-out blocks may add to that of the robot's file
     prior: bool = True  # towards the masses of the robot's file, where it has any and the fit is consistent
     blocks: float | None = None  # [s, or rows at rest] hold out every second block of this length
     seed: Annotated[int, Field(ge=0)] = 0  # of the random motion that the base parameters are found with
@@ -45,9 +43,7 @@ class IdentifyOptions:
             raise InputError(f'weighting "{self.weighting}": expected {", ".join(get_args(Weighting))}')
         unknown = [part for part in self.friction if part not in FRICTION_PARTS]
         if unknown:
-            raise InputError(
-                f'friction "{unknown[0]}": expected some of {", ".join(FRICTION_PARTS)}, or none'
-            )
+            raise InputError(f'friction "{unknown[0]}": expected some of {", ".join(FRICTION_PARTS)}, or none')
         for name in ("cutoff_hz", "blocks"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < np.inf:

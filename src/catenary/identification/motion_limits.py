@@ -137,9 +137,7 @@ class MotionLimits:
             torque = np.abs(self.torque(*path.sample(times))).max(axis=0) / room.effort
             if (torque > 1.0).any():
                 worst = int(np.argmax(torque))
-                return CheckedMotion(
-                    f"{names[worst]} needs {torque[worst]:.2f} of its torque limit", torque, None
-                )
+                return CheckedMotion(f"{names[worst]} needs {torque[worst]:.2f} of its torque limit", torque, None)
         if self.scene is None:
             return CheckedMotion(None, torque, None)
         found = clearance_of(self.scene, path, self.margin)

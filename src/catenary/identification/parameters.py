@@ -47,9 +47,7 @@ class Parameters:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """What each is called, in the order of the regressor's columns."""
-        bodies = [
-            f"{PARAMETERS[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)
-        ]
+        bodies = [f"{PARAMETERS[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)]
         return (*bodies, *(f"{term.kind} {term.name}" for term in self.actuation))
 
     @cached_property

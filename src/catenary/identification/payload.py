@@ -46,9 +46,7 @@ class PayloadEstimate:
     explained: float  # share of the mean square residual that the payload takes away
     probability: float = 1.0  # that it is on this link, if there is one; 1 where its place was given
     likely: tuple[str, ...] = ()  # the fewest links that hold 95 % of that, likeliest first
-    telling_joint: str | None = (
-        None  # whose motion would tell between the first two, where these recordings do not
-    )
+    telling_joint: str | None = None  # whose motion would tell between the first two, where these recordings do not
 
     @property
     def location(self) -> str:
@@ -124,9 +122,7 @@ def payload_candidates(
             np.array(result.options.gravity),
             np.mean([r.rms for r in result.training], axis=0) + 1e-9,
         )
-    return tuple(
-        replace(fits[k].estimate, probability=shares[k], likely=found, telling_joint=joint) for k in order
-    )
+    return tuple(replace(fits[k].estimate, probability=shares[k], likely=found, telling_joint=joint) for k in order)
 
 
 def _rate(result: Identification, samples: Sequence[Samples]) -> float:
@@ -157,11 +153,7 @@ def _place(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floa
 
 
 def _fit(
-    result: Identification,
-    loaded: Sequence[Samples],
-    unloaded: Sequence[Samples],
-    link: int,
-    place: Floats | None,
+    result: Identification, loaded: Sequence[Samples], unloaded: Sequence[Samples], link: int, place: Floats | None
 ) -> _Fitted:
     name = result.model.link_names[link]
     Y, y = _rows(result, loaded, link)

@@ -124,9 +124,7 @@ def motion_of(samples: Sequence[Samples]) -> MovedRange:
     return MovedRange(q.min(axis=0), q.max(axis=0), np.sqrt(np.mean(qd**2, axis=0)))
 
 
-def reason_of(
-    model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None
-) -> Reason:
+def reason_of(model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None) -> Reason:
     """Return why an axis of a recording is not predicted.
 
     Args:
@@ -146,9 +144,7 @@ def reason_of(
     return Reason(says, False)
 
 
-def _motion_reason(
-    name: str, unit: str, axis: int, samples: Samples, left: Floats, seen: MovedRange
-) -> str | None:
+def _motion_reason(name: str, unit: str, axis: int, samples: Samples, left: Floats, seen: MovedRange) -> str | None:
     q = samples.q[:, axis]
     travel = float(seen.high[axis] - seen.low[axis])
     speed = float(np.sqrt(np.mean(samples.qd[:, axis] ** 2)))
@@ -173,12 +169,7 @@ def _shapes(
     torque, qd, own = TORQUE_UNIT[unit], samples.qd[:, axis], predicted[:, axis]
     size = float(left @ left)
     constant = float(left.mean())
-    shapes = [
-        (
-            len(left) * constant**2 / size,
-            f"the constant of {name} is {constant:+.2g} {torque} from what it was",
-        )
-    ]
+    shapes = [(len(left) * constant**2 / size, f"the constant of {name} is {constant:+.2g} {torque} from what it was")]
     varying = left - constant
 
     def share(columns: Floats) -> tuple[float, Floats]:

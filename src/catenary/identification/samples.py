@@ -99,9 +99,7 @@ def base_of(log: MotionLog) -> tuple[Floats | None, Floats | None, Floats | None
     found = {name: _vector(log, name) for name in UNITS}
     gravity = found["gravity"]
     if gravity is None and any(values is not None for values in found.values()):
-        raise InputError(
-            f'recording "{log.name}": has rates of the base and no gravity:x, gravity:y, gravity:z'
-        )
+        raise InputError(f'recording "{log.name}": has rates of the base and no gravity:x, gravity:y, gravity:z')
     if gravity is not None:
         size = float(np.median(np.linalg.norm(gravity, axis=1)))
         if not LEAST < size < MOST:
@@ -111,9 +109,7 @@ def base_of(log: MotionLog) -> tuple[Floats | None, Floats | None, Floats | None
     return gravity, found["base_rate"], found["base_acceleration"]
 
 
-def smoothed_base(
-    log: MotionLog, filtered: Sequence[Floats], step: float
-) -> tuple[Floats | None, Floats | None]:
+def smoothed_base(log: MotionLog, filtered: Sequence[Floats], step: float) -> tuple[Floats | None, Floats | None]:
     """Return gravity (N, 3) and the base's rates (N, 2, 3) from the filtered signals of `base_of` that there are."""
     names = [name for name, values in zip(UNITS, base_of(log), strict=True) if values is not None]
     signals = dict(zip(names, filtered, strict=True))
@@ -161,9 +157,7 @@ class Samples:
     time: Floats  # (N,) [s]; row numbers of a recording at rest
     independent: float  # share of the rows that count as independent: a filter ties neighbours together
     gravity: Floats | None = None  # (N, 3) [m/s2] in base axes, where the recording holds it
-    base: Floats | None = (
-        None  # (N, 2, 3) angular velocity and acceleration of the base [rad/s, rad/s2], likewise
-    )
+    base: Floats | None = None  # (N, 2, 3) angular velocity and acceleration of the base [rad/s, rad/s2], likewise
     history: FrictionHistory | None = None  # of the motion that friction remembers; none at rest
     carried: Floats | None = None  # (N, n) what the links ask, that load-dependent friction grows with
     notes: tuple[str, ...] = ()  # on gaps in time, and rows that were left out or made
@@ -174,9 +168,7 @@ class Samples:
     def rows(self, which: NDArray[np.bool_], name: str) -> "Samples":
         """Return some of the rows under another name."""
         keys = ("q", "qd", "qdd", "tau", "known", "time", "gravity", "base", "carried")
-        chosen: dict[str, Any] = {
-            key: values[which] for key in keys if (values := getattr(self, key)) is not None
-        }
+        chosen: dict[str, Any] = {key: values[which] for key in keys if (values := getattr(self, key)) is not None}
         if self.history is not None:
             chosen["history"] = self.history.rows(which)
         return replace(self, name=name, **chosen)
@@ -208,9 +200,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
         known = known_torque(actuation, log.q_nominal)
         rows = np.arange(len(log), dtype=float)
         gravity, _, _ = base_of(log)
-        return Samples(
-            log.name, log.q_nominal, zero, zero, log.tau - known, known, rows, 1.0, gravity=gravity
-        )
+        return Samples(log.name, log.q_nominal, zero, zero, log.tau - known, known, rows, 1.0, gravity=gravity)
     if log.time is None:
         raise InputError(
             f'recording "{log.name}": has no time: full dynamics need `fs` [Hz] or `t` [s]; '
@@ -241,9 +231,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
     )
     known = known_torque(actuation, q)
     rate = 1.0 / float(np.median(np.diff(time)))
-    history = FrictionHistory(
-        tuple((part.q, part.qd) for part in parts), cut, parts[0].sections, np.arange(len(q))
-    )
+    history = FrictionHistory(tuple((part.q, part.qd) for part in parts), cut, parts[0].sections, np.arange(len(q)))
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
     return Samples(
         log.name, q, qd, qdd, tau - known, known, time, independent, gravity=gravity, base=base, history=history,
@@ -261,9 +249,7 @@ def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Flo
     return [slice(first, last) for first, last in pairwise(bounds)], steps[np.array(gaps, dtype=int) - 1]
 
 
-def _told(
-    log: MotionLog, stretches: int, parts: "Sequence[_Segment]", gaps: Floats, kept: int
-) -> tuple[str, ...]:
+def _told(log: MotionLog, stretches: int, parts: "Sequence[_Segment]", gaps: Floats, kept: int) -> tuple[str, ...]:
     """Return in words what became of the rows, where it is not the usual."""
     rows, made, short = sum(p.rows for p in parts), sum(len(p.q) for p in parts), stretches - len(parts)
     longest = f"{len(gaps)} gap(s) in time, the longest {gaps.max(initial=0.0):.3g} s"

@@ -17,9 +17,7 @@ from catenary.verdict.finding import Finding
 # above zero; an axis whose torque has the wrong sign seems to drive itself as strongly.
 SURE = 3.0  # standard deviations below zero of the power that friction takes
 NOTABLE = 0.05  # of the mean torque times the mean speed
-MENDED = (
-    0.35  # of the product of all axes' mean squares: at most this is left when one axis's sign is turned back
-)
+MENDED = 0.35  # of the product of all axes' mean squares: at most this is left when one axis's sign is turned back
 LEAST = 1e-3  # relative residual that counts as none
 DOUBTFUL = 0.1  # relative residual from which on it is asked whether axes are swapped or turned
 ROWS = 600  # that are looked at

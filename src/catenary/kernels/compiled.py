@@ -75,9 +75,7 @@ def private_folder(folder: Path) -> Path:
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     folder = folder.parent.resolve() / folder.name
     mode = folder.parent.stat().st_mode
-    if (
-        is_own(folder.parent, stat.S_ISDIR) and mode & OTHERS_WRITE == stat.S_IWGRP
-    ):  # as numba makes it by umask 002
+    if is_own(folder.parent, stat.S_ISDIR) and mode & OTHERS_WRITE == stat.S_IWGRP:  # as numba makes it by umask 002
         folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # what lies in it is looked at below
     for above in folder.parents:
         status = above.stat()
@@ -129,9 +127,7 @@ def compiled(function: Function) -> Function:
 class Compiled:
     """A function that numba compiles when it is first called, from Python or from another compiled function."""
 
-    def __init__(
-        self, function: Callable[..., object], signature: str | None = None, **options: bool
-    ) -> None:
+    def __init__(self, function: Callable[..., object], signature: str | None = None, **options: bool) -> None:
         """Take a function, the only signature that it is compiled for, if any, and numba's options."""
         self._function, self._options = function, {"signature_or_function": signature, **options}
         self._code: Any = None
@@ -170,10 +166,7 @@ def _from_numba(function: Callable[..., object], options: dict[str, Any]) -> Any
             if code is function:  # with NUMBA_DISABLE_JIT=1
                 return code
             folder = Path(code.stats.cache_path)
-            if folder.parent not in (
-                source.parent,
-                Path(numba.config.CACHE_DIR),
-            ):  # chosen, or as safe as the source
+            if folder.parent not in (source.parent, Path(numba.config.CACHE_DIR)):  # chosen, or as safe as the source
                 private_folder(folder)
             check_room(folder)
             if str(source) in _sources:
@@ -211,9 +204,7 @@ def _import_numba() -> ModuleType:
 def start_numba() -> ModuleType:
     """Import numba, and tell it which functions compiled ones may call."""
     numba = _import_numba()
-    while (
-        _inlined
-    ):  # called by compiled functions only: without wrappers for Python they compile an eighth quicker
+    while _inlined:  # called by compiled functions only: without wrappers for Python they compile an eighth quicker
         numba.extending.register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True)(_inlined.pop())
     return numba
 

@@ -72,9 +72,7 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
         arrays = {name: jnp.asarray(named[name], dtype=jnp.float64) for name in widths}
         for name, array in arrays.items():
             if array.shape != (widths[name],):
-                raise InputError(
-                    f"{name}: expected shape ({widths[name]},), got {array.shape}; jax.vmap takes batches"
-                )
+                raise InputError(f"{name}: expected shape ({widths[name]},), got {array.shape}; jax.vmap takes batches")
         found = constant + sign * compute(arrays, steps)[source] if steps else constant
         return found.reshape(shape)
 

@@ -72,11 +72,7 @@ class Kernel:
         """Return the quantity at one configuration; None where inputs are not finite float64 arrays of its size."""
         for given in inputs:
             # numba would refuse other arrays too, but in 300 us
-            if (
-                type(given) is not NDARRAY
-                or given.dtype is not FLOAT64
-                or given.strides != ONE_AFTER_THE_OTHER
-            ):
+            if type(given) is not NDARRAY or given.dtype is not FLOAT64 or given.strides != ONE_AFTER_THE_OTHER:
                 return None
         out = np.empty(self.shape)
         try:
@@ -90,9 +86,7 @@ class Kernel:
         shapes = {**{name: (width,) for name, width in self.inputs.items()}, "out": self.shape}
         for (name, shape), array in zip(shapes.items(), arrays, strict=True):
             if getattr(array, "dtype", None) != np.float64 or array.shape != shape:
-                got = (
-                    f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-                )
+                got = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
                 raise InputError(f"{name}: expected a float64 array of shape {shape}, got {got}")
         return bind(self.into, inputs, [out])
 
@@ -117,9 +111,7 @@ class Kernel:
         shape = (count, *self.shape)
         if out is None:
             out = np.empty(shape)
-        elif (
-            not isinstance(out, NDARRAY) or out.shape != shape or out.dtype != FLOAT64 or not out.flags.carray
-        ):
+        elif not isinstance(out, NDARRAY) or out.shape != shape or out.dtype != FLOAT64 or not out.flags.carray:
             got = f"{out.dtype} {out.shape}" if isinstance(out, NDARRAY) else type(out).__name__
             raise InputError(f"out: expected a contiguous float64 array of shape {shape}, got {got}")
         flat, rows = out.reshape(count, len(self.line.results)), self._functions.rows
@@ -145,9 +137,7 @@ class Kernel:
     def _counted(self, given: tuple[Any, ...], *further: str) -> tuple[Any, ...]:
         names = [*self.inputs, *further]
         if len(given) != len(names):
-            raise InputError(
-                f"{self.name}: expected {len(names)} arrays ({', '.join(names)}), got {len(given)}"
-            )
+            raise InputError(f"{self.name}: expected {len(names)} arrays ({', '.join(names)}), got {len(given)}")
         return given
 
 

@@ -156,13 +156,10 @@ def _sines(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, Any]]:
         return _sines_of_vectors(builder, angles)
     # the last group is filled up with the last angle
     groups = [
-        [angles[min(first + lane, len(angles) - 1)] for lane in range(LANES)]
-        for first in range(0, len(angles), LANES)
+        [angles[min(first + lane, len(angles) - 1)] for lane in range(LANES)] for first in range(0, len(angles), LANES)
     ]
     pairs = _sines_of_vectors(builder, [_together(builder, group) for group in groups])
-    sines, cosines = (
-        [part for vector in of for part in _apart(builder, vector)] for of in zip(*pairs, strict=True)
-    )
+    sines, cosines = ([part for vector in of for part in _apart(builder, vector)] for of in zip(*pairs, strict=True))
     return list(zip(sines, cosines, strict=True))[: len(angles)]
 
 
@@ -176,10 +173,7 @@ def _sines_of_vectors(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, An
             here = builder.fcmp_ordered(comparison, angle, _constant(VECTOR, sign * LARGEST))
             small = here if small is None else builder.and_(small, here)
     mask = builder.bitcast(small, ir.IntType(LANES))
-    with builder.if_else(builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1)), likely=True) as (
-        quick,
-        slow,
-    ):
+    with builder.if_else(builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1)), likely=True) as (quick, slow):
         with quick:
             found = [_small(builder, angle) for angle in angles]
             quick_block = builder.block
@@ -211,9 +205,7 @@ def _small(builder: Any, angle: Any) -> list[Any]:
 def _any_angle(module: Any) -> Any:
     """Write a function that gives sine and cosine of any angle, NaN among them; rarely called."""
     pair = ir.LiteralStructType([NUMBER, NUMBER])
-    function = ir.Function(
-        module, ir.FunctionType(pair, [NUMBER]), name=module.get_unique_name("sine_cosine")
-    )
+    function = ir.Function(module, ir.FunctionType(pair, [NUMBER]), name=module.get_unique_name("sine_cosine"))
     function.linkage = "internal"
     function.attributes.add("noinline")
     builder = ir.IRBuilder(function.append_basic_block())
@@ -224,8 +216,7 @@ def _any_angle(module: Any) -> Any:
         builder.ret(builder.insert_value(both, cosine, 1))
 
     near = builder.and_(
-        builder.fcmp_ordered("<=", angle, NUMBER(LARGEST)),
-        builder.fcmp_ordered(">=", angle, NUMBER(-LARGEST)),
+        builder.fcmp_ordered("<=", angle, NUMBER(LARGEST)), builder.fcmp_ordered(">=", angle, NUMBER(-LARGEST))
     )
     with builder.if_then(near):
         give(*_small(builder, angle))

@@ -53,9 +53,7 @@ def small_sine_cosine(x: float) -> tuple[float, float]:
     z = r * r
     p = SINE[1] + z * (SINE[2] + z * (SINE[3] + z * (SINE[4] + z * SINE[5])))
     s = r + r * z * (SINE[0] + z * p)
-    p = z * (
-        COSINE[0] + z * (COSINE[1] + z * (COSINE[2] + z * (COSINE[3] + z * (COSINE[4] + z * COSINE[5]))))
-    )
+    p = z * (COSINE[0] + z * (COSINE[1] + z * (COSINE[2] + z * (COSINE[3] + z * (COSINE[4] + z * COSINE[5])))))
     w = 1.0 - 0.5 * z
     c = w + (((1.0 - w) - 0.5 * z) + z * p)
     # whole halves of the turn: (quarter - 1/2) / 2, rounded, is the floor of quarter / 2

@@ -240,9 +240,7 @@ def evaluate(
             values.append(sine(values[a]) if kind == "sin" else cosine(values[a]))
         else:
             other = b if kind.endswith("k") else values[int(b)]
-            values.append(
-                values[a] * other if "*" in kind else values[a] - other if kind == "-" else values[a] + other
-            )
+            values.append(values[a] * other if "*" in kind else values[a] - other if kind == "-" else values[a] + other)
     return [r if isinstance(r, float) else r[0] * values[r[1]] for r in line.results]
 
 

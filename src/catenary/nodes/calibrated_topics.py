@@ -83,9 +83,7 @@ class CalibratedMessages:
             types["interval"] = JOINT_STATE
         if positioning is not None:
             types["gravity_torque"] = JOINT_STATE
-        self._publishers = {
-            verb: transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()
-        }
+        self._publishers = {verb: transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()}
         # what is compiled on first use is compiled here, not when messages wait
         rest = np.zeros(len(names))
         self._tool.pose(rest)
@@ -164,12 +162,7 @@ class CalibratedTopics:
     """Corrects each message of an arm's measured_js and publishes the result."""
 
     def __init__(
-        self,
-        client: CrtkReader,
-        model: CalibrationModel,
-        *,
-        rate_hz: float = 1000.0,
-        gravity_torque: bool = False,
+        self, client: CrtkReader, model: CalibrationModel, *, rate_hz: float = 1000.0, gravity_torque: bool = False
     ) -> None:
         """Begin to receive and to publish.
 
@@ -199,10 +192,7 @@ class CalibratedTopics:
         self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         rest = np.zeros(n)
         self._corrector.correct_state(
-            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf),
-            self._out,
-            self._inside,
-            self._interval,
+            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside, self._interval
         )
         self._corrector.reset()
         self._latency = Durations()
@@ -213,9 +203,7 @@ class CalibratedTopics:
         self._unreadable = self._stale = 0
         self.stale: tuple[str, ...] = ()  # inputs that are too old, in words
         # torques and the like come on other topics than positions; published torques go by gravity
-        self._has_other_inputs = gravity_torque or any(
-            not signal.startswith("q:") for signal in model.features.signals
-        )
+        self._has_other_inputs = gravity_torque or any(not signal.startswith("q:") for signal in model.features.signals)
         self._longest = 0.0
         self._outside = np.zeros(len(self._places))
         self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
@@ -311,10 +299,7 @@ class CalibratedTopics:
     def _is_homed(self) -> bool:
         try:
             return self._client.operating_state().is_homed
-        except (
-            TransportError,
-            InputError,
-        ):  # the messages that wait are the last ones, or a state that is none
+        except (TransportError, InputError):  # the messages that wait are the last ones, or a state that is none
             return False
 
 

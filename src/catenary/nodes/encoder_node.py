@@ -82,10 +82,7 @@ class EncoderNode:
 
 
 def publish_encoders(
-    node: EncoderNode,
-    *,
-    duration: float | None = None,
-    show: Callable[[EncoderStatus], None] = lambda status: None,
+    node: EncoderNode, *, duration: float | None = None, show: Callable[[EncoderStatus], None] = lambda status: None
 ) -> EncoderStatus:
     """Publish until the duration [s] is over or Ctrl-C; return the last status. `show` gets one every second."""
     if duration is not None and not duration > 0.0:

@@ -117,9 +117,7 @@ def publish_gravity(
     reading = node.step()
 
     def status(now: float) -> GravityStatus:
-        return GravityStatus(
-            now - begin, reading, node.published, node.subscribers(), transport.is_up(), link()
-        )
+        return GravityStatus(now - begin, reading, node.published, node.subscribers(), transport.is_up(), link())
 
     now = begin
     try:

@@ -49,9 +49,7 @@ class Serving:
 
     def __post_init__(self) -> None:
         if self.robot not in SERVED:
-            raise InputError(
-                f'robot "{self.robot}": expected {" or ".join(SERVED)}, the robots that can be served'
-            )
+            raise InputError(f'robot "{self.robot}": expected {" or ".join(SERVED)}, the robots that can be served')
         spoken_dialect(self.robot, self.dialect)
         refuse_unsupported(self.robot, self.simulated)
         if self.torque_arm is not None and self.dialect != "raven":
@@ -112,25 +110,19 @@ def make_server(
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
     listed = crtk_topics(serving.namespace, *arms) if serving.is_psm else None
     speaker: Dialect = (
-        RavenDialect(arms, torque_arm=serving.torque_arm)
-        if serving.dialect == "raven"
-        else CrtkDialect(arms, listed)
+        RavenDialect(arms, torque_arm=serving.torque_arm) if serving.dialect == "raven" else CrtkDialect(arms, listed)
     )
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
-        raise InputError(
-            f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}"
-        )
+        raise InputError(f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}")
     is_raven = serving.dialect == "raven"
     encoders = None
     if is_raven and serving.with_encoders and has_encoders(arms["gold"].plant):
         encoders = ServedEncoders(transport, arms["gold"].plant)
     if serving.is_psm and serving.with_encoders:
         (psm,) = arms.values()
-        encoders = ServedEncoders(
-            transport, psm.plant, (psm_topic(serving.namespace, "tracker/measured_js"),)
-        )
+        encoders = ServedEncoders(transport, psm.plant, (psm_topic(serving.namespace, "tracker/measured_js"),))
     return Server(transport, arms, speaker, reports, button=is_raven, publish_every=every, encoders=encoders)
 
 
@@ -184,11 +176,7 @@ def prepare(server: Server) -> None:
 
 
 def serve(
-    server: Server,
-    *,
-    commands: deque[str],
-    show: Callable[[ServerStatus], None],
-    duration: float | None = None,
+    server: Server, *, commands: deque[str], show: Callable[[ServerStatus], None], duration: float | None = None
 ) -> ServerStatus:
     """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; the arms are paused then.
 
@@ -276,12 +264,7 @@ class ParkedArm:
     columns: tuple[Column, ...] = ()
 
     def __init__(
-        self,
-        joint_names: tuple[str, ...],
-        joint_units: tuple[str, ...],
-        q: ArrayLike,
-        *,
-        period: float = 1e-3,
+        self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], q: ArrayLike, *, period: float = 1e-3
     ) -> None:
         """Park an arm at joints q (n,) [rad|m]."""
         self.joint_names, self.joint_units, self.period = joint_names, joint_units, period

@@ -95,9 +95,7 @@ class _Channels:
         """Count a record of a chunk."""
         self._records += 1
         if self._records > self._most_records:
-            raise FileFormatError(
-                f"{self._path}: more than {self._most_records} messages in a file of its size"
-            )
+            raise FileFormatError(f"{self._path}: more than {self._most_records} messages in a file of its size")
 
     def check(self, kind: int, data: bytes) -> None:
         self._count += 1

@@ -44,8 +44,7 @@ class Block:
         if len(blocks) == 1:
             return blocks[0]
         return cls(
-            np.concatenate([block.data for block in blocks]),
-            np.concatenate([block.lengths for block in blocks]),
+            np.concatenate([block.data for block in blocks]), np.concatenate([block.lengths for block in blocks])
         )
 
 

@@ -20,13 +20,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from catenary.archives import unpacked
 from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
-from catenary.recording.bag_checks import (
-    MOST_DEFINITIONS,
-    MOST_TOPICS,
-    MOST_YAML,
-    check_bag,
-    unpacked_at_most,
-)
+from catenary.recording.bag_checks import MOST_DEFINITIONS, MOST_TOPICS, MOST_YAML, check_bag, unpacked_at_most
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_search import SqliteRows
 from catenary.recording.bag_stream import BagConnection, BagStream, about_of, whole_text
@@ -98,9 +92,7 @@ class McapReader:
             for connection in reader.connections:
                 name, kind = connection.topic, connection.msgtype
                 if not isinstance(name, str) or not isinstance(kind, str):
-                    raise FileFormatError(
-                        f"{path}: topic {shortened(name)}: expected texts for it and its type"
-                    )
+                    raise FileFormatError(f"{path}: topic {shortened(name)}: expected texts for it and its type")
                 if not any_types:
                     check_type(path, name, kind, connection.msgdef.data)
                 found = BagConnection(name, kind, "", connection.msgdef.data)
@@ -210,15 +202,12 @@ class SplitBag:
             except FileFormatError as error:
                 self.damage.append(str(error))
         self.damage += [
-            f"{file}: is packed, and was not read; `zstd -d {file.name}` unpacks it"
-            for file in path.glob("*.zstd")
+            f"{file}: is packed, and was not read; `zstd -d {file.name}` unpacks it" for file in path.glob("*.zstd")
         ]
         if not self.parts:
             raise FileFormatError("; ".join([why, *self.damage]))
         self.parts.sort(key=first_arrival)
-        self._said = [
-            f"{why}; its files were read one by one: {', '.join(part.path.name for part in self.parts)}"
-        ]
+        self._said = [f"{why}; its files were read one by one: {', '.join(part.path.name for part in self.parts)}"]
         self._said += _strays(path, chosen)
         self.about = next((part.about for part in self.parts if part.about is not None), None)
         self.connections: dict[str, BagConnection] = {}
@@ -229,9 +218,7 @@ class SplitBag:
             self.connections |= part.connections
             for topic in part.topics:
                 if types.setdefault(topic.name, topic) != topic:
-                    raise FileFormatError(
-                        f"{part.path}: topic {cut(topic.name)}: is of another type than before"
-                    )
+                    raise FileFormatError(f"{part.path}: topic {cut(topic.name)}: is of another type than before")
         self.topics = tuple(types.values())
         self.damage += [problem for part in self.parts for problem in part.damage]
         self.holes = list[Hole]()
@@ -266,9 +253,7 @@ def open_any_types(path: Path) -> "JournalReader | McapReader | BagStream | Spli
     return open_ros2(path, any_types=True)
 
 
-def blocks_of(
-    source: "Source | SplitBag", topics: Sequence[str]
-) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+def blocks_of(source: "Source | SplitBag", topics: Sequence[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
     """Yield topic, arrival stamps [ns] and messages, as many at once as the source has or AT_ONCE."""
     if isinstance(source, BagStream | JournalReader):
         yield from source.blocks(topics)
@@ -297,9 +282,7 @@ def listed_files(path: Path) -> list[str]:
     """Return the names of the files that a ROS 2 bag's metadata list, as far as they can be read."""
     try:
         with (path / METADATA).open("rb") as file:
-            return [
-                PurePath(name).name for name in _LISTED.findall(file.read(MOST_YAML).decode(errors="replace"))
-            ]
+            return [PurePath(name).name for name in _LISTED.findall(file.read(MOST_YAML).decode(errors="replace"))]
     except OSError:
         return []
 

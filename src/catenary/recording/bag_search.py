@@ -12,12 +12,7 @@ from pathlib import Path
 from struct import Struct, error
 from typing import BinaryIO, Literal, cast
 
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinition,
-    MessageDefinitionFormat,
-)
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
 from catenary.archives import unpacked
 from catenary.recording.bag_checks import MOST_TOPICS, plain_tables
@@ -58,11 +53,7 @@ def next_message(chunk: bytes, position: int) -> int | None:
 
 
 def _found(
-    file: BinaryIO,
-    position: int,
-    size: int,
-    sign: re.Pattern[bytes],
-    begin_of: Callable[[bytes, int], int | None],
+    file: BinaryIO, position: int, size: int, sign: re.Pattern[bytes], begin_of: Callable[[bytes, int], int | None]
 ) -> int | None:
     """Return the first place, from `position` on, at which a sign stands in the head of a chunk."""
     while position < size:
@@ -115,9 +106,7 @@ class SqliteRows:
         self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
         self._size = path.stat().st_size
         self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
-        self._database.execute(
-            "PRAGMA writable_schema = ON"
-        )  # else one that was cut off is not opened at all
+        self._database.execute("PRAGMA writable_schema = ON")  # else one that was cut off is not opened at all
         plain_tables(path, self._database)
         read = self._database.execute
         texts = dict[str, str]()
@@ -140,14 +129,7 @@ class SqliteRows:
         """
         wanted, read = {connection.id: connection for connection in connections}, self._database.execute
         (page,) = read("PRAGMA page_size").fetchone()
-        left, seen, last, skipped, waiting, self.holes = (
-            self._size,
-            -1,
-            None,
-            0,
-            deque[tuple[int, int, bytes]](),
-            [],
-        )
+        left, seen, last, skipped, waiting, self.holes = (self._size, -1, None, 0, deque[tuple[int, int, bytes]](), [])
         for _ in range(2):
             with contextlib.suppress(sqlite3.Error):
                 for place, number, stamp, data in read(_ROWS, (seen,)):
@@ -165,9 +147,7 @@ class SqliteRows:
                             number, last, data = waiting.popleft()
                             if number in wanted:
                                 yield wanted[number], last, data
-                yield from (
-                    (wanted[number], stamp, data) for number, stamp, data in waiting if number in wanted
-                )
+                yield from ((wanted[number], stamp, data) for number, stamp, data in waiting if number in wanted)
                 return
             self.holes.append((last, None))
             waiting.clear()

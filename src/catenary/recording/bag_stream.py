@@ -50,16 +50,7 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 # of MCAP [mcap.dev/spec]
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _METADATA, _DATA_END = (
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    12,
-    15,
-)
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _METADATA, _DATA_END = (1, 2, 3, 4, 5, 6, 12, 15)
 LONGEST_REMARK = 500  # characters
 _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS, _MOST_PIECES = 1000, 100  # that are told one by one; that a chunk is read in
@@ -292,9 +283,7 @@ class BagStream:
         """Keep a connection's topic."""
         try:
             values = header_fields(chunk[row[HEADER] : row[DATA] - 4])
-            self._connection(
-                row[CONNECTION], field_of(values, b"topic"), header_fields(chunk[row[DATA] : row[END]])
-            )
+            self._connection(row[CONNECTION], field_of(values, b"topic"), header_fields(chunk[row[DATA] : row[END]]))
         except FileFormatError:
             raise
         except DAMAGE as problem:
@@ -333,9 +322,7 @@ class BagStream:
             data = file.read(min(length, size))
             is_whole, kind = len(data) == length, head[0]
             following = (
-                None
-                if is_over or (is_whole and 0 < kind <= _LAST_KIND)
-                else next_mcap_chunk(file, start + 1, size)
+                None if is_over or (is_whole and 0 < kind <= _LAST_KIND) else next_mcap_chunk(file, start + 1, size)
             )
             if following is not None:
                 data, is_whole = data[: max(0, following - start - 9)], False
@@ -454,16 +441,12 @@ class BagStream:
         expected = self._following.get(name)
         self._following[name] = number + 1
         if expected is None and number:
-            self.problems.append(
-                f"{self.path}: {number} messages of {name} before it are in files that are not there"
-            )
+            self.problems.append(f"{self.path}: {number} messages of {name} before it are in files that are not there")
         elif expected is not None and number > expected:
             self.lost += number - expected
             if not self.holes or self.holes[-1][1] is not None:
                 self.holes.append((self._last, arrival))
-            self.problems.append(
-                f"{self.path}: {number - expected} message(s) of {name} are missing before {number}"
-            )
+            self.problems.append(f"{self.path}: {number - expected} message(s) of {name} are missing before {number}")
         elif expected is not None and number < expected:
             self.problems.append(f"{self.path}: message {number} of {name} comes out of order, or again")
 

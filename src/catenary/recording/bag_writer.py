@@ -46,8 +46,7 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
     if unknown:
         raise InputError(
             "; ".join(
-                f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written"
-                for t in unknown
+                f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written" for t in unknown
             )
         )
     suffix = ".bag" if kind == "ros1" else ""
@@ -126,9 +125,7 @@ class _Bag:
             convert = store.cdr_to_ros1 if self._encoding == "ros1" else store.ros1_to_cdr
             try:
                 converted = convert(data, ros2_name(self.types[topic]))
-            except (
-                Exception
-            ) as error:  # what rosbags raises over bytes that are no such message is of any kind
+            except Exception as error:  # what rosbags raises over bytes that are no such message is of any kind
                 raise FileFormatError(
                     f"{self._path}: topic {topic}: {len(data)} bytes are no {self.types[topic]}: {error!r}"
                 ) from error

@@ -63,9 +63,7 @@ def extract(
     metadata = {
         "format": FORMAT,
         **json.loads((about if about is not None else About()).as_json()),
-        "sources": [
-            {"name": file.name, "sha256": sha256_of(file)} for path in paths for file in _files(path)
-        ],
+        "sources": [{"name": file.name, "sha256": sha256_of(file)} for path in paths for file in _files(path)],
     }
     writers: dict[str, _TopicWriter] = {}
     try:
@@ -106,9 +104,7 @@ class TopicFile:
             why = str(error).removeprefix(f"{path}: ")
             raise FileFormatError(f"{path}: cannot be read as an extracted topic: {why}") from error
         if self._metadata.get("format") != FORMAT:
-            raise FileFormatError(
-                f"{where}: format {shortened(self._metadata.get('format'))}, expected {FORMAT!r}"
-            )
+            raise FileFormatError(f"{where}: format {shortened(self._metadata.get('format'))}, expected {FORMAT!r}")
         named = topic_named(str(self._metadata.get("topic")))
         if named is None:
             raise FileFormatError(f"{where}: topic {shortened(self._metadata.get('topic'))}: not one of ours")
@@ -125,11 +121,7 @@ class TopicFile:
         """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all."""
         groups = range(self.row_groups) if group is None else [group]
         table = read_table(self.path, self._file, columns, groups)
-        wrong = [
-            name
-            for name in ("stamp", "arrival")
-            if name in columns and table.schema.field(name).type != "int64"
-        ]
+        wrong = [name for name in ("stamp", "arrival") if name in columns and table.schema.field(name).type != "int64"]
         if wrong:
             raise FileFormatError(f"{self.path}: column {wrong[0]}: expected whole numbers [ns]")
         return {name: table.column(name).to_numpy() for name in columns}
@@ -145,9 +137,7 @@ def topic_file(folder: Path, topic: Topic) -> TopicFile:
     path = folder / f"{topic.stem}.parquet"
     if not path.is_file():
         there = ", ".join(sorted(p.stem for p in folder.glob("*.parquet"))) or "none"
-        raise FileFormatError(
-            f"{folder}: topic {topic.name} ({path.name}) is not there; topics there: {there}"
-        )
+        raise FileFormatError(f"{folder}: topic {topic.name} ({path.name}) is not there; topics there: {there}")
     return TopicFile(path)
 
 

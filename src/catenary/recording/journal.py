@@ -175,9 +175,7 @@ class JournalWriter:
         self._topics = b"".join(_topic_records(i, topic) for i, topic in enumerate(topics))
         head = len(self._begin())
         if head > MAX_HEADER:
-            raise InputError(
-                f"{folder}: topics and configuration take {head} bytes, expected {MAX_HEADER} at most"
-            )
+            raise InputError(f"{folder}: topics and configuration take {head} bytes, expected {MAX_HEADER} at most")
         if max_bytes < 2 * head:
             raise InputError(f"{folder}: files of {max_bytes} bytes, but each begins with {head}; allow more")
         self._max_bytes = max_bytes
@@ -353,9 +351,7 @@ class JournalWriter:
         counts = b"".join(Struct("<HQ").pack(i, n) for i, n in enumerate(self._counts) if n)
         statistics = _record(
             _STATISTICS,
-            Struct("<QHIIII").pack(
-                sum(self._counts), len(self._counts), len(self._counts), 0, 0, len(self._chunks)
-            ),
+            Struct("<QHIIII").pack(sum(self._counts), len(self._counts), len(self._counts), 0, 0, len(self._chunks)),
             _TIMES.pack(min(self._first, self._last), self._last),
             _U32.pack(len(counts)),
             counts,

@@ -73,9 +73,7 @@ class _Walk:
         self._number("<u4", COUNT + path)
         size = self.size_of(path, self.offsets[-1])
         if not 0 <= size <= MAX_ELEMENTS:
-            raise FileFormatError(
-                f'message: "{path}" claims {size} elements, expected {MAX_ELEMENTS} at most'
-            )
+            raise FileFormatError(f'message: "{path}" claims {size} elements, expected {MAX_ELEMENTS} at most')
         return size
 
     def _place(self, path: str, kind: Any, alignment: int) -> None:
@@ -87,12 +85,7 @@ class _Walk:
         self.offset += np.dtype(kind).itemsize
 
     def dtype(self) -> np.dtype[np.void]:
-        layout = {
-            "names": self.names,
-            "formats": self.formats,
-            "offsets": self.offsets,
-            "itemsize": self.offset,
-        }
+        layout = {"names": self.names, "formats": self.formats, "offsets": self.offsets, "itemsize": self.offset}
         return np.dtype(layout)  # type: ignore[call-overload, no-any-return]
 
 
@@ -114,9 +107,7 @@ def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = 
         return int.from_bytes(data[offset : offset + 4], "little")
 
     if encoding == "cdr" and data[:2] != b"\x00\x01":
-        raise FileFormatError(
-            f"{name}: expected little-endian CDR, whose first bytes are 0, 1; got {list(data[:2])}"
-        )
+        raise FileFormatError(f"{name}: expected little-endian CDR, whose first bytes are 0, 1; got {list(data[:2])}")
     walk = _Walk(encoding, size_of, CDR_HEADER if encoding == "cdr" else 0, fields_of)
     walk.message(name)
     padding = len(data) - walk.offset
@@ -162,9 +153,7 @@ def _blank(name: str, texts: tuple[tuple[str, str], ...], counts: tuple[tuple[st
     return record.tobytes()
 
 
-def blank_messages(
-    name: str, number: int, texts: Mapping[str, str], counts: Mapping[str, int]
-) -> NDArray[np.void]:
+def blank_messages(name: str, number: int, texts: Mapping[str, str], counts: Mapping[str, int]) -> NDArray[np.void]:
     """Return ROS 1 messages with all numbers zero, to be filled field by field.
 
     Args:
@@ -177,8 +166,6 @@ def blank_messages(
     return _records(bytearray(blank * number), layout_of(name, blank, "ros1"), number)
 
 
-def _records(
-    block: bytes | bytearray | memoryview, layout: np.dtype[np.void], number: int
-) -> NDArray[np.void]:
+def _records(block: bytes | bytearray | memoryview, layout: np.dtype[np.void], number: int) -> NDArray[np.void]:
     # NumPy cannot count messages without a byte, such as std_msgs/Empty
     return np.frombuffer(block, dtype=layout) if layout.itemsize else np.zeros(number, dtype=layout)

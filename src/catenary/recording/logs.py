@@ -107,10 +107,7 @@ def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLo
 
 
 def read_torque_recording(
-    path: Path,
-    model: RobotModel,
-    reading: Reading | None = None,
-    trained: Mapping[str, Sequence[str]] | None = None,
+    path: Path, model: RobotModel, reading: Reading | None = None, trained: Mapping[str, Sequence[str]] | None = None
 ) -> MotionLog:
     """Read a recording of a robot for identification, by a mapping or as `read_torque_log` does, and mend it.
 
@@ -232,8 +229,7 @@ def read_parquet(path: Path) -> MotionLog:
         sha256=sha256_of(path),
         units_assumed=about.get("units_assumed", False),
         notes=tuple(about.get("notes", ())),
-        settled={"units": (), "time_unit": ()}
-        | {key: tuple(texts) for key, texts in about["settled"].items()},
+        settled={"units": (), "time_unit": ()} | {key: tuple(texts) for key, texts in about["settled"].items()},
     )
 
 
@@ -254,9 +250,7 @@ def _about(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, Any]:
         raise FileFormatError(f"{path}: log format {shortened(about.get('format'))}, expected {FORMAT!r}")
     for key in ("simulated", "units_assumed"):
         if not isinstance(about.get(key, False), bool):
-            raise FileFormatError(
-                f"{path}: schema: {key}: expected true or false, got {shortened(about[key])}"
-            )
+            raise FileFormatError(f"{path}: schema: {key}: expected true or false, got {shortened(about[key])}")
     if not isinstance(about.get("began", 0.0), int | float):
         raise FileFormatError(f"{path}: schema: began: expected a number, got {shortened(about['began'])}")
     settled = about.setdefault("settled", {})
@@ -268,15 +262,11 @@ def _about(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, Any]:
     return about
 
 
-def _as_given(
-    path: Path, log: MotionLog, units: Sequence[str] | None, joint_names: Sequence[str] | None
-) -> MotionLog:
+def _as_given(path: Path, log: MotionLog, units: Sequence[str] | None, joint_names: Sequence[str] | None) -> MotionLog:
     """Return a log that states its joints in the order of those given; refuse others, or other units."""
     names = log.joint_names if joint_names is None else tuple(joint_names)
     if units is not None and len(units) != len(names):
-        raise InputError(
-            f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given"
-        )
+        raise InputError(f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given")
     own = dict(zip(log.joint_names, log.joint_units, strict=True))
     said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
     return log.in_order_of(Joints(names, said), of="those given are")

@@ -59,9 +59,7 @@ class Rescue:
     ends_early: bool  # it was cut off: its end is missing
 
     @classmethod
-    def of(
-        cls, arrivals: Mapping[str, NDArray[np.int64]], holes: Sequence[Hole], *, ends_early: bool
-    ) -> Self:
+    def of(cls, arrivals: Mapping[str, NDArray[np.int64]], holes: Sequence[Hole], *, ends_early: bool) -> Self:
         """Compare topics with one another; see `losses`."""
         there = [a for a in arrivals.values() if len(a)]
         span = max(int(a[-1]) for a in there) - min(int(a[0]) for a in there) if there else 0

@@ -86,9 +86,7 @@ NOTHING = Mend()
 
 def mends_of(logs: Sequence[MotionLog]) -> dict[str, tuple[str, ...]]:
     """Return the mends that recordings have in common, but for rows left out: what their like will need."""
-    common = [
-        key for key, texts in logs[0].settled.items() if all(log.settled.get(key) == texts for log in logs)
-    ]
+    common = [key for key, texts in logs[0].settled.items() if all(log.settled.get(key) == texts for log in logs)]
     return {key: logs[0].settled[key] for key in common if logs[0].settled[key] and key != "leave_out"}
 
 
@@ -131,9 +129,7 @@ def _parts(text: str) -> tuple[str | None, tuple[str, ...]]:
 
 def _joint(log: MotionLog, name: str, option: str) -> int:
     if name not in log.joint_names:
-        raise InputError(
-            f'recording "{log.name}": {option}: no joint {name!r}; joints: {", ".join(log.joint_names)}'
-        )
+        raise InputError(f'recording "{log.name}": {option}: no joint {name!r}; joints: {", ".join(log.joint_names)}')
     return log.joint_names.index(name)
 
 
@@ -158,11 +154,7 @@ def _units(log: MotionLog, text: str) -> MotionLog:
     factor = np.array([TO_SI[unit] for unit in units])
     if (factor == 1.0).all():
         return log
-    keys = (
-        [array]
-        if array
-        else [key for key in ("q_nominal", "q_encoder", "qd") if getattr(log, key) is not None]
-    )
+    keys = [array] if array else [key for key in ("q_nominal", "q_encoder", "qd") if getattr(log, key) is not None]
     changed: dict[str, Any] = {key: _array(log, key, "--units")[1] * factor for key in keys}
     return replace(log, **changed)
 

@@ -24,9 +24,7 @@ _OWN: Mapping[str, str] = MappingProxyType(
     {
         "crtk_msgs/OperatingState": "std_msgs/Header header\nstring state\nbool is_homed\nbool is_busy\n",
         "crtk_msgs/StringStamped": "std_msgs/Header header\nstring string\n",
-        "raven_2/raven_automove": (
-            "std_msgs/Header hdr\nint32[6] del_pos\ngeometry_msgs/Transform[2] tf_incr\n"
-        ),
+        "raven_2/raven_automove": ("std_msgs/Header hdr\nint32[6] del_pos\ngeometry_msgs/Transform[2] tf_incr\n"),
         "raven_2/raven_state": (
             "std_msgs/Header hdr\nint32 runlevel\nint32 sublevel\nint32 last_seq\nint32[2] type\n"
             "int32[6] pos\nfloat32[18] ori\nfloat32[18] ori_d\nint32[6] pos_d\nduration dt\n"
@@ -154,9 +152,7 @@ def typestore(ros: int = 1) -> Typestore:
     for old, new in OLD_NAMES.items():
         types |= get_types_from_msg(_OWN[new], old)
     for name, (request, response) in SERVICES.items():
-        types |= get_types_from_msg(request, f"{name}Request") | get_types_from_msg(
-            response, f"{name}Response"
-        )
+        types |= get_types_from_msg(request, f"{name}Request") | get_types_from_msg(response, f"{name}Response")
     store = get_typestore(Stores.EMPTY)
     store.register(types)
     return store
@@ -183,14 +179,10 @@ def check_type(path: Path, topic: str, name: str, definition: str, *, ros: int =
     if current_name(name) not in MESSAGES or not definition:
         return
     if definition.lstrip("= \n").startswith("IDL:"):
-        raise FileFormatError(
-            f"{path}: topic {topic}: {name} is defined in IDL, expected ROS's .msg language"
-        )
+        raise FileFormatError(f"{path}: topic {topic}: {name} is defined in IDL, expected ROS's .msg language")
     difference = _difference(path, topic, name, definition, ros=ros)
     if difference:
-        raise FileFormatError(
-            f"{path}: topic {topic}: {name} differs from the type that catenary knows: {difference}"
-        )
+        raise FileFormatError(f"{path}: topic {topic}: {name} differs from the type that catenary knows: {difference}")
 
 
 def _known(name: str) -> str:

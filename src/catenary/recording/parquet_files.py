@@ -31,19 +31,14 @@ def open_parquet(path: Path) -> pq.ParquetFile:
 
 
 def read_table(
-    path: Path,
-    file: pq.ParquetFile,
-    columns: Sequence[str] | None = None,
-    groups: Sequence[int] | None = None,
+    path: Path, file: pq.ParquetFile, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None
 ) -> pa.Table:
     """Read columns that all hold numbers or truth values; None for all."""
     names = list(file.schema_arrow.names)
     wanted = names if columns is None else list(columns)
     for name in wanted:
         if names.count(name) != 1:
-            raise FileFormatError(
-                f"{path}: column {shortened(name)} is there {names.count(name)} times, expected once"
-            )
+            raise FileFormatError(f"{path}: column {shortened(name)} is there {names.count(name)} times, expected once")
         kind = file.schema_arrow.field(name).type
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
             raise FileFormatError(f"{path}: column {cut(name)} holds {cut(str(kind))}, expected numbers")

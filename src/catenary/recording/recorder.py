@@ -34,9 +34,7 @@ class Throttle:
     def __init__(self, rate: float, rng: np.random.Generator, *, jitter: float = JITTER) -> None:
         """Begin at time 0."""
         if not rate > 0.0 or not 0.0 <= jitter <= 1.0:
-            raise InputError(
-                f"throttle: expected a rate above 0 Hz and a jitter of 0 to 1, got {rate}, {jitter}"
-            )
+            raise InputError(f"throttle: expected a rate above 0 Hz and a jitter of 0 to 1, got {rate}, {jitter}")
         self._period, self._jitter, self._rng = 1.0 / rate, jitter, rng
         self._due: Floats = np.zeros(0)  # instants to come, ascending
         self._last: float | None = None

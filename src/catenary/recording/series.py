@@ -78,9 +78,7 @@ class TopicReport:
             notes.append(f"{self.topic}: stamps lie {self.clock_offset:.3f} s before arrival; not corrected")
         if self.stamped_by_arrival:
             notes.append(f"{self.topic}: messages carry no stamps; their arrival was taken")
-        notes += [
-            f"{self.topic}: {step.note(self.start)}; stamps go on as before it" for step in self.clock_steps
-        ]
+        notes += [f"{self.topic}: {step.note(self.start)}; stamps go on as before it" for step in self.clock_steps]
         return notes
 
 
@@ -198,13 +196,9 @@ def without_steps(
     stretches = [(b, e) for b, e in pairwise(ends) if e - b >= LEAST]
     usual = int(np.median((arrival - stamp)[slice(*stretches[0])])) if stretches else 0
     for begin, end in stretches[1:]:
-        by = usual - int(
-            np.median((arrival - stamp)[begin:end])
-        )  # a clock that is ahead makes messages come early
+        by = usual - int(np.median((arrival - stamp)[begin:end]))  # a clock that is ahead makes messages come early
         if abs(by) > STEP:
-            shared = [
-                one.by for one in known if abs(one.by - by) < SAME and abs(one.at - arrival[begin]) < NEAR
-            ]
+            shared = [one.by for one in known if abs(one.by - by) < SAME and abs(one.at - arrival[begin]) < NEAR]
             by = shared[0] if shared else by
             stamp = np.concatenate([stamp[:begin], stamp[begin:] - by])
             steps = (*steps, ClockStep(int(arrival[begin]), by))

@@ -198,16 +198,12 @@ def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
         raise InputError(f'namespace "{namespace}": expected one whose last word begins with PSM, as /PSM1')
     stem = f"psm_{'tracker' if column == 'ext_jpos' else column}"
     columns = _joint_columns(column, PSM_JOINTS)
-    return Topic(
-        name, "sensor_msgs/JointState", rate or usual, columns, stem, f"record_{stem}", joint_names=PSM_JOINTS
-    )
+    return Topic(name, "sensor_msgs/JointState", rate or usual, columns, stem, f"record_{stem}", joint_names=PSM_JOINTS)
 
 
 def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]:
     """Return the topics of a calibration recording of a PSM; errors as `psm_topic`."""
-    return tuple(
-        psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in PSM_TOPICS
-    )
+    return tuple(psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in PSM_TOPICS)
 
 
 def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:
@@ -242,9 +238,7 @@ def encode(
     counts = {c.path: c.width for c in topic.columns if texts and c.name in columns} | {"name": len(texts)}
     messages = blank_messages(topic.type, len(stamp), texts, counts)
     if len(stamp) and (stamp.min() < 0 or stamp.max() // SECOND > np.iinfo(np.uint32).max):
-        raise InputError(
-            f"topic {topic.name}: stamp {stamp.min()}..{stamp.max()} ns does not fit into ROS's time"
-        )
+        raise InputError(f"topic {topic.name}: stamp {stamp.min()}..{stamp.max()} ns does not fit into ROS's time")
     messages[f"{topic.header}.seq"] = (first_seq + np.arange(len(stamp))) % 2**32
     messages[f"{topic.header}.stamp.sec"], messages[f"{topic.header}.stamp.nsec"] = np.divmod(stamp, SECOND)
     for column in topic.columns:

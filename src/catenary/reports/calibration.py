@@ -93,10 +93,7 @@ def note_blocks(notes: Sequence[str]) -> list[Block]:
 def tip_part(tip: TipErrors | None, evaluation: Evaluation, name: str) -> list[Block]:
     """Return table and picture of the tip; without kinematics how to get them."""
     if tip is not None:
-        return [
-            *tip_blocks(tip, name, evaluation.data.joint_names),
-            arm_picture(tip, name, row_breaks(evaluation)),
-        ]
+        return [*tip_blocks(tip, name, evaluation.data.joint_names), arm_picture(tip, name, row_breaks(evaluation))]
     missing = "Not known: no robot whose kinematics give the tip from these joints was named (--robot)."
     return [Heading("Error of the tip"), Text(missing)]
 
@@ -171,11 +168,7 @@ def gains_on_blocks(spread: Sequence[Spread]) -> list[JointGain]:
 
 
 def headline(
-    evaluation: Evaluation,
-    *,
-    unseen: bool = True,
-    spread: Sequence[Spread] = (),
-    tip: TipErrors | None = None,
+    evaluation: Evaluation, *, unseen: bool = True, spread: Sequence[Spread] = (), tip: TipErrors | None = None
 ) -> str:
     """Return the verdict on a correction in one sentence, its numbers as the tables have them.
 
@@ -207,9 +200,7 @@ def headline(
 
 def _numbers(gains: Sequence[JointGain]) -> str:
     """Return errors before and after, of the joints that gain most where there are many."""
-    most = sorted(gains, key=lambda gain: gain.after / gain.before if gain.before > 0.0 else 1.0)[
-        :MOST_JOINTS
-    ]
+    most = sorted(gains, key=lambda gain: gain.after / gain.before if gain.before > 0.0 else 1.0)[:MOST_JOINTS]
     said = [f"from {g.before:.3f} to {g.after:.3f} {g.unit} ({g.name})" for g in gains if g in most]
     more = len(gains) - len(said)
     return ", ".join(said) + (f", and those of {more} more below" if more > 0 else "")

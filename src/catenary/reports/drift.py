@@ -41,9 +41,7 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
     """Write the verdict, a picture of the error over days and homings, and the table."""
     told = since_in_words(found)
     first, last = found.stretches[0], found.stretches[-1]
-    lead = (
-        f"{'; '.join(told)}." if told else f"{model} holds on the last of {len(found.stretches)} stretches."
-    )
+    lead = f"{'; '.join(told)}." if told else f"{model} holds on the last of {len(found.stretches)} stretches."
     blocks: list[Block] = [
         Text(f"From {_place(first)} to {_place(last)}. Beyond means: {found.judged_by}."),
         *([Remarks(list(notes))] if notes else []),
@@ -51,9 +49,7 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
         drift_picture(found),
         Heading("RMSE between homings"),
         drift_table(found),
-        Text(
-            "! beyond. A recording is cut where the encoders' offsets change, and where its clock goes back."
-        ),
+        Text("! beyond. A recording is cut where the encoders' offsets change, and where its clock goes back."),
     ]
     write_page(path, f"Drift of {model}", lead, blocks)
 
@@ -82,9 +78,7 @@ def drift_picture(found: DriftFound) -> Picture:
     panels[-1].set_xlim(-0.5, len(number) - 0.5)
     handles = {label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels())}  # noqa: B905
     figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=2, frameon=False)
-    return picture(
-        figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end."
-    )
+    return picture(figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end.")
 
 
 def _place(stretch: Stretch) -> str:

@@ -116,9 +116,7 @@ class RecordingFacts(FileFacts):
             shown, scale = DISPLAY[joint.unit]
             fact = f"{scale * joint.lowest:.2f} to {scale * joint.highest:.2f} {shown}"
             if joint.error_rms is not None:
-                fact += (
-                    f", error RMS {joint.error_rms:.3f}, largest {joint.error_largest:.2f} {joint.error_unit}"
-                )
+                fact += f", error RMS {joint.error_rms:.3f}, largest {joint.error_largest:.2f} {joint.error_unit}"
             lines.append((joint.name, fact))
         return lines
 

@@ -5,17 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from catenary.control.loop_report import Holding, Tracking
-from catenary.reports.page import (
-    Block,
-    Heading,
-    Picture,
-    Table,
-    TableColumn,
-    Text,
-    picture,
-    settings_facts,
-    write_page,
-)
+from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture, settings_facts, write_page
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"

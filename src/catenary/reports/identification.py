@@ -110,9 +110,7 @@ def mass_table(found: Identification) -> Table | None:
         TableColumn("file's [kg]", given.tree.mass.__getitem__, ".3g"),
         TableColumn("ratio", lambda i: robot.tree.mass[i] / given.tree.mass[i], ".2f"),
         TableColumn(
-            "centres apart [mm]",
-            lambda i: 1000.0 * np.linalg.norm(robot.tree.com[i] - given.tree.com[i]),
-            ".0f",
+            "centres apart [mm]", lambda i: 1000.0 * np.linalg.norm(robot.tree.com[i] - given.tree.com[i]), ".0f"
         ),
     ]
     links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]

@@ -134,9 +134,7 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
         TableColumn("joint", "joint"),
         TableColumn("unit", "unit"),
         TableColumn("blocks", "folds"),
-        TableColumn(
-            f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"
-        ),
+        TableColumn(f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
         TableColumn(f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
     ]
     return Table(columns, spread, "RMSE on blocks of time that the fit did not see")
@@ -184,9 +182,7 @@ class ErrorSeries:
     values: Floats
 
 
-def joint_picture(
-    evaluation: Evaluation, model: CalibrationModel, j: int, *, name: str | None = None
-) -> Picture:
+def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, name: str | None = None) -> Picture:
     """Draw the error of one joint over time and as histograms: raw, after the fixed offset, after the model.
 
     Lines end where rows are missing in time; far errors that would flatten the rest are counted in the caption, which
@@ -211,12 +207,7 @@ def joint_picture(
     _draw_histograms(histogram, series[1:], unit)
     handles, labels = over_time.get_legend_handles_labels()
     legend = figure.legend(
-        handles,
-        [wrapped(label) for label in labels],
-        loc="outside upper right",
-        ncols=4,
-        frameon=False,
-        fontsize=9,
+        handles, [wrapped(label) for label in labels], loc="outside upper right", ncols=4, frameon=False, fontsize=9
     )
     for handle in legend.get_lines():
         handle.set_linewidth(3.0)
@@ -292,9 +283,7 @@ def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[Error
         axes.axvline(x[row], color=RAW, linewidth=0.8, linestyle=":")
     axes.axhline(0.0, color="#1c2430", linewidth=0.6)
     unit = "time [s]" if evaluation.window_unit == "s" else "row"
-    axes.set_xlabel(
-        f"{unit}, {len(recordings) + 1} recordings one after the other" if len(recordings) else unit
-    )
+    axes.set_xlabel(f"{unit}, {len(recordings) + 1} recordings one after the other" if len(recordings) else unit)
     axes.margins(x=0.01)
 
 

@@ -48,10 +48,7 @@ class Table:
     @property
     def rows(self) -> list[list[str]]:
         """The cells, as text."""
-        return [
-            [_cell(column, record, place) for place, column in enumerate(self.columns)]
-            for record in self.records
-        ]
+        return [[_cell(column, record, place) for place, column in enumerate(self.columns)] for record in self.records]
 
     def text(self) -> str:
         """Return the table for a terminal, its title above.
@@ -73,9 +70,7 @@ class Table:
         return "\n".join([*lines, ""])
 
 
-def joint_columns(
-    joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str
-) -> list[TableColumn]:
+def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str) -> list[TableColumn]:
     """Return a column for each joint of these names and units; `value` tells a record's number of the k-th."""
 
     def column(k: int, name: str, unit: str) -> TableColumn:

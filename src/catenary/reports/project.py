@@ -17,9 +17,7 @@ from catenary.units import DISPLAY
 TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
 MOST_POINTS = 6_000
 PAPER_INPUTS = 16  # of all its models: positions and torques of an arm's eight channels, one of them unused
-PAPER_COLUMNS = tuple(
-    f"paper, {PAPER_INPUTS} inputs: {joint}" for joint in ("J1 [deg]", "J2 [deg]", "J3 [mm]")
-)
+PAPER_COLUMNS = tuple(f"paper, {PAPER_INPUTS} inputs: {joint}" for joint in ("J1 [deg]", "J2 [deg]", "J3 [mm]"))
 # Peng et al. 2024 (`reports.calibration.PAPER`), table I: a real RAVEN-II, trained on zig-zags in direction J2-J3
 # (1013 s), tested on 20 minutes of random motion; RMSE on J1 [deg], J2 [deg], J3 [mm]
 TABLE_1: dict[str, tuple[float, float, float]] = {
@@ -155,8 +153,6 @@ def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
         for axis, joint in ((ax.set_xlabel, i), (ax.set_ylabel, j)):
             axis(f"{first.joint_names[joint]} [{DISPLAY[first.joint_units[joint]][0]}]")
     handles, labels = axes[-1].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper right", ncols=2, markerscale=6, frameon=False, fontsize=9
-    )
+    figure.legend(handles, labels, loc="outside upper right", ncols=2, markerscale=6, frameon=False, fontsize=9)
     caption = "Where the joints went, as the robot reported: training and test motion in joint space."
     return picture(figure, caption)

@@ -124,9 +124,7 @@ def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[A
     grid = on.add_gridspec(
         len(groups), 2, width_ratios=(1.3, 1.0), height_ratios=[len(js) + 0.6 for js in groups.values()]
     )
-    return on.add_subplot(grid[:, 0], projection="3d"), [
-        on.add_subplot(grid[k, 1]) for k in range(len(groups))
-    ]
+    return on.add_subplot(grid[:, 0], projection="3d"), [on.add_subplot(grid[k, 1]) for k in range(len(groups))]
 
 
 def _draw_robot(
@@ -187,9 +185,7 @@ def _draw_triad(axes: Any, rotation: Floats, origin: Floats, size: float) -> Non
         axes.plot(*np.array([origin, origin + size * axis]).T, color=color, linewidth=1.6, alpha=0.9)
 
 
-def _draw_joints(
-    axes: Any, model: RobotModel, q: Floats, rotations: Floats, origins: Floats, half: float
-) -> None:
+def _draw_joints(axes: Any, model: RobotModel, q: Floats, rotations: Floats, origins: Floats, half: float) -> None:
     """Draw the joints' axes, and their numbers: several of one place together."""
     tree = model.tree
     numbers: list[tuple[Floats, list[str]]] = []
@@ -354,9 +350,7 @@ def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: F
         _draw_unit(axes, model, q, tau, unit, joints)
 
 
-def _draw_unit(
-    axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, joints: Sequence[int]
-) -> None:
+def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, joints: Sequence[int]) -> None:
     rows = np.arange(len(joints))
     own, limits = tau[:, joints], model.effort_limit[list(joints)]
     reach = max(float(np.abs(own).max(initial=0.0)), LEAST_TORQUE)

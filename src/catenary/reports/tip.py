@@ -78,8 +78,7 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
     q = full(np.zeros_like(measured))
     true = _tips(robot, q)
     reported, by_offset, corrected = (
-        _tips(robot, full(error))
-        for error in (evaluation.raw, evaluation.after_offset, evaluation.after_model)
+        _tips(robot, full(error)) for error in (evaluation.raw, evaluation.after_offset, evaluation.after_model)
     )
     return TipErrors(
         robot=robot,
@@ -97,11 +96,7 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
 def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
     """Return what a page says of the tip of a model of these joints."""
     without = [joint for joint, moves in zip(joints, tip.moves, strict=True) if not moves]
-    aside = (
-        f" Joints that do not move this frame, and are not in its error: {', '.join(without)}."
-        if without
-        else ""
-    )
+    aside = f" Joints that do not move this frame, and are not in its error: {', '.join(without)}." if without else ""
     columns = [
         TableColumn("joints"),
         TableColumn("RMSE [mm]", lambda row: 1e3 * row[1].rmse, ".3f"),
@@ -181,17 +176,13 @@ def arm_picture(tip: TipErrors, name: str, row_breaks: Floats) -> Picture:
         drawn.append(near)
     equal_axes(close, np.vstack(drawn))
     close.set_title(f"close up: {rows.stop - rows.start} rows of the path", fontsize=9)
-    figure.legend(
-        *close.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9
-    )
+    figure.legend(*close.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False, fontsize=9)
     caption = (
         f"Left: robot {tip.robot.name} in its base frame (square: base, dot: tip), and the path of its tip by measured "
         f"joints. Right: a stretch of the path, and where the tip is by raw joints and after {name}. RMSE of the tip: "
         f"{1e3 * tip.raw.rmse:.3f} mm raw, {1e3 * tip.model.rmse:.3f} mm after {name}."
     )
-    return picture(
-        figure, caption, "The arm drawn in space with the path of its tip, and a part of the path close up."
-    )
+    return picture(figure, caption, "The arm drawn in space with the path of its tip, and a part of the path close up.")
 
 
 def _stretch(tip: TipErrors, row_breaks: Floats) -> slice:

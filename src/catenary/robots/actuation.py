@@ -72,9 +72,7 @@ class Friction(Effect):
     [Dahl, "A solid friction model", 1968], as on cables and elastic drives; in steady sliding it is sign(v).
     """
 
-    __pydantic_config__ = file_keys(
-        combination="on", stribeck="stribeck_velocity", presliding="presliding_distance"
-    )
+    __pydantic_config__ = file_keys(combination="on", stribeck="stribeck_velocity", presliding="presliding_distance")
 
     coulomb: bool = True
     viscous: bool = True
@@ -279,9 +277,7 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
         for key in ("stribeck", "presliding"):
             scale = getattr(friction, key)
             if scale is not None and not 0.0 < scale < np.inf:
-                raise InputError(
-                    f'{where}: friction "{friction.name}": {key}: expected above zero, got {scale}'
-                )
+                raise InputError(f'{where}: friction "{friction.name}": {key}: expected above zero, got {scale}')
     if actuation.values is not None:
         count = len(actuation_terms(actuation))
         if actuation.values.shape != (count,) or not np.isfinite(actuation.values).all():

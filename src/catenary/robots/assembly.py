@@ -14,14 +14,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, check_actuation
-from catenary.robots.link_inertia import (
-    LIGHTEST,
-    NOTHING,
-    LinkInertia,
-    check_inertia,
-    is_negative,
-    unphysical,
-)
+from catenary.robots.link_inertia import LIGHTEST, NOTHING, LinkInertia, check_inertia, is_negative, unphysical
 from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree, is_base
 from catenary.robots.plausible import (
     FAR,
@@ -269,15 +262,11 @@ def _tree(folded: _Folded) -> Tree:
     )
 
 
-def _all_frames(
-    where: str, carrier: Mapping[str, Frame], further: Mapping[str, tuple[str, Pose]]
-) -> dict[str, Frame]:
+def _all_frames(where: str, carrier: Mapping[str, Frame], further: Mapping[str, tuple[str, Pose]]) -> dict[str, Frame]:
     frames = dict(carrier)
     for name, (link, pose) in further.items():
         if link not in carrier:
-            raise InputError(
-                f'{where}: frame "{name}" is fixed to unknown link "{link}"; links: {", ".join(carrier)}'
-            )
+            raise InputError(f'{where}: frame "{name}" is fixed to unknown link "{link}"; links: {", ".join(carrier)}')
         if name in frames:
             raise InputError(f'{where}: frame "{name}" has the name of another frame or link')
         as_rotation(f'{where}: frame "{name}": rotation', pose.rotation)
@@ -291,9 +280,7 @@ def _parents_first(where: str, links: Sequence[Link], root: str) -> list[Link]:
     by_name: dict[str, Link] = {}
     for link in links:
         if link.name == root:
-            raise InputError(
-                f'{where}: a link is named "{root}", which is the name of what everything hangs on'
-            )
+            raise InputError(f'{where}: a link is named "{root}", which is the name of what everything hangs on')
         if link.name in by_name:
             raise InputError(f'{where}: two links are named "{link.name}"')
         by_name[link.name] = link
@@ -329,9 +316,7 @@ def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
         if not c.lower <= c.upper:  # also when one is NaN
             raise InputError(f"{what}: limits [{c.lower}, {c.upper}], expected the lower one first")
         if not (c.velocity >= 0.0 and c.effort >= 0.0):
-            raise InputError(
-                f"{what}: velocity limit {c.velocity}, effort limit {c.effort}: expected zero or more"
-            )
+            raise InputError(f"{what}: velocity limit {c.velocity}, effort limit {c.effort}: expected zero or more")
 
 
 def _check_moved(
@@ -356,16 +341,13 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
         check_length(f"{what}: {part}: origin", pose.position)
     check_within(f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), FARTHEST, "rad or m")
     if link.joint == "fixed" and link.variable:
-        raise InputError(
-            f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two"
-        )
+        raise InputError(f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two")
     if link.joint != "fixed" and not np.linalg.norm(as_array(f"{what}: axis", link.axis, (3,))) > 1e-9:
         raise InputError(f"{what}: axis must not be zero, got {link.axis}")
     for coordinate, factor in link.variable.items():
         if coordinate not in coordinates:
             raise InputError(
-                f'{what}: moves with unknown coordinate "{coordinate}"; '
-                f"coordinates: {', '.join(coordinates) or 'none'}"
+                f'{what}: moves with unknown coordinate "{coordinate}"; coordinates: {", ".join(coordinates) or "none"}'
             )
         if not np.isfinite(factor):
             raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')

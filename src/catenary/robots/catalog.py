@@ -81,9 +81,7 @@ def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> R
             from catenary.robots.mjcf import load_mjcf
 
             return load_mjcf(path, massless=massless, strict=strict)
-        raise FileFormatError(
-            f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)"
-        )
+        raise FileFormatError(f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)")
     raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml, .mjcf or .npz')
 
 
@@ -97,9 +95,7 @@ def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> Ro
         raise FileFormatError(f"{where}: {len(content)} bytes, expected at most {MOST_XML}")
     root = xml_root_tag(content, where)
     if root == "mujoco":
-        raise FileFormatError(
-            f"{where}: is MJCF, which may include files: expected the path of a file that holds it"
-        )
+        raise FileFormatError(f"{where}: is MJCF, which may include files: expected the path of a file that holds it")
     source = file_source(Path("text"), content)
     return parse_urdf(content, where, massless=massless, strict=strict, sources=[source])
 

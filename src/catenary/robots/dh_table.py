@@ -110,9 +110,7 @@ def load_table(path: Path, *, massless: Massless = (), strict: bool = False) -> 
         raise type(error)(f"{path}: {error}") from error
 
 
-def robot_of_table(
-    where: str, table: RobotTable, massless: Massless = (), *, strict: bool = False
-) -> RobotModel:
+def robot_of_table(where: str, table: RobotTable, massless: Massless = (), *, strict: bool = False) -> RobotModel:
     """Return the robot of a table; `where` opens what is said of its keys."""
     coordinates = _coordinates(where, table)
     actuation = None
@@ -170,9 +168,7 @@ def _coordinates(where: str, table: RobotTable) -> list[Coordinate]:
         moves_itself = row.joint != "fixed" and (row.variable is None or row.name in row.variable)
         limited = np.isfinite(coordinate.lower) or np.isfinite(coordinate.upper)
         if limited and (listed is not None or not moves_itself):
-            raise InputError(
-                f"{what}: has limits but no coordinate of its own; give limits to the coordinate"
-            )
+            raise InputError(f"{what}: has limits but no coordinate of its own; give limits to the coordinate")
         if moves_itself:
             own.append(coordinate)
     return own if listed is None else listed
@@ -183,9 +179,7 @@ def _frames(where: str, table: RobotTable, base: Pose) -> dict[str, tuple[str, P
     for name in names:
         if names.count(name) > 1:
             raise ConfigError(f'{where}: two frames are named "{name}"')
-    frames = {
-        f.name: (f.link, Pose(np.array(f.rotation, dtype=float), np.array(f.position_m))) for f in table.frame
-    }
+    frames = {f.name: (f.link, Pose(np.array(f.rotation, dtype=float), np.array(f.position_m))) for f in table.frame}
     return frames | ({} if table.base_frame is None else {table.base_frame: (table.root, base)})
 
 

@@ -78,9 +78,7 @@ def unphysical(mass: float, inertia: Floats) -> str | None:
         return f"inertia has a negative principal moment ({moments[0]:.3g} kg m2)"
     if moments[2] > moments[0] + moments[1] + _rounding(mass, inertia):
         shown = ", ".join(f"{m:.3g}" for m in moments)
-        return (
-            f"inertia has principal moments {shown} kg m2; no body has one larger than the sum of the others"
-        )
+        return f"inertia has principal moments {shown} kg m2; no body has one larger than the sum of the others"
     return None
 
 

@@ -32,8 +32,6 @@ def resolve_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
                 )
             chain.append(here.leader)
             then = mimics[here.leader]
-            here = Mimic(
-                then.leader, here.multiplier * then.multiplier, here.multiplier * then.offset + here.offset
-            )
+            here = Mimic(then.leader, here.multiplier * then.multiplier, here.multiplier * then.offset + here.offset)
         resolved[joint] = here
     return resolved

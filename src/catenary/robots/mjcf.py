@@ -63,9 +63,7 @@ class CompiledMjcf(NamedTuple):
 
     def name(self, kind: str, index: int) -> str:
         """Return the name of a body, joint, ...; one without a name is called by its kind and number."""
-        found = self.mujoco.mj_id2name(
-            self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index
-        )
+        found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index)
         return str(found) if found else f"{kind}{index}"
 
     def body_joints(self, body: int) -> range:
@@ -230,9 +228,7 @@ def _inertia(c: CompiledMjcf, body: int) -> LinkInertia | None:
     if c.mass[body] == 0.0:
         return None
     about_com = LinkInertia(float(c.mass[body]), np.zeros(3), np.diag(c.inertia[body]))
-    return about_com.moved(
-        Pose(rotation_from_quaternion(c.model.body_iquat[body]), np.array(c.model.body_ipos[body]))
-    )
+    return about_com.moved(Pose(rotation_from_quaternion(c.model.body_iquat[body]), np.array(c.model.body_ipos[body])))
 
 
 def _coordinate(c: CompiledMjcf, joint: int, name: str) -> Coordinate:
@@ -333,9 +329,7 @@ def included_files(path: Path, content: bytes) -> dict[str, bytes]:
                 raise FileFormatError(f"{where}: <include file={shortened(name)}>: is outside {path.parent}")
             found[name] = read_bounded(place, MOST_XML)
             if len(found) > MOST_FILES or sum(map(len, found.values())) > MOST_XML:
-                raise FileFormatError(
-                    f"{path}: includes more than {MOST_FILES} files, or more than {MOST_XML} bytes"
-                )
+                raise FileFormatError(f"{path}: includes more than {MOST_FILES} files, or more than {MOST_XML} bytes")
             waiting.append((str(place), found[name]))
     return found
 

@@ -151,9 +151,7 @@ class RobotModel:
         """
         key = self.tip if name is None else name
         if key not in self.frames:
-            raise InputError(
-                f'robot "{self.name}": no frame "{key}"; frames: {", ".join(sorted(self.frames))}'
-            )
+            raise InputError(f'robot "{self.name}": no frame "{key}"; frames: {", ".join(sorted(self.frames))}')
         return self.frames[key]
 
     def with_massless(self, links: Massless) -> "RobotModel":
@@ -169,8 +167,7 @@ class RobotModel:
         for link in links:
             if link not in self.frames:
                 raise InputError(
-                    f'robot "{self.name}": massless link "{link}" is not a link; '
-                    f"links: {', '.join(self.link_names)}"
+                    f'robot "{self.name}": massless link "{link}" is not a link; links: {", ".join(self.link_names)}'
                 )
             mass = self.tree.mass[self.link_names.index(link)] if link in self.link_names else 0.0
             if mass > 0.0:
@@ -211,9 +208,7 @@ class RobotModel:
         if (doubt := payload_doubt(load, float(self.tree.mass.sum()))) is not None:
             _log.warning("%s: %s", where, doubt)
         if np.linalg.norm(place) > FAR:
-            _log.warning(
-                "%s: it lies %.4g m from the joint; positions are in m", where, np.linalg.norm(place)
-            )
+            _log.warning("%s: it lies %.4g m from the joint; positions are in m", where, np.linalg.norm(place))
         own = self.tree.mass[link]
         apart = place - self.tree.com[link]
         masses, coms, tensors = self.tree.mass.copy(), self.tree.com.copy(), self.tree.inertia.copy()

@@ -79,9 +79,7 @@ def _check(model: RobotModel) -> None:
         check_names(kind, names)
         check_different(kind, names)
     if not 0 < links <= MOST_LINKS or not n:
-        raise InputError(
-            f"{links} links and {n} joints, expected at least one of each, and {MOST_LINKS} at most"
-        )
+        raise InputError(f"{links} links and {n} joints, expected at least one of each, and {MOST_LINKS} at most")
     counts = {**dict.fromkeys((*Tree._fields, "coupling", "offset"), links)}
     counts |= dict.fromkeys(("joint_units", "lower", "upper", "velocity_limit", "effort_limit"), n)
     for key, count in counts.items():

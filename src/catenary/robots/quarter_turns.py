@@ -31,9 +31,7 @@ def with_quarter_turns(model: RobotModel) -> RobotModel:
     quarters = 0.5 * np.pi * np.round(model.offset / (0.5 * np.pi))
     is_quarter = ~tree.prismatic & (np.abs(model.offset - quarters) <= WITHIN)
     return replace(
-        model,
-        tree=tree._replace(rotation=rotation, axis=axis),
-        offset=np.where(is_quarter, quarters, model.offset),
+        model, tree=tree._replace(rotation=rotation, axis=axis), offset=np.where(is_quarter, quarters, model.offset)
     )
 
 
@@ -62,9 +60,7 @@ def turns_off(model: RobotModel) -> Floats:
 
 def _turns_off(tree: Tree, offset: Floats) -> Floats:
     rows = []
-    for rotation, axis, constant, slides in zip(
-        tree.rotation, tree.axis, offset, tree.prismatic, strict=True
-    ):
+    for rotation, axis, constant, slides in zip(tree.rotation, tree.axis, offset, tree.prismatic, strict=True):
         quarters = 0.5 * np.pi * round(constant / (0.5 * np.pi))
         rows.append(
             [

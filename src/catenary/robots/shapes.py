@@ -134,9 +134,7 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> Geom
             shapes.append(_capsule(model.base, -1, (np.zeros(3), end), radii[0]))
     thickness = f"{1000 * min(radii):.0f} to {1000 * max(radii):.0f} mm"
     by = "as given" if radius is not None else "as thick as their masses are in water"
-    return Geometry(
-        model.name, tuple(shapes), f"capsules along its links, {thickness} in radius, {by}", assumed=True
-    )
+    return Geometry(model.name, tuple(shapes), f"capsules along its links, {thickness} in radius, {by}", assumed=True)
 
 
 def _segments(model: RobotModel, link: int) -> list[Segment]:

@@ -10,15 +10,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.documents import MOST_XML, cut, read_bounded, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError
-from catenary.robots.assembly import (
-    Coordinate,
-    JointKind,
-    Link,
-    assemble,
-    file_source,
-    left_out,
-    naming_the_file,
-)
+from catenary.robots.assembly import Coordinate, JointKind, Link, assemble, file_source, left_out, naming_the_file
 from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
@@ -51,9 +43,7 @@ def load_urdf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
             mass that the file says is zero is zero.
     """
     content = read_bounded(path, MOST_XML)
-    return parse_urdf(
-        content, str(path), massless=massless, strict=strict, sources=[file_source(path, content)]
-    )
+    return parse_urdf(content, str(path), massless=massless, strict=strict, sources=[file_source(path, content)])
 
 
 def parse_urdf(
@@ -77,8 +67,7 @@ def parse_urdf(
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
         tree_links = [
-            _tree_link(where, joint, links[joint.child], following, stepping, strict=strict)
-            for joint in joints
+            _tree_link(where, joint, links[joint.child], following, stepping, strict=strict) for joint in joints
         ]
     with naming_the_file(where):
         model = assemble(
@@ -88,11 +77,7 @@ def parse_urdf(
             root=root,
             sources=sources,
             notes=_notes(robot, joints, following),
-            doubts=[
-                f'link "{link.name}": has no mass, as the file says'
-                for link in tree_links
-                if _is_weighed(link)
-            ],
+            doubts=[f'link "{link.name}": has no mass, as the file says' for link in tree_links if _is_weighed(link)],
             strict=strict,
         )
     return model.with_massless(massless)
@@ -125,9 +110,7 @@ def urdf_root(text: str | bytes, where: str) -> Element:
     for part in (*root.iterfind("link//*"), *root.iterfind("joint//*")):
         prefix, _, name = part.tag.rpartition(":")
         if prefix and name in _READ:
-            raise FileFormatError(
-                f"{where}: <{cut(part.tag)}>, expected <{name}>: with a prefix it is not read"
-            )
+            raise FileFormatError(f"{where}: <{cut(part.tag)}>, expected <{name}>: with a prefix it is not read")
     return root
 
 
@@ -221,9 +204,7 @@ def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint
         carried_by[joint.child] = joint.name
     roots = [name for name in links if name not in carried_by]
     if not roots:
-        raise UnsupportedModelError(
-            f"{where}: every link has a parent: a loop cannot be represented by a tree"
-        )
+        raise UnsupportedModelError(f"{where}: every link has a parent: a loop cannot be represented by a tree")
     if len(roots) > 1:
         raise FileFormatError(f"{where}: several root links: {', '.join(roots)}; expected one")
     return roots[0]
@@ -244,13 +225,7 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
 
 
 def _tree_link(
-    where: str,
-    joint: _Joint,
-    child: Element,
-    following: Mapping[str, Mimic],
-    stepping: Container[str],
-    *,
-    strict: bool,
+    where: str, joint: _Joint, child: Element, following: Mapping[str, Mimic], stepping: Container[str], *, strict: bool
 ) -> Link:
     mimic = following.get(joint.name, Mimic(joint.name, 1.0, 0.0))
     inertia = _inertia(f'{where}: link "{joint.child}"', child)
@@ -339,9 +314,7 @@ def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mim
     for tag, what in (("calibration", "calibration positions"), ("safety_controller", "soft limits")):
         notes += left_out(what, [j.name for j in joints if j.element.find(tag) is not None])
     tighter = [
-        j.name
-        for j in joints
-        if j.name in following and _is_tighter(j.coordinate, following[j.name], coordinates)
+        j.name for j in joints if j.name in following and _is_tighter(j.coordinate, following[j.name], coordinates)
     ]
     notes += left_out("position limits of mimic joints, tighter than their leader's", tighter)
     for key in ("velocity", "effort"):

@@ -147,15 +147,11 @@ def _add_visual(link: Element, pose: Pose, kind: str, **sizes: str) -> None:
     SubElement(SubElement(visual, "geometry"), kind, sizes)
 
 
-def _add_joint(
-    root: Element, model: RobotModel, i: int, drives: list[_Drive], friction: JointDrives | None
-) -> None:
+def _add_joint(root: Element, model: RobotModel, i: int, drives: list[_Drive], friction: JointDrives | None) -> None:
     coordinate, factor, leads = drives[i]
     slides = bool(model.tree.prismatic[i])
     low, high = sorted(
-        factor * limit + (0.0 if leads else float(model.offset[i]))
-        if np.isfinite(limit)
-        else np.sign(factor) * limit
+        factor * limit + (0.0 if leads else float(model.offset[i])) if np.isfinite(limit) else np.sign(factor) * limit
         for limit in (model.lower[coordinate], model.upper[coordinate])
     )
     if leads:

@@ -103,14 +103,10 @@ def cutoff_errors(
         if not 0.0 <= number < np.inf:
             raise InputError(f"cut-off: {name}: expected 0 or more, got {number}")
     if not (0.0 < frequency < np.inf and 0.0 < cutoff_hz < np.inf and 0.0 < rate_hz < np.inf):
-        raise InputError(
-            f"cut-off: expected frequencies above 0 Hz, got {cutoff_hz}, {frequency} and {rate_hz}"
-        )
+        raise InputError(f"cut-off: expected frequencies above 0 Hz, got {cutoff_hz}, {frequency} and {rate_hz}")
     count = int(CUTOFF_BY_WINDOW / cutoff_hz * rate_hz + 1e-9) + 1
     if count < _LEAST:
-        raise InputError(
-            f"cut-off {cutoff_hz:g} Hz at {rate_hz:g} Hz: expected 5 samples in its window, got {count}"
-        )
+        raise InputError(f"cut-off {cutoff_hz:g} Hz at {rate_hz:g} Hz: expected 5 samples in its window, got {count}")
     ages = -np.arange(count) / rate_hz
     value, slope = np.linalg.pinv(ages[:, None] ** np.arange(3))[:2]
     w = 2.0 * np.pi * frequency
@@ -127,26 +123,14 @@ def cutoff_errors(
 
 
 def recommended_cutoff(
-    *,
-    angle: float,
-    frequency: float,
-    noise: float,
-    rate_noise: float,
-    rate_hz: float = 200.0,
-    reach: float = 0.5,
+    *, angle: float, frequency: float, noise: float, rate_noise: float, rate_hz: float = 200.0, reach: float = 0.5
 ) -> CutoffErrors:
     """Return the cut-off with the least error of acceleration at a mass that is `reach` [m] away, and its errors.
 
     Arguments as of `cutoff_errors`, for the fastest rocking that counts; reach is the distance of what the arm carries
     from the base [m].
     """
-    given = {
-        "angle": angle,
-        "frequency": frequency,
-        "noise": noise,
-        "rate_noise": rate_noise,
-        "rate_hz": rate_hz,
-    }
+    given = {"angle": angle, "frequency": frequency, "noise": noise, "rate_noise": rate_noise, "rate_hz": rate_hz}
     possible: Floats = CUTOFFS[CUTOFF_BY_WINDOW / CUTOFFS * rate_hz >= _LEAST]
     if not len(possible):
         raise InputError(f"cut-off: {rate_hz:g} Hz: too few samples for any")

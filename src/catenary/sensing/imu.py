@@ -94,14 +94,8 @@ class SensedGravity:
         self._feed = feed
         m, r = self.mounting, self._rules
         self._raw = RawCheck(r, m.acceleration_range, (Fault.NOT_FINITE, Fault.STUCK, Fault.SATURATED))
-        self._raw_rate = RawCheck(
-            r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED)
-        )
-        self._check, self._check_rate, self._swing = (
-            GravityCheck(r),
-            RateCheck(r),
-            ForetoldSwing(unseen_swing(r)),
-        )
+        self._raw_rate = RawCheck(r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED))
+        self._check, self._check_rate, self._swing = (GravityCheck(r), RateCheck(r), ForetoldSwing(unseen_swing(r)))
         self._foretold, self._rest_rate = ForetoldGravity(r), RestRate(r.still_rate)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
         self._attitude = SlowAttitude(attitude)
@@ -130,9 +124,7 @@ class SensedGravity:
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
         gravity, *rates = self._transfer.follow(self._target(time, live, turning), dt, changed=changed)
-        nominal = live is ReadingStatus.NOMINAL or (
-            live is ReadingStatus.FALLBACK and self.fallback == "static"
-        )
+        nominal = live is ReadingStatus.NOMINAL or (live is ReadingStatus.FALLBACK and self.fallback == "static")
         age = math.inf if nominal or self._force.newest == -math.inf else max(0.0, time - self._force.newest)
         return GravityReading(gravity, age, np.array(rates), live, self._faults(time, live, turning))
 

@@ -41,9 +41,7 @@ class Mounting:
         for name in ("position", "bias", "scale", "rate_bias"):
             object.__setattr__(self, name, frozen(as_array(f"mounting {name}", getattr(self, name), (3,))))
         if not (self.scale >= LEAST_SCALE).all():
-            raise InputError(
-                f"mounting scale: expected factors of {LEAST_SCALE} or more, got {self.scale.tolist()}"
-            )
+            raise InputError(f"mounting scale: expected factors of {LEAST_SCALE} or more, got {self.scale.tolist()}")
         for name, (most, unit) in MOST.items():
             check_within(f"mounting {name}", getattr(self, name), most, unit)
         for name in ("acceleration_range", "rate_range"):

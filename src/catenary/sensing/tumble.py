@@ -70,9 +70,7 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
         lengths: Floats = np.linalg.norm((y - p[:3]) / p[3:], axis=1)
         return lengths - STANDARD_GRAVITY
 
-    solution = least_squares(
-        off, np.r_[np.zeros(3), np.ones(3)], x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14
-    )
+    solution = least_squares(off, np.r_[np.zeros(3), np.ones(3)], x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
     bias, scale = solution.x[:3], solution.x[3:]
     residual = float(np.sqrt(np.mean(solution.fun**2))) if len(y) > FEWEST else float("nan")
     if np.abs(bias).max() > _MAX_BIAS or np.abs(scale - 1.0).max() > _MAX_SCALE:
@@ -81,9 +79,7 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
             f"and 1 ± {_MAX_SCALE:g}: was it at rest, and is its unit right?"
         )
     if residual > _GOOD:
-        faults.append(
-            f"residual {residual:.3f} m/s2, expected below {_GOOD:g}: it was moved during a reading"
-        )
+        faults.append(f"residual {residual:.3f} m/s2, expected below {_GOOD:g}: it was moved during a reading")
     return Tumble(bias, scale, residual, missing, tuple(faults))
 
 
@@ -109,15 +105,11 @@ def align(
     force = y if tumble is None else (y - tumble.bias) / tumble.scale
     lengths, told_lengths = np.linalg.norm(force, axis=1), np.linalg.norm(told, axis=1)
     if len(y) < 2 or not (lengths > 0.0).all() or not (told_lengths > 0.0).all():
-        raise InputError(
-            f"align: expected at least two readings and directions that are not zero, got {len(y)}"
-        )
+        raise InputError(f"align: expected at least two readings and directions that are not zero, got {len(y)}")
     force, told = force / lengths[:, None], told / told_lengths[:, None]
     U, sizes, Vt = np.linalg.svd(told.T @ force)
     if sizes[1] < _PARALLEL * sizes[0]:
-        raise InputError(
-            "align: all directions are parallel: tilt the base by 10 degrees or more, or turn it over"
-        )
+        raise InputError("align: all directions are parallel: tilt the base by 10 degrees or more, or turn it over")
     mirrored = np.linalg.det(U @ Vt) < 0.0
     rotation: Floats = U @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ Vt
     residual = _angle_deg(told, force @ rotation.T)
@@ -141,9 +133,7 @@ def align(
     return Alignment(rotation, residual, tuple(faults))
 
 
-def level_and_tilts(
-    level: ArrayLike, roll: ArrayLike, pitch: ArrayLike | None = None
-) -> tuple[Floats, Floats]:
+def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike | None = None) -> tuple[Floats, Floats]:
     """Return readings and directions of up for `align`, of a base that was level, then tilted by unknown angles.
 
     Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive (x
@@ -162,9 +152,7 @@ def level_and_tilts(
     return np.array(rows), np.array(ups)
 
 
-def tumbled_mounting(
-    tumble: Tumble, alignment: Alignment | None, *, start: Mounting | None = None
-) -> Mounting:
+def tumbled_mounting(tumble: Tumble, alignment: Alignment | None, *, start: Mounting | None = None) -> Mounting:
     """Return a mounting with what was found, and the rest as it was at the start."""
     old = Mounting() if start is None else start
     rotation = old.rotation if alignment is None else alignment.rotation
@@ -243,9 +231,7 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:
     told = told / np.linalg.norm(told, axis=1, keepdims=True)
     spread = np.linalg.svd(told - told.mean(axis=0), compute_uv=False)
     if spread[1] < _SPREAD * np.sqrt(len(y)):
-        raise InputError(
-            "orientations: up moved along one line at most: tilt about two axes, by 10 degrees or more"
-        )
+        raise InputError("orientations: up moved along one line at most: tilt about two axes, by 10 degrees or more")
     with_scale = len(y) >= SCALED and spread[2] > _SPREAD * np.sqrt(len(y))
 
     def off(p: Floats) -> Floats:

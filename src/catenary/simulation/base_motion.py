@@ -212,9 +212,7 @@ class SteeredAngle:
         swing, swung = self.amplitude * np.sin(w * since), self.amplitude * np.cos(w * since)
         return AngleNow(angle + swing, rate + w * swung, change - w * w * swing)
 
-    def toward(
-        self, time: float, goal: float, amplitude: float = 0.0, frequency: float = 0.0
-    ) -> "SteeredAngle":
+    def toward(self, time: float, goal: float, amplitude: float = 0.0, frequency: float = 0.0) -> "SteeredAngle":
         """Return the angle from a time [s] on, on its way to another goal and rocking; nothing leaps."""
         now = self.at([time])
         w = 2.0 * np.pi * frequency

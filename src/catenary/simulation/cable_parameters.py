@@ -153,13 +153,9 @@ def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[
     for name, entry in entries.items():
         field = parameters[name]
         if len(entry.value) != field.size:
-            raise ConfigError(
-                f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(entry.value)}"
-            )
+            raise ConfigError(f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(entry.value)}")
         if max(map(abs, entry.value), default=0.0) > MOST:
-            raise ConfigError(
-                f"{path}: [{table}] {name}: {entry.value}, expected numbers of at most {MOST:g}"
-            )
+            raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, expected numbers of at most {MOST:g}")
         field.flat[:] = entry.value
     return parameters
 

@@ -43,9 +43,7 @@ class ArmState(Record):
 
 
 @inlined
-def pull_cable(
-    cable: CableDrive, state: ArmState, j: int, winding: float, winding_rate: float, step: float
-) -> None:
+def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, winding_rate: float, step: float) -> None:
     """Stretch cable j and write its tension; update its hysteresis, creep, set and wear.
 
     winding is what the joints wind up of it, in units of the motor's side of the gear [rad or m], step in s.
@@ -87,9 +85,7 @@ def pull_cable(
             cable.set_rate[j],
             cable.largest_set[j],
         )
-        state.loss[j] += step * loss_rate(
-            tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j]
-        )
+        state.loss[j] += step * loss_rate(tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j])
 
 
 @inlined
@@ -129,9 +125,7 @@ class TreeWork(Record):
 
 
 @inlined
-def tree_dynamics(
-    tree: Tree, x: Floats, xd: Floats, gravity: Floats, base_motion: Floats, work: TreeWork
-) -> None:
+def tree_dynamics(tree: Tree, x: Floats, xd: Floats, gravity: Floats, base_motion: Floats, work: TreeWork) -> None:
     """Write a tree's bias torques and its mass matrix, in its own coordinates.
 
     x and its rates xd have n entries or more; gravity (3,) [m/s2] and base_motion (3, 3), angular velocity, angular
@@ -188,9 +182,7 @@ class Work(TreeWork):
 
 
 @inlined
-def physics_step(
-    cable: Cable, state: ArmState, shaft_torque: Floats, braked: bool, step: float, work: Work
-) -> None:
+def physics_step(cable: Cable, state: ArmState, shaft_torque: Floats, braked: bool, step: float, work: Work) -> None:
     """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
 
     shaft_torque (7,) is of the motors [Nm]; braked: every shaft is held. In work `link_dynamics` has left the dynamics
@@ -213,9 +205,7 @@ def physics_step(
             resist = cable.stop_stiffness[j] * into + cable.stop_damping[j] * cable.stop_side[j] * qd[j]
             push = -cable.stop_side[j] * max(0.0, resist)
         work.push[j] = force[j] + push - work.bias[j]
-        work.impulse[j] = step * (
-            cable.link_friction[j] + cable.link_load_friction[j] * abs(state.tension[j])
-        )
+        work.impulse[j] = step * (cable.link_friction[j] + cable.link_load_friction[j] * abs(state.tension[j]))
     for j in range(3):
         change = 0.0
         for i in range(3):
@@ -232,9 +222,7 @@ def unstretched_rotors(cable: CableDrive, q: Floats, winding: Floats) -> Floats:
     fixed = winding - cable.pulley_runout * np.sin(q + cable.pulley_phase)
     rotor: Floats = true_ratio * fixed
     for _ in range(20):  # the capstan's run-out turns with the rotor; each round leaves 1/20 of the error
-        rotor = true_ratio * (
-            fixed - cable.capstan_runout * np.sin(rotor / cable.gearbox + cable.capstan_phase)
-        )
+        rotor = true_ratio * (fixed - cable.capstan_runout * np.sin(rotor / cable.gearbox + cable.capstan_phase))
     return rotor
 
 

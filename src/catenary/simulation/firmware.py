@@ -24,16 +24,7 @@ from catenary.recording.raven_transmission import COUNTS_PER_RADIAN
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, Firmware
 from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step
-from catenary.simulation.records import (
-    AXES,
-    POSITION,
-    POSITIONING,
-    TORQUE,
-    CodePerAxis,
-    PerAxis,
-    PerJoint,
-    Record,
-)
+from catenary.simulation.records import AXES, POSITION, POSITIONING, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_coupling import joint_forces, joints_of, tensions_for, winding_of
 
@@ -99,8 +90,7 @@ def _motors_of(firmware: Firmware, joint: Floats, insertion_motor: float, out: F
 def _joints_of(firmware: Firmware, motor: Floats, out: Floats) -> None:
     """Write the joint positions at motor positions, through rigid cables of the nominal ratios."""
     first, second, third = joints_of(
-        firmware.coupling,
-        (motor[0] / firmware.ratio[0], motor[1] / firmware.ratio[1], motor[2] / firmware.ratio[2]),
+        firmware.coupling, (motor[0] / firmware.ratio[0], motor[1] / firmware.ratio[1], motor[2] / firmware.ratio[2])
     )
     out[0], out[1], out[2] = first, second, third
     carried = firmware.tool_sign * motor[2] / firmware.insertion_ratio
@@ -188,16 +178,10 @@ def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) ->
         per_motor = firmware.ratio[j] / firmware.gearbox[j]
         slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
         damping = slowness * firmware.kp[j] * firmware.ratio[j] * per_motor
-        most = damping * (
-            approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity[j]
-        )
-        least = -damping * (
-            approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity[j]
-        )
+        most = damping * (approach_speed(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity[j])
+        least = -damping * (approach_speed(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity[j])
         limit = firmware.dac_limit[j] if firmware.dac_limit[j] > 0.0 else STOP_DAC
-        strongest = (
-            limit * firmware.torque_constant[j] * firmware.gearbox[j] / firmware.dac_per_ampere[j] * per_motor
-        )
+        strongest = limit * firmware.torque_constant[j] * firmware.gearbox[j] / firmware.dac_per_ampere[j] * per_motor
         bounded = min(max(control.torque_command[j], least), most)
         torque[j] = min(max(bounded, -strongest), strongest)
 

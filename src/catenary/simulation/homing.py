@@ -81,11 +81,7 @@ def mean_near_peak(counts: Floats, side: Floats, window: Floats) -> Floats:
 
 
 def home(
-    firmware: Firmware,
-    control: ControlState,
-    encoders: ExternalEncoders,
-    stop_side: Floats,
-    joint_names: Sequence[str],
+    firmware: Firmware, control: ControlState, encoders: ExternalEncoders, stop_side: Floats, joint_names: Sequence[str]
 ) -> Iterator[Floats]:
     """Home an arm, tick by tick: each item is the next row of setpoints (7,).
 
@@ -99,9 +95,7 @@ def home(
         yield hold
     yield from _seek(control, TOOL_AXES, WAITED_FOR, joint_names)
     register(firmware, control, np.where(TOOL_AXES, firmware.stop_value, firmware.home_value))
-    yield from half_cosine(
-        control.joint.copy(), np.where(TOOL_AXES, firmware.home_value, control.joint), HOME_TIME
-    )
+    yield from half_cosine(control.joint.copy(), np.where(TOOL_AXES, firmware.home_value, control.joint), HOME_TIME)
     encoders.watch_for_stops()
     yield from _seek(control, POSITIONING_AXES, POSITIONING_AXES, joint_names)
     encoders.register(stop_side)
@@ -111,9 +105,7 @@ def home(
     )
 
 
-def _seek(
-    control: ControlState, axes: Booleans, waited_for: Booleans, joint_names: Sequence[str]
-) -> Iterator[Floats]:
+def _seek(control: ControlState, axes: Booleans, waited_for: Booleans, joint_names: Sequence[str]) -> Iterator[Floats]:
     """Run axes towards their stops until those waited for have met them, and a moment longer."""
     wanted, seek, setpoint = control.joint.copy(), control.seek, control.setpoint
     seek[axes] = SEEKING

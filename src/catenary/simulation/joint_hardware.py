@@ -130,10 +130,7 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
         stiffness += k * np.outer(across, across)
         damping += d * np.outer(across, across)
     motion = np.block(
-        [
-            [np.zeros((nz, nz)), np.eye(nz)],
-            [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)],
-        ]
+        [[np.zeros((nz, nz)), np.eye(nz)], [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]]
     )
     fastest = float(np.abs(np.linalg.eigvals(motion)).max())
     if fastest * step > MOST:

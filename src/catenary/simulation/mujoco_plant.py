@@ -13,20 +13,8 @@ from catenary.gravity.payload import Payload
 from catenary.plant import Column, JointState
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
-from catenary.simulation.joint_hardware import (
-    DriveParameters,
-    JointHardware,
-    drive_parameters,
-    require_stable,
-)
-from catenary.simulation.joint_step import (
-    StepMotion,
-    TreeTerms,
-    begin_step,
-    end_stage,
-    finish_step,
-    new_motion,
-)
+from catenary.simulation.joint_hardware import DriveParameters, JointHardware, drive_parameters, require_stable
+from catenary.simulation.joint_step import StepMotion, TreeTerms, begin_step, end_stage, finish_step, new_motion
 from catenary.simulation.mujoco_dynamics import MujocoDynamics
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 

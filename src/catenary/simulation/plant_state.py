@@ -77,9 +77,7 @@ def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
     than anything in an arm.
     """
     if values.dtype.kind not in "biuf" or values.shape != np.shape(now):
-        raise ValueError(
-            f"{name}: {values.dtype} of shape {values.shape}, expected numbers of {np.shape(now)}"
-        )
+        raise ValueError(f"{name}: {values.dtype} of shape {values.shape}, expected numbers of {np.shape(now)}")
     is_right = np.abs(values) < LARGEST
     if np.asarray(now).dtype.kind == "f":
         is_right |= np.isnan(values) & np.isnan(now)

@@ -117,9 +117,7 @@ def load_psm(path: Path | None = None) -> PsmArm:
     content = load_toml(path, PsmFile)
     model = load_robot("dvrk_psm_motors")
     if set(content.links) != set(model.link_names):
-        raise ConfigError(
-            f"{path}: [links]: expected {', '.join(model.link_names)}, got {', '.join(content.links)}"
-        )
+        raise ConfigError(f"{path}: [links]: expected {', '.join(model.link_names)}, got {', '.join(content.links)}")
     links = [content.links[name] for name in model.link_names]
     tree = model.tree._replace(
         mass=np.array([link.mass_kg for link in links]),

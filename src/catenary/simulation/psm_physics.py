@@ -56,9 +56,7 @@ def wind(coupling: Floats, q: Floats, out: Floats) -> None:
 
 
 @inlined
-def psm_step(
-    drive: PsmDrive, state: PsmState, shaft_torque: Floats, braked: bool, step: float, work: PsmWork
-) -> None:
+def psm_step(drive: PsmDrive, state: PsmState, shaft_torque: Floats, braked: bool, step: float, work: PsmWork) -> None:
     """Advance a PSM by one semi-implicit Euler step: forces, then velocities, then positions.
 
     shaft_torque (7,) is of the motors [Nm]; in work `psm_dynamics` has left the dynamics of the links.
@@ -83,9 +81,7 @@ def psm_step(
         elif above > 0.0:
             force -= max(0.0, drive.stop_stiffness[j] * above + drive.stop_damping[j] * qd[j])
         work.push[j] = force - work.load[j]
-        work.impulse[j] = step * (
-            drive.link_friction[j] + drive.link_load_friction[j] * abs(state.tension[j])
-        )
+        work.impulse[j] = step * (drive.link_friction[j] + drive.link_load_friction[j] * abs(state.tension[j]))
     for j in range(7):
         change = 0.0
         for i in range(7):
@@ -98,13 +94,7 @@ def psm_step(
 
 @inlined
 def psm_dynamics(
-    tree: Tree,
-    coupling: Floats,
-    drive: PsmDrive,
-    state: PsmState,
-    gravity: Floats,
-    base_motion: Floats,
-    work: PsmWork,
+    tree: Tree, coupling: Floats, drive: PsmDrive, state: PsmState, gravity: Floats, base_motion: Floats, work: PsmWork
 ) -> None:
     """Write the joints' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix.
 

@@ -12,13 +12,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.firmware_plant import FirmwarePlant, columns_of, half_cosine
-from catenary.simulation.psm_controller import (
-    PsmControlState,
-    PsmLog,
-    read_psm_encoders,
-    register_psm,
-    run_psm_ticks,
-)
+from catenary.simulation.psm_controller import PsmControlState, PsmLog, read_psm_encoders, register_psm, run_psm_ticks
 from catenary.simulation.psm_parameters import ARM_JOINTS, PsmArm, load_psm, varied_psm
 from catenary.simulation.psm_physics import PsmState, PsmWork, unstretched_motors
 from catenary.simulation.records import AXES, POSITION
@@ -55,9 +49,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
     columns = columns_of(REPORTED, Column("ext_jpos", "rad|m", ARM_JOINTS), Column("q_true", "rad|m", AXES))
     log = PsmLog
     state: PsmState
-    stops_when = (
-        "the controller stopped at {time}: a joint was farther from its setpoint than the PID tolerates"
-    )
+    stops_when = "the controller stopped at {time}: a joint was farther from its setpoint than the PID tolerates"
 
     def __init__(
         self,
@@ -89,9 +81,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         self.state = PsmState()
         self.control = PsmControlState(braked=True, guarded=True)
         self._work = PsmWork()
-        self._noise = np.random.default_rng([0 if seed is None else seed, 1]).normal(
-            size=(NOISE_ROWS, ARM_JOINTS)
-        )
+        self._noise = np.random.default_rng([0 if seed is None else seed, 1]).normal(size=(NOISE_ROWS, ARM_JOINTS))
         self._power_on(rng, start)
 
     def telemetry(self) -> Mapping[str, Floats]:
@@ -161,7 +151,5 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 def psm_telemetry(plant: PsmPlant, log: PsmLog) -> dict[str, Floats]:
     """Return T ticks of a run as telemetry: column name to (T, 6), without the jaw."""
     measured = (log.joint, log.joint_velocity, log.torque, log.setpoint)
-    columns = {
-        name: values[:, :ARM_JOINTS].copy() for name, values in zip(PSM_COLUMNS, measured, strict=False)
-    }
+    columns = {name: values[:, :ARM_JOINTS].copy() for name, values in zip(PSM_COLUMNS, measured, strict=False)}
     return {**columns, "ext_jpos": plant.seen(log.q, plant.ticks - np.arange(len(log.q), 0, -1))}

@@ -71,9 +71,7 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
         cls.layout = np.dtype([(name, *_storage(hints[name], cls.sizes)) for name in cls.fields], align=True)
         hidden = [name for name in cls.fields if hasattr(np.ndarray, name)]
         if hidden:
-            raise TypeError(
-                f"{cls.__name__}: NumPy's arrays have attributes of their own named {', '.join(hidden)}"
-            )
+            raise TypeError(f"{cls.__name__}: NumPy's arrays have attributes of their own named {', '.join(hidden)}")
         for name in cls.fields:
             setattr(cls, name, _Field(name))
 

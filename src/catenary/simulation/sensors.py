@@ -90,9 +90,7 @@ class SensorModel:
                 raise InputError(f"{name}: expected zero or more, got {getattr(self, name)}")
 
 
-def ideal_sensor(
-    rate_hz: float, mounting: Mounting | None = None, *, has_gyroscope: bool = True
-) -> SensorModel:
+def ideal_sensor(rate_hz: float, mounting: Mounting | None = None, *, has_gyroscope: bool = True) -> SensorModel:
     """Return a sensor without noise, resolution, latency or end of range.
 
     Its samples repeat bit for bit on a base that stands still: give the estimator SensorRules(stuck_samples=0).
@@ -159,9 +157,7 @@ class SimulatedSensor:
         ]
         if model.has_gyroscope:
             rate = mounting.rotation.T @ omega + mounting.rate_bias
-            readings.append(
-                (Kind.ANGULAR_RATE, rate, (model.rate_noise, model.rate_resolution, mounting.rate_range))
-            )
+            readings.append((Kind.ANGULAR_RATE, rate, (model.rate_noise, model.rate_resolution, mounting.rate_range)))
         for kind, true, (noise, resolution, end) in readings:
             # white noise of that density, up to half the sampling rate
             vector = true + noise * math.sqrt(0.5 * model.rate_hz) * self._rng.standard_normal(3)
@@ -195,9 +191,7 @@ class TelemetryBase:
         names = {column.name for column in plant.columns}
         missing = {"accelerometer", "gyroscope"} - names
         if missing:
-            raise InputError(
-                f"the plant's telemetry has no {' and no '.join(sorted(missing))}; it has {sorted(names)}"
-            )
+            raise InputError(f"the plant's telemetry has no {' and no '.join(sorted(missing))}; it has {sorted(names)}")
         self._plant = plant
         self._last: tuple[float, Floats] | None = None
 

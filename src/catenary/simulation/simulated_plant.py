@@ -92,9 +92,7 @@ class SimulatedPlant(ABC):
     def state_command(self, command: StateCommand) -> None:
         """Ask for a transition: enable, disable, pause, resume, home, unhome."""
         if command not in STATE_COMMANDS:
-            raise UnsupportedCommandError(
-                f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
-            )
+            raise UnsupportedCommandError(f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}')
         if command == "home":
             if self._state != "ENABLED":
                 raise NotReadyError(f"home: the robot is {self._state}; enable it first")
@@ -136,9 +134,7 @@ class SimulatedPlant(ABC):
     def _joint_state(self, q: Floats, qd: Floats, tau: Floats, q_motor: Floats) -> JointState:
         gravity, motion = self._base_now()
         # an accelerometer cannot tell free fall from the acceleration of what it stands on
-        return JointState(
-            self.time, q, qd, tau, q_motor, gravity[0] - motion[0, 2], 0.0, motion[0, :2].copy()
-        )
+        return JointState(self.time, q, qd, tau, q_motor, gravity[0] - motion[0, 2], 0.0, motion[0, :2].copy())
 
     @abstractmethod
     def _control_position(self) -> None:

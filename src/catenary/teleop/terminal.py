@@ -18,14 +18,7 @@ from catenary.errors import InputError
 ESCAPE = "\x1b"
 # [s] that the rest of an escape sequence may be under way; over SSH it may come in two packets
 PATIENCE = 0.05
-_SEQUENCES = {
-    "A": "up",
-    "B": "down",
-    "C": "right",
-    "D": "left",
-    "5~": "page up",
-    "6~": "page down",
-}
+_SEQUENCES = {"A": "up", "B": "down", "C": "right", "D": "left", "5~": "page up", "6~": "page down"}
 _LONGEST = 16  # characters; what is longer is no key
 # a sequence, which ends with its first character from @ to ~ [ECMA-48, section 5.4]; Alt and a key; escape; a character
 _TOKEN = re.compile(r"\x1b[\[O](?P<sequence>[^@-~]*[@-~])|\x1b[^\x1b\[O]|(?P<key>\x1b(?=\x1b)|[^\x1b])")

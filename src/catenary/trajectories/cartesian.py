@@ -113,9 +113,7 @@ class CartesianSinusoids(SampledTrajectory):
         near = start
         for k, position in enumerate(positions):
             try:
-                near = inverse_kinematics(
-                    model, Pose(self._start.rotation, position), near, position_tolerance=1e-10
-                )
+                near = inverse_kinematics(model, Pose(self._start.rotation, position), near, position_tolerance=1e-10)
             except UnreachablePoseError as error:
                 raise LimitError(f"{self._when(times[k], position)}: {error}") from error
             q[k] = near
@@ -139,8 +137,7 @@ class CartesianSinusoids(SampledTrajectory):
     def _when(self, time: float, position: Floats) -> str:
         axis = self.axes[min(int(time / self.duration * len(self.axes)), len(self.axes) - 1)]
         return (
-            f"Cartesian sinusoid along {axis}, at {time:.3f} of {self.duration:.3f} s, "
-            f"tip at {np.round(position, 4)} m"
+            f"Cartesian sinusoid along {axis}, at {time:.3f} of {self.duration:.3f} s, tip at {np.round(position, 4)} m"
         )
 
 

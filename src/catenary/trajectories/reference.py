@@ -133,9 +133,7 @@ class Embedded(SampledTrajectory):
         if moving != len(self._joints) or len(set(self._joints)) != moving:
             raise InputError(f"joints: expected {moving} different ones, got {self._joints}")
         if any(not 0 <= j < len(self._hold) for j in self._joints):
-            raise InputError(
-                f"joints: expected numbers of the robot's {len(self._hold)} joints, got {self._joints}"
-            )
+            raise InputError(f"joints: expected numbers of the robot's {len(self._hold)} joints, got {self._joints}")
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references of all joints at many times (N,) [s]: q, qd, qdd, each (N, n)."""

@@ -66,9 +66,7 @@ def random_sinusoids(
         raise InputError(f"slowest, fastest: expected 0 < slowest <= fastest, got {slow} and {fast}")
     if not total >= 2.0 * turn:
         raise InputError(f"duration: expected at least two turn times, {2.0 * turn} s, got {total}")
-    return SmoothedPath(
-        [_swings(rng, total, (low[j], high[j]), band[j], (slow[j], fast[j]), turn) for j in range(n)]
-    )
+    return SmoothedPath([_swings(rng, total, (low[j], high[j]), band[j], (slow[j], fast[j]), turn) for j in range(n)])
 
 
 def _swings(

@@ -15,9 +15,7 @@ def coulomb(velocity: float, most: float) -> float:
 
 
 @inlined
-def coulomb_coupled(
-    inverse_inertia: Numbers, impulse: Numbers, velocity: Numbers, given: Numbers, sweeps: int
-) -> None:
+def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Numbers, given: Numbers, sweeps: int) -> None:
     """Let friction act on coupled joints, by projected Gauss-Seidel on the inverse inertia.
 
     Finds impulses p_j, |p_j| <= impulse_j, so that velocity - A p is zero where |p_j| is below its bound and opposed to

@@ -49,9 +49,7 @@ def findings_of(
     if pairs is not None:
         findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
         findings += zero_findings(log)
-        if not any(
-            each.refuses for each in findings
-        ):  # what is wrong everywhere is far from the rest somewhere
+        if not any(each.refuses for each in findings):  # what is wrong everywhere is far from the rest somewhere
             findings += [*offset_findings(pairs), *outlier_findings(log)]
     return tuple(sorted(findings, key=lambda each: not each.refuses))
 
@@ -117,9 +115,7 @@ def verdict(
     return judge(found, accept, done=done)
 
 
-def require_apart(
-    train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()
-) -> list[str]:
+def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
     """Refuse tests of which rows were trained on, to the last bit, whatever their file is called.
 
     Args:

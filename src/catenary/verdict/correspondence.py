@@ -15,9 +15,7 @@ FOLLOWS = 0.5  # least correlation, of either sign, of a measurement that follow
 SAME_MOTION = 0.5  # spread of a measurement over that of its command, from which on it moves on its own
 LEAST_SPREAD = 1.0  # [deg, mm] of a motion from which a correlation can be told
 NEAR = 0.5  # [deg, mm] distance between command and measurement below which nearer is no better
-COPIED = (
-    0.5  # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
-)
+COPIED = 0.5  # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
 SINGLE = 1e-6  # of a position, to which single precision keeps it
 # of a measurement's variance, that its own command leaves, where all commands together leave a tenth of it
 MIXED, MIXED_LESS = 0.1, 10.0

@@ -57,9 +57,7 @@ def _constant_columns(log: MotionLog, moved: Floats) -> list[Finding]:
         ):
             shown = "deg" if unit == "rad" else "mm"
             if np.ptp(column) == 0.0 and command > MOVED:
-                says = (
-                    f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
-                )
+                says = f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
                 findings.append(Finding("constant", (name,), says, "a channel without a sensor"))
             elif command == 0.0 and span > MOVED_BY_OTHERS[unit]:
                 says = f"every command is the same, while the measurement moves by {span:.3g} {shown}"
@@ -71,7 +69,5 @@ def _constant_columns(log: MotionLog, moved: Floats) -> list[Finding]:
         names = tuple(name for name, same in zip(log.joint_names, flat, strict=True) if same)
         if names:
             says = f"the recorded {what} never changes, while the joint moves"
-            findings.append(
-                Finding("constant", names, says, "a channel that was not recorded", refuses=False)
-            )
+            findings.append(Finding("constant", names, says, "a channel that was not recorded", refuses=False))
     return findings

@@ -61,9 +61,7 @@ def require_names(accept: Collection[str]) -> None:
         raise InputError(f"accept: no finding is called {', '.join(unknown)}; choices: {', '.join(NAMES)}")
 
 
-def judge(
-    findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (), *, done: str = "fitted"
-) -> list[str]:
+def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (), *, done: str = "fitted") -> list[str]:
     """Refuse recordings with a finding that nobody accepted; return notes on all others.
 
     Args:
@@ -78,6 +76,4 @@ def judge(
         lines = [f'recording "{where}": {each}' for where, each in refused]
         go_on = " ".join(f"--accept {name}" for name in names)
         raise DataError("\n".join([*lines, f"nothing was {done}; to go on all the same: {go_on}"]), names)
-    return [
-        f"{where}: {'accepted ' + each.name + ': ' if each.refuses else ''}{each}" for where, each in findings
-    ]
+    return [f"{where}: {'accepted ' + each.name + ': ' if each.refuses else ''}{each}" for where, each in findings]

@@ -15,9 +15,7 @@ from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales, slack_of
 # out of step leave 3 to 9000 times as much on a real arm's tight joints. What slack explains as well is no lag.
 CLEARLY = 3.0
 MOST_ROWS = 64  # that the two are moved against each other
-LONGEST = (
-    2.0  # [s] the lag that is looked for where rows are dense: cables, filters and networks lag under one
-)
+LONGEST = 2.0  # [s] the lag that is looked for where rows are dense: cables, filters and networks lag under one
 WINDOWS = 6  # along the recording
 SHORTEST = 200  # rows of a window, below which there is one
 MOVED = 5.0  # [deg, mm] least range of a joint within a window

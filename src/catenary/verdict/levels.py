@@ -52,9 +52,7 @@ def _turns(name: str, error: Floats) -> Finding | None:
         f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others "
         f"({most:+.0f} deg most often)",
         "an angle recorded within one turn, or a counter that lost a turn",
-        "catenary import --map, which brings measurements into the turn of their commands"
-        if most % 360 == 0
-        else "",
+        "catenary import --map, which brings measurements into the turn of their commands" if most % 360 == 0 else "",
     )
 
 

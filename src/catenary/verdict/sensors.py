@@ -36,9 +36,7 @@ def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
         pairs: Rows.
         place: (n,) which command each measurement follows.
     """
-    stuck: list[
-        tuple[list[int], NDArray[np.bool_]]
-    ] = []  # joints that stand still on the same rows, these rows
+    stuck: list[tuple[list[int], NDArray[np.bool_]]] = []  # joints that stand still on the same rows, these rows
     for i in range(len(pairs.names)):
         command, measured = pairs.q[:, place[i]], pairs.m[:, i]
         reach = float(np.ptp(np.percentile(command, [1.0, 99.0])))
@@ -129,9 +127,7 @@ def _frozen(command: Floats, measured: Floats, least: float) -> NDArray[np.bool_
     for width in (w for w in WINDOWS if w < len(command)):
         # windows from row k on, as the filters' are about row k + width // 2
         inside = slice(width // 2, len(command) - (width - 1) // 2)
-        ranges = [
-            (maximum_filter1d(x, width) - minimum_filter1d(x, width))[inside] for x in (command, measured)
-        ]
+        ranges = [(maximum_filter1d(x, width) - minimum_filter1d(x, width))[inside] for x in (command, measured)]
         begins = np.flatnonzero((ranges[0] >= least) & (ranges[1] < FROZEN * ranges[0]))
         edges = np.zeros(len(command) + 1, dtype=np.int64)
         np.add.at(edges, begins, 1)

@@ -28,9 +28,7 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
     if repeated:
         at = int(np.flatnonzero(steps == 0.0)[0]) + 1
-        says = (
-            f"{repeated} repeated time stamps, the first at row {at}; expected every row at a time of its own"
-        )
+        says = f"{repeated} repeated time stamps, the first at row {at}; expected every row at a time of its own"
         culprit = "rows written twice, a sensor slower than the recorder, or a clock of coarse steps"
         findings.append(Finding("stamps", (), says, culprit))
     if back >= FEWEST_STEPS_BACK:
@@ -69,12 +67,6 @@ def _unit_findings(log: MotionLog) -> list[Finding]:
     if max(quick) > 1.0:
         says = f"a median step of {median:.4g} s makes joints {max(quick):.3g} times faster than any arm"
         return [
-            Finding(
-                "stamps",
-                (),
-                says,
-                "stamps in another unit than s (minutes, thousands of s)",
-                "--time-unit min",
-            )
+            Finding("stamps", (), says, "stamps in another unit than s (minutes, thousands of s)", "--time-unit min")
         ]
     return []

@@ -91,8 +91,7 @@ def held_tabs(limits: Bounded) -> tuple[ControlTab, ...]:
         for key, sign in zip(keys, "+-", strict=True)
     ]
     axes = [
-        HeldControl(f"{HELD}{key}", f"{'xyz'[axis]} {'+' if sign > 0.0 else '-'}")
-        for key, (axis, sign) in AXES.items()
+        HeldControl(f"{HELD}{key}", f"{'xyz'[axis]} {'+' if sign > 0.0 else '-'}") for key, (axis, sign) in AXES.items()
     ]
     text = "Moves for as long as a button is held."
     return (

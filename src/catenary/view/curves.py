@@ -32,9 +32,7 @@ class Plot(NamedTuple):
     def known(self) -> tuple[Curve, ...]:
         """Return the curves of which something is known; where it is not they go on level, for no gap can be drawn."""
         return tuple(
-            curve._replace(values=_level(curve.values))
-            for curve in self.curves
-            if np.isfinite(curve.values).any()
+            curve._replace(values=_level(curve.values)) for curve in self.curves if np.isfinite(curve.values).any()
         )
 
 
@@ -45,14 +43,7 @@ def _level(values: Floats) -> Floats:
     return values[np.where(places < 0, int(np.argmax(finite)), places)]
 
 
-REPORTED, CALIBRATED, TRUE, GRAVITY, PD, REST = (
-    "#4b6b94",
-    "#1f9d55",
-    "#e07b00",
-    "#7a4fbf",
-    "#c0392b",
-    "#8a8f98",
-)
+REPORTED, CALIBRATED, TRUE, GRAVITY, PD, REST = ("#4b6b94", "#1f9d55", "#e07b00", "#7a4fbf", "#c0392b", "#8a8f98")
 
 
 class JointColumns(NamedTuple):
@@ -109,9 +100,7 @@ class RecordedCurves:
 
     span = (-0.5 * SPAN, 0.5 * SPAN)  # [s] from now that is drawn
 
-    def __init__(
-        self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], columns: JointColumns
-    ) -> None:
+    def __init__(self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], columns: JointColumns) -> None:
         """Take a recording."""
         self.joint_names, self._units, self._columns = joint_names, joint_units, columns
         self._now = float(columns.time[0])

@@ -14,15 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import (
-    Connection,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
@@ -160,20 +152,12 @@ def _joints(store: Typestore, arm: RecordedArm, log: MotionLog) -> list[_Message
 
     def states(topic: str, names: tuple[str, ...], time: Floats, **columns: Floats | None) -> _Messages:
         known = {key: values for key, values in columns.items() if values is not None}
-        blank = {
-            key: np.zeros(len(names) if key in known else 0) for key in ("position", "velocity", "effort")
-        }
-        first = store.types["sensor_msgs/msg/JointState"](
-            header=_header(store, ""), name=list(names), **blank
-        )
+        blank = {key: np.zeros(len(names) if key in known else 0) for key in ("position", "velocity", "effort")}
+        first = store.types["sensor_msgs/msg/JointState"](header=_header(store, ""), name=list(names), **blank)
         return _Messages(topic, "sensor_msgs/msg/JointState", first, time, known, ("header.stamp",))
 
     names, time = arm.model.joint_names, arm.time
-    found = [
-        states(
-            "/joint_states", log.joint_names, time, position=log.q_nominal, velocity=log.qd, effort=log.tau
-        )
-    ]
+    found = [states("/joint_states", log.joint_names, time, position=log.q_nominal, velocity=log.qd, effort=log.tau)]
     for name, rows in (("calibrated", arm.calibrated), ("measured", arm.true)):
         known = np.isfinite(rows).all(axis=1)
         if known.any():
@@ -258,9 +242,7 @@ def _vector(store: Typestore, arm: RecordedArm, gravity: Floats | None) -> _Mess
     )
     known = np.isfinite(rows).all(axis=1)
     numbers = {f"vector.{axis}": rows[known, k] for k, axis in enumerate("xyz")}
-    return _Messages(
-        "/gravity", "geometry_msgs/msg/Vector3Stamped", first, arm.time[known], numbers, ("header.stamp",)
-    )
+    return _Messages("/gravity", "geometry_msgs/msg/Vector3Stamped", first, arm.time[known], numbers, ("header.stamp",))
 
 
 def _description(store: Typestore, text: str) -> _Messages:
@@ -270,9 +252,7 @@ def _description(store: Typestore, text: str) -> _Messages:
 
 def _header(store: Typestore, frame: str) -> Any:
     types = store.types
-    return types["std_msgs/msg/Header"](
-        stamp=types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=frame
-    )
+    return types["std_msgs/msg/Header"](stamp=types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=frame)
 
 
 def _gravity(log: MotionLog) -> Floats | None:

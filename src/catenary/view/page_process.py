@@ -51,9 +51,7 @@ class PageProcess:
         # a fresh interpreter: a fork would take the loop's threads and compiled code along
         context = multiprocessing.get_context("spawn")
         self._pipe, self._theirs = context.Pipe()
-        self._process = context.Process(
-            target=_run_page, args=(self._theirs, port), daemon=True, name="catenary view"
-        )
+        self._process = context.Process(target=_run_page, args=(self._theirs, port), daemon=True, name="catenary view")
         self._state: SharedState | None = None
         self._url: str | None = None
 
@@ -132,9 +130,7 @@ class PageProcess:
 def require_viser() -> None:
     """Refuse to go on without viser."""
     if find_spec("viser") is None:
-        raise MissingPackageError(
-            "catenary view needs viser, which is not installed: pip install 'catenary[view]'"
-        )
+        raise MissingPackageError("catenary view needs viser, which is not installed: pip install 'catenary[view]'")
 
 
 def _run_page(pipe: Connection, port: int) -> None:

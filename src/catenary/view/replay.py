@@ -135,14 +135,10 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
         if known is not None:
             values[:, absent] = 0.0
     time = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(log.time), 0.0))])
-    return RecordedArm(
-        robot, time, q, seen, said, of(interval), of(inside), of(log.tau), log.simulated, tuple(named)
-    )
+    return RecordedArm(robot, time, q, seen, said, of(interval), of(inside), of(log.tau), log.simulated, tuple(named))
 
 
-def _calibrated(
-    log: MotionLog, model: CalibrationModel | None
-) -> tuple[Floats | None, Floats | None, Floats | None]:
+def _calibrated(log: MotionLog, model: CalibrationModel | None) -> tuple[Floats | None, Floats | None, Floats | None]:
     """Return calibrated joints, half-widths and flags, each (N, joints of the log); None without a model."""
     if model is None:
         return None, None, None

@@ -90,9 +90,7 @@ def read_state(record: NDArray[Any]) -> ViewState:
     words = json.loads(text)
     arrays: dict[str, Any] = {name: np.array(record[name]) for name in (*_JOINTS, *_VECTORS)}
     numbers: dict[str, Any] = {name: float(record[name]) for name in _NUMBERS}
-    return ViewState(
-        **arrays, **numbers, mode=words["mode"], warnings=tuple(words["warnings"]), values=words["values"]
-    )
+    return ViewState(**arrays, **numbers, mode=words["mode"], warnings=tuple(words["warnings"]), values=words["values"])
 
 
 class SharedState:

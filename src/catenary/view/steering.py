@@ -197,8 +197,7 @@ def zigzags(model: RobotModel, limits: Bounded) -> Motion:
         motion: Trajectory = zigzag("J2-J3", (SPARSITY,))
     else:
         motion = follow_waypoints(
-            _sweeps(finite_ranges(limits)),
-            speed=[QUICKER * GENTLE_VELOCITY[unit] for unit in limits.joint_units],
+            _sweeps(finite_ranges(limits)), speed=[QUICKER * GENTLE_VELOCITY[unit] for unit in limits.joint_units]
         )
     check_motion(limits, motion)
     return _after_the_way(limits, lambda: motion)

@@ -18,15 +18,7 @@ from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.sensors import InjectedFault
 from catenary.units import DISPLAY
-from catenary.view.shown import (
-    ButtonsControl,
-    ChoiceControl,
-    Control,
-    ControlTab,
-    SliderControl,
-    ToggleControl,
-    Value,
-)
+from catenary.view.shown import ButtonsControl, ChoiceControl, Control, ControlTab, SliderControl, ToggleControl, Value
 from catenary.view.steering import finite_ranges
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor
 
@@ -130,9 +122,7 @@ class Surroundings:
         for name, value in changed.items():
             setattr(self, f"_{name}", value)
         roll, pitch, amplitude = np.deg2rad([self._roll_deg, self._pitch_deg, self._rocking_deg])
-        self._base = self._base.toward(
-            self.plant.time, roll, pitch, amplitude=amplitude, frequency=self._frequency
-        )
+        self._base = self._base.toward(self.plant.time, roll, pitch, amplitude=amplitude, frequency=self._frequency)
         self.plant.stand_on(self._base)
 
     def _carry(self, mass: float) -> None:
@@ -189,9 +179,7 @@ def driving_tabs(
     ]  # fmt: skip
     if has_cables:
         world.append(
-            SliderControl(
-                "wear", "cable wear [share]", 0.0, 1.0, 0.05, 0.0, "Stretch that stays, stiffness lost."
-            )
+            SliderControl("wear", "cable wear [share]", 0.0, 1.0, 0.05, 0.0, "Stretch that stays, stiffness lost.")
         )
     tabs = [drive, ControlTab("Surroundings", tuple(world))]
     if has_model:

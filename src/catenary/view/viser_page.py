@@ -52,9 +52,7 @@ class ViserPage:
         self._server = server
         self._paths = TipPaths(shown.shapes.length)
         joints = shown.model.joint_names, shown.model.joint_units
-        self._curves = (
-            Curves(*joints) if shown.recording is None else RecordedCurves(*joints, shown.recording)
-        )
+        self._curves = Curves(*joints) if shown.recording is None else RecordedCurves(*joints, shown.recording)
         self._time = 0.0  # of the last picture
         self._set: dict[str, Floats] = {}  # what was sent of each node last
         self._handles: dict[str, Any] = {}  # of controls
@@ -133,9 +131,7 @@ class ViserPage:
             "/floor", 4.0 * extent.radius, 4.0 * extent.radius, position=(0.0, 0.0, floor),
             cell_size=_round(extent.radius / 4.0), section_size=_round(extent.radius), shadow_opacity=0.0,
         )  # fmt: skip
-        self._base = scene.add_frame(
-            "/base", axes_length=0.12 * length, axes_radius=0.006 * length, origin_radius=0.0
-        )
+        self._base = scene.add_frame("/base", axes_length=0.12 * length, axes_radius=0.006 * length, origin_radius=0.0)
         if shown.shapes.base is not None:
             base = shown.shapes.base
             scene.add_mesh_simple("/base/foot", base.vertices, base.faces, color=(70, 74, 82))

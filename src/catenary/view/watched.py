@@ -118,9 +118,7 @@ class WatchedArm:
     def run(self, page: StatePage, ended: Callable[[], bool] = lambda: False) -> None:
         """Show the robot until the page is gone or `ended` says so."""
         n, hertz = self._robot.model.n, 1.0 / self._robot.plant.period
-        watched = watch_robot(
-            self._robot, model=self._model, observe=lambda: self._tick(page), clock=self._clock
-        )
+        watched = watch_robot(self._robot, model=self._model, observe=lambda: self._tick(page), clock=self._clock)
         for snapshot in watched:
             page.put(view_state(snapshot, n, nominal_hz=hertz, mode=self._mode(snapshot)))
             if ended() or not page.is_running:

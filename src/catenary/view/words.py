@@ -14,9 +14,7 @@ GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
 
 def status_html(state: ViewState) -> str:
     """Return what the robot does, and warnings."""
-    lines = [
-        f"<b>{escape(state.mode)}</b> &nbsp; {state.time:.1f} s" if state.mode else f"{state.time:.1f} s"
-    ]
+    lines = [f"<b>{escape(state.mode)}</b> &nbsp; {state.time:.1f} s" if state.mode else f"{state.time:.1f} s"]
     lines += [f'<span style="color:#c0392b">&#9888; {escape(warning)}</span>' for warning in state.warnings]
     if not state.warnings:
         lines.append('<span style="color:#1f9d55">no warnings</span>')

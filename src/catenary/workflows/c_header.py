@@ -109,9 +109,7 @@ def _without_memory(loads: ActuationLoads | None) -> list[str]:
     names = [] if loads is None else [term.name for term in loads.terms if term.kind == "presliding"]
     if not names:
         return []
-    return [
-        f"presliding friction of {', '.join(names)} is written as in steady sliding, where it is Coulomb friction"
-    ]
+    return [f"presliding friction of {', '.join(names)} is written as in steady sliding, where it is Coulomb friction"]
 
 
 def _other_joints(robot: RobotModel | CalibrationModel, calibration: CalibrationModel) -> list[str]:

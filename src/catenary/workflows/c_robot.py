@@ -64,10 +64,7 @@ def c_gravity(model: RobotModel, name: str) -> CFunctions:
             f"#define {name.upper()}_COMPACT_PARAMETERS {len(compact.labels)}",
             f"/* Compact regressor out[{model.n} x {len(compact.labels)}], row by row: torques = out s; s is without",
             f"   what no joint feels, and equal entries are one. {compact.line().operations} sums and products. s:",
-            *(
-                f"     {c_comment(label)} [{unit}]"
-                for label, unit in zip(compact.labels, compact.units, strict=True)
-            ),
+            *(f"     {c_comment(label)} [{unit}]" for label, unit in zip(compact.labels, compact.units, strict=True)),
             f"   This robot's: {c_values(list(compact.parameters()))}. */",
             c_function(name, "compact_regressor", compact.line()),
         ]
@@ -111,9 +108,7 @@ def c_motion(model: RobotModel, name: str, loads: ActuationLoads | None = None) 
 
 
 def _feedforward(name: str, loads: ActuationLoads | None) -> str:
-    included = (
-        "Friction and drives are in it." if loads is not None else "No friction is known of this robot."
-    )
+    included = "Friction and drives are in it." if loads is not None else "No friction is known of this robot."
     head = f"""\
 /* The whole law in one call: the torques out [Nm, N] that a wanted motion q, qd, qdd asks of the actuators. omega and
    alpha may be NULL on a base that does not turn. {included} */
@@ -222,9 +217,7 @@ def _friction(term: ActuationTerm, value: float, smooth: float) -> str:
         return f"{value!r} * fabs(s)"
     if term.kind == "offset":
         return repr(value)
-    step = f"{value!r} * " + (
-        f"tanh(s / {smooth!r})" if smooth > 0.0 else "(s > 0.0 ? 1.0 : s < 0.0 ? -1.0 : s)"
-    )
+    step = f"{value!r} * " + (f"tanh(s / {smooth!r})" if smooth > 0.0 else "(s > 0.0 ? 1.0 : s < 0.0 ? -1.0 : s)")
     if term.kind == "stribeck":
         return f"{step} * exp(-(s / {term.scale!r}) * (s / {term.scale!r}))"
     if term.kind == "load":

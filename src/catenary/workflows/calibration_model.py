@@ -16,13 +16,7 @@ from catenary.calibration.dataset import calibration_data, data_notes, error_lim
 from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, silent
 from catenary.calibration.fit_recordings import FitResult, fit_logs
-from catenary.calibration.maintenance import (
-    NewDay,
-    judge_recordings,
-    mended_as_trained,
-    refresh_with,
-    trained_limits,
-)
+from catenary.calibration.maintenance import NewDay, judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_drift import BEYOND, DriftFound, find_drift, since_in_words
 from catenary.calibration.model_file import load_model
@@ -68,10 +62,7 @@ class HeldAgainst:
 
 
 def held_against(
-    model_path: Path,
-    paths: Sequence[Path],
-    reading: Reading | None = None,
-    max_error: tuple[float, ...] | None = None,
+    model_path: Path, paths: Sequence[Path], reading: Reading | None = None, max_error: tuple[float, ...] | None = None
 ) -> HeldAgainst:
     """Read a model and recordings, those of another make by their mapping.
 
@@ -232,9 +223,7 @@ def recordings_for(
     return [model.matched(log) for log in logs] if isinstance(model, CalibrationModel) else logs
 
 
-def recording_for(
-    model: CalibrationModel | MotionLog | None, path: Path, reading: Reading | None = None
-) -> MotionLog:
+def recording_for(model: CalibrationModel | MotionLog | None, path: Path, reading: Reading | None = None) -> MotionLog:
     """Read a recording, by a mapping or as it is, and mend it as asked, and as the model's training data were.
 
     Names and units of joints are the model's where the recording states none.
@@ -251,9 +240,7 @@ def recording_for(
     reading = reading if reading is not None else Reading()
     if model is None:
         return read_recording(path, reading)
-    log = (
-        _read(model, path) if reading.mapping is None else _by_mapping(model, path, reading, reading.mapping)
-    )
+    log = _read(model, path) if reading.mapping is None else _by_mapping(model, path, reading, reading.mapping)
     n, names = len(log.joint_names), model.joint_names
     if log.joint_names == nameless(n) and n == len(names) and not set(log.joint_names) & set(names):
         log = log.in_order_of(Joints(names), of="the model is for")  # which its mends name
@@ -352,12 +339,7 @@ def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
     return {
         "coverage_asked": evaluation.level,
         "joints": [
-            {
-                "name": joint.name,
-                "half_width": joint.half_width,
-                "coverage": joint.coverage,
-                "verdict": verdict,
-            }
+            {"name": joint.name, "half_width": joint.half_width, "coverage": joint.coverage, "verdict": verdict}
             for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
         ],
     }

@@ -69,11 +69,7 @@ class FileReport:
 
 
 def check_file(
-    source: str,
-    reading: Reading | None = None,
-    *,
-    robot: str | None = None,
-    max_error: tuple[float, ...] | None = None,
+    source: str, reading: Reading | None = None, *, robot: str | None = None, max_error: tuple[float, ...] | None = None
 ) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
@@ -110,9 +106,7 @@ def check_file(
     if table_ending(path) in (".npz", ".parquet", ".csv"):
         return check_recording(read_recording(path, reading), robot=robot, max_error=max_error)
     if not path.exists():
-        raise FileFormatError(
-            f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
-        )
+        raise FileFormatError(f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}")
     raise FileFormatError(
         f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
         "models (.npz), recordings (.npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
@@ -135,13 +129,9 @@ def check_robot(model: RobotModel) -> FileReport:
         sources=model.sources,
     )
     found = FileReport("robot", facts)
-    if (
-        model.missing_inertia == model.link_names
-    ):  # nobody meant to give any, as of a catalogue's published lengths
+    if model.missing_inertia == model.link_names:  # nobody meant to give any, as of a catalogue's published lengths
         to_be_identified = ", to be identified (catenary identify)" if model.actuation is not None else ""
-        found.remarks.append(
-            f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused"
-        )
+        found.remarks.append(f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused")
     elif model.missing_inertia:
         found.faults.append(
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, gravity and torques are refused"
@@ -234,9 +224,7 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
     copy = card_path(path)
     if not copy.is_file() or copy.read_bytes() == card_text(card).encode():
         return []
-    return [
-        f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"
-    ]
+    return [f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"]
 
 
 def _torque_errors(result: Identification, on: LogResidual, part: Part) -> TorqueErrors:
@@ -251,10 +239,7 @@ def _check_model(path: Path) -> FileReport:
         one["joint"]: UnseenErrors(one["rmse_mean"], one["rmse_sd"], one["offset_rmse_mean"])
         for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]
     }
-    held_out = {
-        one["name"]: HeldOutErrors(one["rmse"], one["offset_rmse"])
-        for one in card["errors"]["held_out"] or []
-    }
+    held_out = {one["name"]: HeldOutErrors(one["rmse"], one["offset_rmse"]) for one in card["errors"]["held_out"] or []}
     facts = ModelFacts(
         model=model.kind,
         preset=model.preset,

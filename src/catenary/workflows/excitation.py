@@ -139,9 +139,7 @@ def design_excitation(
     design = fourier_motion(limits, rng, **shape)
     if noise is not None and not 0.0 < noise < np.inf:
         raise InputError(f"torque noise: expected above zero, got {noise}")
-    return DesignedMotion(
-        design, limits, compare(limits, design, torque_noise(limits, noise), rng), tuple(notes)
-    )
+    return DesignedMotion(design, limits, compare(limits, design, torque_noise(limits, noise), rng), tuple(notes))
 
 
 def _limits(
@@ -170,9 +168,7 @@ def _limits(
     limits = MotionLimits(model, room, gravity, scene, around.margin)
     if not limits.has_torques:
         why = "limits" if np.isinf(room.effort).all() else "masses"
-        notes.append(
-            f"torques are unchecked: {model.name} has no {why} of them".replace("masses of them", "masses")
-        )
+        notes.append(f"torques are unchecked: {model.name} has no {why} of them".replace("masses of them", "masses"))
     return limits, notes
 
 
@@ -206,12 +202,7 @@ def comparison_table(comparison: Comparison) -> tuple[list[str], list[list[str]]
 def _row(one: Expected, designed: Expected) -> list[str]:
     mean, worst = one.times(designed)
     told = [f"{v:.3g} x" if np.isfinite(v) else "-" for v in (mean, worst)]
-    return [
-        one.motion,
-        f"{one.condition:.4g}" if np.isfinite(one.condition) else "-",
-        str(one.hidden),
-        *told,
-    ]
+    return [one.motion, f"{one.condition:.4g}" if np.isfinite(one.condition) else "-", str(one.hidden), *told]
 
 
 def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:

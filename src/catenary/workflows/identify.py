@@ -10,11 +10,7 @@ import numpy as np
 from catenary.config import plain_data
 from catenary.errors import InputError
 from catenary.identification.identification import Identification, identify_samples, prepared
-from catenary.identification.identification_file import (
-    Card,
-    identification_card,
-    load_identification,
-)
+from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import HELD_OUT, Samples, prepare
@@ -163,9 +159,7 @@ def _findings(
     result: Identification, training: Sequence[Samples], tests: Sequence[Samples]
 ) -> list[tuple[str, Finding]]:
     parts = [*((part, True) for part in training), *((part, False) for part in tests)]
-    return [
-        (part.name, each) for part, fitted in parts for each in torque_findings(result, part, fitted=fitted)
-    ]
+    return [(part.name, each) for part, fitted in parts for each in torque_findings(result, part, fitted=fitted)]
 
 
 def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence[Samples]) -> list[str]:
@@ -241,9 +235,7 @@ def payload_of_files(
     samples = [prepare(log, result.model, options) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
     tested = result.test(samples)
-    doubts = [
-        (s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False, may_carry=True)
-    ]
+    doubts = [(s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False, may_carry=True)]
     notes += judge(doubts, accept, done="weighed")
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
     if at is not None:
@@ -251,7 +243,5 @@ def payload_of_files(
     else:
         best, *candidates = payload_candidates(result, loaded, unloaded=empty)
     if best.mass is None:
-        notes.append(
-            "the motion shows only mass times place, not the mass by itself; give its place with --at"
-        )
+        notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))

@@ -62,9 +62,7 @@ def import_recording(
     opened = Sources(paths)
     proposal = propose(opened, robot=robot, units=units)
     if not accept_proposal:
-        raise InputError(
-            f"{', '.join(map(str, paths))}: give a mapping, or accept the proposed one:\n{proposal.toml}"
-        )
+        raise InputError(f"{', '.join(map(str, paths))}: give a mapping, or accept the proposed one:\n{proposal.toml}")
     return import_sources(opened, proposal.accepted())
 
 

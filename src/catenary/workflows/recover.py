@@ -37,12 +37,7 @@ class Recovery:
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
         written = None if self.written is None else str(self.written)
-        return {
-            "from": str(self.source),
-            "written": written,
-            **self.rescue.as_data(),
-            "problems": list(self.problems),
-        }
+        return {"from": str(self.source), "written": written, **self.rescue.as_data(), "problems": list(self.problems)}
 
 
 def recover(path: Path, out: Path | None = None) -> Recovery:
@@ -86,9 +81,7 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
                 raise InputError(f"{place}: exists already, and is never overwritten")
             part.rename(place)
     except OSError as error:
-        raise RecordingError(
-            f"{place}: cannot be written: {error.strerror or error}; {path} is as it was"
-        ) from error
+        raise RecordingError(f"{place}: cannot be written: {error.strerror or error}; {path} is as it was") from error
     return Recovery(path, place, rescue, problems)
 
 
@@ -109,11 +102,7 @@ def _opened(path: Path) -> JournalReader | BagStream | McapReader | SplitBag:
 
 
 def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:
-    stem = (
-        path.resolve().with_suffix("").name
-        if path.suffix in (".bag", ".mcap", ".db3")
-        else path.resolve().name
-    )
+    stem = path.resolve().with_suffix("").name if path.suffix in (".bag", ".mcap", ".db3") else path.resolve().name
     place = path.resolve().parent / f"{stem}.recovered{'.bag' if is_bag else ''}" if out is None else out
     if is_bag and place.suffix != ".bag":
         raise InputError(f"{place}: a ROS 1 bag is written; expected a name that ends in .bag")

@@ -79,9 +79,7 @@ class RegressorReport:
             said.append(f"{words}: {', '.join(found) or 'none'}")
         added = self.added_by_tilting()
         said.append(
-            f"tilting the base adds {len(added)}: {'; '.join(added)}"
-            if added
-            else "tilting the base adds none"
+            f"tilting the base adds {len(added)}: {'; '.join(added)}" if added else "tilting the base adds none"
         )
         turning = self.bases["turning"].count - tilted.count
         if turning > 0:

@@ -89,9 +89,7 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
     rough = align(rows[:2], up[:2]).rotation  # two directions never show a mirror; the third then does
     alignment = align(rows, up, expected=rough)
     if not faults and alignment.faults:  # the sensor is right, so the base was tilted otherwise
-        faults += [
-            f"on the base: was it tilted as told, y side up, then x side down? {f}" for f in alignment.faults
-        ]
+        faults += [f"on the base: was it tilted as told, y side up, then x side down? {f}" for f in alignment.faults]
     rates = [r.rate for r in readings.values() if r.rate is not None]
     mounting = tumbled_mounting(fit, alignment, start=start)
     if rates:

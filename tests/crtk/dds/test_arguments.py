@@ -10,9 +10,7 @@ def test_arguments_of_ros_end_at_two_dashes_or_with_the_line() -> None:
 
 
 def test_rules_name_topics_the_node_and_its_namespace() -> None:
-    found = parse_ros_arguments(
-        ["-r", "/arm1/move_jp:=/PSM1/move_jp", "--remap", "a:=b", "-r", "__ns:=/lab/left"]
-    )
+    found = parse_ros_arguments(["-r", "/arm1/move_jp:=/PSM1/move_jp", "--remap", "a:=b", "-r", "__ns:=/lab/left"])
     assert found == RosArguments({"/arm1/move_jp": "/PSM1/move_jp", "/a": "/b"}, None, "/lab/left")
     assert parse_ros_arguments(["-r", "__node:=one", "-r", "__name:=two", "-r", "__ns:=/"]).node == "two"
 
@@ -20,11 +18,7 @@ def test_rules_name_topics_the_node_and_its_namespace() -> None:
 def test_names_are_translated_both_ways_and_those_that_were_given_away_mean_nothing() -> None:
     arguments = RosArguments({"/a": "/b"})
     assert (arguments.network_name("/a"), arguments.network_name("/c")) == ("/b", "/c")
-    assert (arguments.own_name("/b"), arguments.own_name("/c"), arguments.own_name("/a")) == (
-        "/a",
-        "/c",
-        None,
-    )
+    assert (arguments.own_name("/b"), arguments.own_name("/c"), arguments.own_name("/a")) == ("/a", "/c", None)
 
 
 @pytest.mark.parametrize(

@@ -24,9 +24,7 @@ def test_a_program_tells_of_its_node_and_the_ends_of_its_topics(
 
     from oracles.cyclone_peer import RELIABLE, discovery_type
 
-    reader = peer.reader(
-        "ros_discovery_info", discovery_type(gid_bytes), RELIABLE, Policy.Durability.TransientLocal
-    )
+    reader = peer.reader("ros_discovery_info", discovery_type(gid_bytes), RELIABLE, Policy.Durability.TransientLocal)
     with DdsTransport("robot", arguments=RosArguments(distro=distro), settle=0.05) as robot:
         publisher = robot.publisher("/said", "std_msgs/String")
         robot.subscribe("/heard", "std_msgs/String")
@@ -46,17 +44,13 @@ def test_a_program_tells_of_its_node_and_the_ends_of_its_topics(
         assert bytes(info.gid.data)[16:] == bytes(gid_bytes - 16)
         ends = {bytes(one.data)[:16] for one in (*node.reader_gid_seq, *node.writer_gid_seq)}
         directory = robot.program.directory
-        assert ends == {
-            end.guid for end in (*directory.publishers("rt/said"), *directory.subscribers("rt/heard"))
-        }
+        assert ends == {end.guid for end in (*directory.publishers("rt/said"), *directory.subscribers("rt/heard"))}
         publisher.close()
         until(lambda: has_ends(1, 0))
 
 
 @pytest.mark.parametrize(("distro", "has_hashes"), [("humble", False), ("jazzy", True)])
-def test_ends_of_topics_carry_their_types_hash_from_iron_on(
-    dds_domain: int, distro: str, has_hashes: bool
-) -> None:
+def test_ends_of_topics_carry_their_types_hash_from_iron_on(dds_domain: int, distro: str, has_hashes: bool) -> None:
     with DdsTransport("robot", arguments=RosArguments(distro=distro), settle=0.05) as robot:
         robot.publisher("/said", "std_msgs/String")
         robot.topics()
@@ -127,9 +121,7 @@ def test_programs_that_speak_of_other_types_are_named(robot: Any, peer: Any, cap
     until(lambda: len(caplog.records) >= 2)
     number = peer.participant.guid.hex
     assert f"/said: participant_{number} takes sensor_msgs/JointState, /robot publishes {TEXT}" in caplog.text
-    assert (
-        f"/heard: participant_{number} publishes sensor_msgs/JointState, /robot takes {TEXT}" in caplog.text
-    )
+    assert f"/heard: participant_{number} publishes sensor_msgs/JointState, /robot takes {TEXT}" in caplog.text
 
 
 def test_programs_that_speak_version_2_alone_are_named(robot: Any, peer: Any, caplog) -> None:

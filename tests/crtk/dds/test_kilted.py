@@ -16,9 +16,7 @@ from patience import until
 KILTED = Path(os.environ.get("CATENARY_KILTED", ROOT / ".cache" / "kilted")) / "bin" / "python"
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(
-        not KILTED.is_file(), reason=f"ROS 2 Kilted is not installed: no {KILTED}; .ci/run makes it"
-    ),
+    pytest.mark.skipif(not KILTED.is_file(), reason=f"ROS 2 Kilted is not installed: no {KILTED}; .ci/run makes it"),
 ]
 # says what it hears on topics with sequences, and sends a joint state, until its input ends
 PEER = """

@@ -33,8 +33,7 @@ def test_the_domain_is_0_where_none_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("ROS_AUTOMATIC_DISCOVERY_RANGE", "PLANET"), ("ROS_STATIC_PEERS", "10.0.0.1;<Peer/>")],
+    ("name", "value"), [("ROS_AUTOMATIC_DISCOVERY_RANGE", "PLANET"), ("ROS_STATIC_PEERS", "10.0.0.1;<Peer/>")]
 )
 def test_a_variable_that_has_no_such_value_is_refused(monkeypatch, name: str, value: str) -> None:
     from catenary.crtk.dds.program import enter_domain
@@ -74,9 +73,7 @@ def _find(domain: int, seconds: float, first: dict[str, str], second: dict[str, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "local", [{"ROS_LOCALHOST_ONLY": "1"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}]
-)
+@pytest.mark.parametrize("local", [{"ROS_LOCALHOST_ONLY": "1"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}])
 def test_programs_that_keep_to_the_machine_find_each_other(local: dict[str, str]) -> None:
     assert _find(free_domain(), 40.0, local, local) == ["True", "True"]
 
@@ -91,9 +88,7 @@ def test_a_program_that_is_off_is_found_by_nobody() -> None:
 def test_settings_of_cyclone_that_are_none_are_refused_by_name(tmp_path) -> None:
     code = "from catenary.crtk.dds.program import enter_domain; enter_domain()"
     variables = {**environment(free_domain()), "CYCLONEDDS_URI": "<CycloneDDS><Nonsense/></CycloneDDS>"}
-    ended = subprocess.run(
-        [sys.executable, "-c", code], env=variables, capture_output=True, text=True, check=False
-    )
+    ended = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True, check=False)
     assert "TransportError" in ended.stderr
     assert "CYCLONEDDS_URI" in ended.stderr
 

@@ -69,9 +69,7 @@ for line in sys.stdin:
 @contextmanager
 def served(network: Any, before: str = "") -> Iterator[Program]:
     """A homed robot, with nothing compiled on its way."""
-    with Program(
-        network, before + COMMAND, "serve", "--ros", "2", "--dialect", "crtk", "--homed", "--json"
-    ) as server:
+    with Program(network, before + COMMAND, "serve", "--ros", "2", "--dialect", "crtk", "--homed", "--json") as server:
         server.line()
         yield server
 
@@ -94,9 +92,7 @@ def moves(observer: Program) -> None:
 
 
 @pytest.mark.slow
-def test_the_second_program_is_told_who_holds_the_arm_and_a_killed_one_leaves_it_standing_and_paused() -> (
-    None
-):
+def test_the_second_program_is_told_who_holds_the_arm_and_a_killed_one_leaves_it_standing_and_paused() -> None:
     network = Network()
     with pytest.MonkeyPatch.context() as patch:
         for name in ("CYCLONEDDS_URI", "ROS_DOMAIN_ID"):

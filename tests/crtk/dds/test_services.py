@@ -57,9 +57,7 @@ def test_a_service_like_rmw_cyclonedds_is_called(robot: Any, peer: Any) -> None:
     server.join()
 
 
-def test_a_service_between_two_programs_is_found_offered_once_and_forgotten(
-    robot: Any, dds_domain: int
-) -> None:
+def test_a_service_between_two_programs_is_found_offered_once_and_forgotten(robot: Any, dds_domain: int) -> None:
     with DdsTransport("client", settle=0.05) as client:
         robot.service("/button", TRIGGER, lambda _: RESPONSE(True, "yes"))
         with Spinner(robot):
@@ -85,10 +83,7 @@ def test_a_server_that_is_late_answers_nobody_who_has_gone(robot: Any, dds_domai
 
 
 def test_a_service_with_messages_in_it_answers_and_says_why_it_failed(robot: Any) -> None:
-    kind, response = (
-        "crtk_msgs/QueryForwardKinematics",
-        message_class("crtk_msgs/QueryForwardKinematicsResponse"),
-    )
+    kind, response = ("crtk_msgs/QueryForwardKinematics", message_class("crtk_msgs/QueryForwardKinematicsResponse"))
     pose = message_class("geometry_msgs/Pose")
 
     def answer(request: Any) -> Any:

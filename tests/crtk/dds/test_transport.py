@@ -17,9 +17,7 @@ TRIGGER = "std_srvs/Trigger"
 
 
 def test_a_program_with_other_names_speaks_and_hears_by_them(robot: Any, dds_domain: int) -> None:
-    arguments = RosArguments(
-        {"/said": "/lab/said", "/heard": "/lab/heard", "/button": "/lab/button"}, "two", "/lab"
-    )
+    arguments = RosArguments({"/said": "/lab/said", "/heard": "/lab/heard", "/button": "/lab/button"}, "two", "/lab")
     response = message_class("std_srvs/TriggerResponse")
     with DdsTransport("one", arguments=arguments, settle=0.05) as other:
         said, heard = other.publisher("/said", TEXT), other.subscribe("/heard", TEXT)
@@ -101,9 +99,7 @@ QUALITIES = [(True, False), (True, True), (False, False), (False, True)]
 
 @pytest.mark.parametrize("quality", QUALITIES)
 @pytest.mark.parametrize("is_late", [False, True], ids=["before", "after"])
-def test_publishers_of_every_quality_are_heard_once(
-    robot: Any, peer: Any, quality: Any, is_late: bool
-) -> None:
+def test_publishers_of_every_quality_are_heard_once(robot: Any, peer: Any, quality: Any, is_late: bool) -> None:
     from oracles.cyclone_peer import Text
 
     if is_late:
@@ -131,9 +127,7 @@ def test_two_publishers_of_different_quality_are_heard_beside_each_other(robot: 
     assert sorted(texts(heard, 4)) == list("0123")
 
 
-def test_what_a_latching_publisher_said_before_is_heard_as_first_and_with_its_age(
-    robot: Any, peer: Any
-) -> None:
+def test_what_a_latching_publisher_said_before_is_heard_as_first_and_with_its_age(robot: Any, peer: Any) -> None:
     from oracles.cyclone_peer import Text
 
     writer = peer.writer("rt/t", Text, *policies(True, True))

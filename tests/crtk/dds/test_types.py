@@ -86,9 +86,7 @@ def test_the_ravens_own_messages_pass_too(robot: Any) -> None:
     message = codec(kind).decode(codec(kind).encode(random_message(kind, np.random.default_rng(1)), 0))
     publisher.publish(message)
     assert_same(heard.take(PATIENCE)[0].message, message)
-    assert [end.topic for end in robot.program.directory.publishers(dds_topic("/ravenstate"))] == [
-        "rt/ravenstate"
-    ]
+    assert [end.topic for end in robot.program.directory.publishers(dds_topic("/ravenstate"))] == ["rt/ravenstate"]
 
 
 def test_topics_services_and_types_are_called_as_by_ros_2() -> None:

@@ -12,19 +12,7 @@ from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
 from catenary.workflows.import_recording import import_recording
-from lab_bags import (
-    JOINT_STATE,
-    JOINTS,
-    KINDS,
-    POSE,
-    Kind,
-    Message,
-    joint_state,
-    pose,
-    true_q,
-    two_topics,
-    write_bag,
-)
+from lab_bags import JOINT_STATE, JOINTS, KINDS, POSE, Kind, Message, joint_state, pose, true_q, two_topics, write_bag
 
 BY_HAND = ["q_nominal=/raven/joint_cmd.position", "q_encoder=/optitrack/joints.position"]
 # a straight line between samples 1/30 s apart is off by at most h^2/8 of the acceleration, 0.7 rad/s2
@@ -141,9 +129,7 @@ def dvrk_bag(path: Path, kind: Kind, truth: np.ndarray) -> tuple[Path, dict[str,
     """A PSM's measured_js and setpoint_js at 100 Hz, and a tracker that sees a marker on its insertion at 40 Hz."""
     robot = load_robot("dvrk_psm")
     tracker = Pose(rotation_from_rpy([0.1, -0.2, 1.0]), np.array([0.4, -0.3, 0.9]))  # in the base
-    frame = Pose(
-        rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02])
-    )  # the insertion's in the marker's
+    frame = Pose(rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02]))  # the insertion's in the marker's
     times = np.arange(0.0, 5.0, 0.025)
     messages: list[Message] = []
     for t in np.arange(0.0, 5.0, 0.01):

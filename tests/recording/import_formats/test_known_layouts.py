@@ -44,10 +44,7 @@ def test_a_motion_log_and_a_command_log_stay_what_they_are(tmp_path: Path) -> No
     q = np.zeros((5, 2))
     np.savez(tmp_path / "log.npz", q_des=q, q_act=q, ok=np.ones(5, dtype=bool))
     assert import_recording(tmp_path / "log.npz", units="rad,m").joint_units == ("rad", "m")
-    assert (
-        import_recording(tmp_path / "log.npz", robot="two_link").joint_names
-        == load_robot("two_link").joint_names
-    )
+    assert import_recording(tmp_path / "log.npz", robot="two_link").joint_names == load_robot("two_link").joint_names
 
 
 def test_positions_and_torques_take_their_joints_from_the_robot(tmp_path: Path) -> None:

@@ -15,9 +15,7 @@ from catenary.recording.import_formats.sources import Sources
 from catenary.workflows.import_recording import import_recording
 from lab_bags import KINDS, START, Kind, header, true_q, two_topics
 
-ARM = (
-    "std_msgs/Header header\nlab_msgs/Joint[] joints\nfloat64[3] camera\nstring mode\nuint8 OFF=0\nbool ok\n"
-)
+ARM = "std_msgs/Header header\nlab_msgs/Joint[] joints\nfloat64[3] camera\nstring mode\nuint8 OFF=0\nbool ok\n"
 JOINT = "string name\nfloat32 pos  # [deg]\nfloat64[2] limits\n"
 
 
@@ -25,9 +23,7 @@ def own_types(path: Path, kind: Kind) -> Path:
     """A bag of lab_msgs/Arm, 100 Hz: positions in degrees in an array of messages."""
     ros1 = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-    store.register(
-        {**get_types_from_msg(ARM, "lab_msgs/msg/Arm"), **get_types_from_msg(JOINT, "lab_msgs/msg/Joint")}
-    )
+    store.register({**get_types_from_msg(ARM, "lab_msgs/msg/Arm"), **get_types_from_msg(JOINT, "lab_msgs/msg/Joint")})
     arm, joint = (store.types[f"lab_msgs/msg/{name}"] for name in ("Arm", "Joint"))
     plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
     path = path.with_suffix(".bag") if ros1 else path
@@ -75,10 +71,7 @@ DOUBLING = "".join(f"{LINE}\nMSG: lab_msgs/T{i}\nT{i + 1} a\nT{i + 1} b\n" for i
         ("wstring a\n", "wstring"),
         ("float64[ a\n", "cannot be read"),
         ("float64 a\n" * 20_000, "characters"),
-        (
-            f"T1 a\nT1 b\n{DOUBLING}{LINE}\nMSG: lab_msgs/T25\nuint8 x\n",
-            "messages within one|ends before|bytes",
-        ),
+        (f"T1 a\nT1 b\n{DOUBLING}{LINE}\nMSG: lab_msgs/T25\nuint8 x\n", "messages within one|ends before|bytes"),
         (f"T1 a\nT1 b\n{DOUBLING}{LINE}\nMSG: lab_msgs/T25\nuint8 X=1\n", "messages within one"),
         ("uint8[] data\n", "claims|ends before|bytes"),
     ],

@@ -82,12 +82,8 @@ def test_columns_that_never_change_and_currents_are_set_aside_and_said(tmp_path:
 def test_a_slide_in_mm_among_angles_in_rad_is_told_by_its_range(
     names: tuple[str, ...], robot: str | None, units: list[str], is_open: bool, scale: float, tmp_path: Path
 ) -> None:
-    q = np.column_stack(
-        [0.5 + 0.2 * np.sin(T), 1.5 + 0.2 * np.cos(T), scale * (0.4 + 0.05 * np.sin(0.7 * T))]
-    )
-    messages: list[Message] = [
-        (t, "/joint_states", joint_state(names, row)) for t, row in zip(T, q, strict=True)
-    ]
+    q = np.column_stack([0.5 + 0.2 * np.sin(T), 1.5 + 0.2 * np.cos(T), scale * (0.4 + 0.05 * np.sin(0.7 * T))])
+    messages: list[Message] = [(t, "/joint_states", joint_state(names, row)) for t, row in zip(T, q, strict=True)]
     bag = write_bag(tmp_path / "lab", "ros1", {"/joint_states": JOINT_STATE}, messages)
     proposal = propose_mapping(bag, robot=robot)
     expected = units if scale > 1.0 else ["rad", "rad", "m" if "insertion" in names or robot else "rad"]
@@ -118,9 +114,7 @@ def test_a_mapping_with_keys_that_there_are_not_is_refused() -> None:
     with pytest.raises(ValueError, match="unknown key"):
         parse_settings(toml_table('[q_nominal]\ncolumn = "a"\n', "x"), RecordingMapping, "x")
     with pytest.raises(ValueError, match="needs robot"):
-        parse_settings(
-            {"q_nominal": {"columns": "a"}, "q_encoder": {"pose": {"columns": "b"}}}, RecordingMapping, "x"
-        )
+        parse_settings({"q_nominal": {"columns": "a"}, "q_encoder": {"pose": {"columns": "b"}}}, RecordingMapping, "x")
 
 
 def moving(rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
@@ -132,10 +126,7 @@ def moving(rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
 
 def test_an_array_without_names_is_parted_into_time_commands_and_measurements(tmp_path: Path) -> None:
     q, seen = moving()
-    np.savez(
-        tmp_path / "three.npz",
-        data=np.column_stack([0.05 * np.arange(len(q)), np.deg2rad(q), np.deg2rad(seen)]),
-    )
+    np.savez(tmp_path / "three.npz", data=np.column_stack([0.05 * np.arange(len(q)), np.deg2rad(q), np.deg2rad(seen)]))
     proposal = propose_mapping(tmp_path / "three.npz", units="rad")
     assert 'time = "data[0]"' in proposal.toml
     assert 'columns = ["data[1]", "data[2]", "data[3]"]' in proposal.toml
@@ -149,33 +140,20 @@ def test_units_behind_the_names_and_words_of_a_lab_are_enough(tmp_path: Path) ->
     table = np.column_stack([50.0 * np.arange(len(q)), seen, q])
     np.savetxt(tmp_path / "one.csv", table, delimiter=",", header=header, comments="")
     toml = propose_mapping(tmp_path / "one.csv", units="deg,deg,mm").toml
-    assert (
-        toml.index("[q_nominal]")
-        < toml.index('"set_axis1"')
-        < toml.index("[q_encoder]")
-        < toml.index('"opt_axis1"')
-    )
+    assert toml.index("[q_nominal]") < toml.index('"set_axis1"') < toml.index("[q_encoder]") < toml.index('"opt_axis1"')
     robot = np.column_stack([0.05 * np.arange(len(q)), q])
     np.savetxt(
-        tmp_path / "robot.csv",
-        robot,
-        delimiter=",",
-        header="time,yaw [deg],pitch [deg],insertion [mm]",
-        comments="",
+        tmp_path / "robot.csv", robot, delimiter=",", header="time,yaw [deg],pitch [deg],insertion [mm]", comments=""
     )
     camera = np.column_stack([0.15 * np.arange(len(seen[::3])), seen[::3]])
-    np.savetxt(
-        tmp_path / "camera.csv", camera, delimiter=",", header="t,yaw_cam,pitch_cam,ins_cam", comments=""
-    )
+    np.savetxt(tmp_path / "camera.csv", camera, delimiter=",", header="t,yaw_cam,pitch_cam,ins_cam", comments="")
     proposal = propose_mapping([tmp_path / "robot.csv", tmp_path / "camera.csv"])
     assert 'units = ["deg", "deg", "mm"]' in proposal.toml
     assert "yaw_cam" in proposal.toml.partition("[q_encoder]")[2]
     # one table's joint is insertion, the other's ins: that is asked, and the text is a mapping once it is answered
     mapping = parse_settings(toml_table(proposal.toml, "proposal"), RecordingMapping, "proposal")
     assert mapping.time == ("time", "t")
-    log = import_recording(
-        [tmp_path / "robot.csv", tmp_path / "camera.csv"], mapping.model_dump(exclude_unset=True)
-    )
+    log = import_recording([tmp_path / "robot.csv", tmp_path / "camera.csv"], mapping.model_dump(exclude_unset=True))
     assert log.q_encoder is not None
     assert_allclose(log.q_nominal, q * [np.pi / 180, np.pi / 180, 1e-3], atol=1e-12)
 
@@ -201,11 +179,7 @@ def groups(names: list[str]) -> list[tuple[tuple[str, ...], str]]:
         # PlotJuggler's: a digit in the arm's name, two arms, two quantities
         (
             [f"/PSM{a}/measured_js/{j}/{q}" for a in (1, 2) for j in PSM for q in ("position", "velocity")],
-            [
-                tuple(f"/PSM{a}/measured_js/{j}/{q}" for j in PSM)
-                for q in ("position", "velocity")
-                for a in (1, 2)
-            ],
+            [tuple(f"/PSM{a}/measured_js/{j}/{q}" for j in PSM) for q in ("position", "velocity") for a in (1, 2)],
         ),
         (
             ["cmd_left1", "cmd_left2", "cmd_right1", "cmd_right2"],
@@ -219,9 +193,7 @@ def groups(names: list[str]) -> list[tuple[tuple[str, ...], str]]:
         (["a2", "a10", "a1", "b1", "b2"], [("a1", "a2", "a10"), ("b1", "b2")]),
     ],
 )
-def test_a_digit_anywhere_in_a_name_does_not_break_a_group(
-    names: list[str], expected: list[tuple[str, ...]]
-) -> None:
+def test_a_digit_anywhere_in_a_name_does_not_break_a_group(names: list[str], expected: list[tuple[str, ...]]) -> None:
     assert sorted(columns for columns, _ in groups(names)) == sorted(expected)
 
 
@@ -231,10 +203,7 @@ def test_a_mapping_without_units_takes_those_that_are_proposed(scale: float, tmp
     messages: list[Message] = []
     for t in T:
         q = true_q(t) * (1.0 if scale == 1.0 else np.array([scale, scale, 1000.0]))
-        messages += [
-            (t, "/arm/joint_states", joint_state(JOINTS, q)),
-            (t, "/vicon/joints", joint_state(JOINTS, q)),
-        ]
+        messages += [(t, "/arm/joint_states", joint_state(JOINTS, q)), (t, "/vicon/joints", joint_state(JOINTS, q))]
     topics = dict.fromkeys(("/arm/joint_states", "/vicon/joints"), JOINT_STATE)
     bag = write_bag(tmp_path / "lab", "mcap", topics, messages)
     robot = "dvrk_psm"

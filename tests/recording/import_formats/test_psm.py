@@ -59,9 +59,7 @@ def test_a_tracker_that_holds_its_last_pose_is_found_by_the_verdict(tmp_path):
 def test_a_recording_without_a_tracker_says_so(tmp_path):
     record(tmp_path / "journal", "/PSM1")
     extract([tmp_path / "journal"], tmp_path / "extracted", topics=["/PSM1/measured_js"])
-    with pytest.raises(
-        InputError, match=r"no column .*/PSM1/tracker/measured_js.*; topics are /PSM1/measured_js"
-    ):
+    with pytest.raises(InputError, match=r"no column .*/PSM1/tracker/measured_js.*; topics are /PSM1/measured_js"):
         read_psm([tmp_path / "extracted"], "/PSM1")
 
 

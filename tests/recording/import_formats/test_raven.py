@@ -72,9 +72,7 @@ def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_pat
     assert (log.robot, log.simulated) == ("raven2", True)
     assert result.without_encoder == int((~log.ok).sum())
     rates = {report.topic: report.rate for report in result.topics}
-    assert_allclose(
-        [rates["/ravenstate"], rates["/ext_jpos"], rates["/arm2/measured_js"]], [30, 100, 100], rtol=0.02
-    )
+    assert_allclose([rates["/ravenstate"], rates["/ext_jpos"], rates["/arm2/measured_js"]], [30, 100, 100], rtol=0.02)
 
 
 def test_torque_is_at_the_joint_and_other_joints_are_signals(plain: Synchronisation) -> None:
@@ -101,9 +99,7 @@ def test_further_columns_are_signals_the_other_arms_under_its_name(tmp_path: Pat
     extraction = extract([tmp_path / "r"], tmp_path / "x").folder
     plain = read_raven([extraction]).log
     log = read_raven([extraction], columns=("all",)).log
-    assert set(plain.signals) == {
-        f"{g}:{j}" for g in ("q", "tau") for j in ("roll", "wrist", "jaw1", "jaw2", "unused")
-    }
+    assert set(plain.signals) == {f"{g}:{j}" for g in ("q", "tau") for j in ("roll", "wrist", "jaw1", "jaw2", "unused")}
     assert {"mpos:shoulder", "jvel:roll", "pos:x", "ori:33", "type", "runlevel", "dt"} <= set(log.signals)
     assert {"green_tau:elbow", "green_jpos:unused", "green_pos:z", "green_type"} <= set(log.signals)
     # every number of the message, but for the jpos and tau of the arm's own eight channels
@@ -125,13 +121,7 @@ def _not_a_number(rig: np.ndarray) -> np.ndarray:
     return rig
 
 
-@pytest.mark.parametrize(
-    ("change", "note"),
-    [
-        (_gap, "/ext_jpos: 1 gap(s), the longest 2.0"),
-        (_not_a_number, ""),
-    ],
-)
+@pytest.mark.parametrize(("change", "note"), [(_gap, "/ext_jpos: 1 gap(s), the longest 2.0"), (_not_a_number, "")])
 def test_an_encoder_that_fails_is_reported_and_not_trusted(tmp_path, change, note) -> None:
     rig = change(np.column_stack([RIG_TIME, raven_recording.encoder(RIG_TIME)]))
     result = _synchronised(tmp_path, rig[:, 0], rig[:, 1:])
@@ -190,9 +180,7 @@ def test_a_robots_clock_that_is_set_costs_no_row_and_no_order(tmp_path: Path, by
     with JournalWriter(tmp_path / "r", [JournalTopic(t.name, t.type) for t, *_ in streams]) as journal:
         for topic, time, content in streams:
             true = _stamp(time)
-            for message, arrival in zip(
-                encode(topic, true + by * SECOND * (time >= 10.0), content), true, strict=True
-            ):
+            for message, arrival in zip(encode(topic, true + by * SECOND * (time >= 10.0), content), true, strict=True):
                 journal.append(topic.name, int(arrival) + 1_000_000, message.tobytes())
     extract([tmp_path / "r"], tmp_path / "x")
     result = read_raven([tmp_path / "x"])
@@ -218,9 +206,7 @@ def test_a_state_at_100_hz_is_found_and_two_are_one_too_many(tmp_path: Path) -> 
     raven_recording.record(tmp_path / "r", 2.0, topics=raven_topics(state_rate=100.0))
     extract([tmp_path / "r"], tmp_path / "x")
     assert len(read_raven([tmp_path / "x"]).log) > 180
-    raven_recording.record(
-        tmp_path / "s", 2.0, topics=(RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS, GOLD_MEASURED_JS)
-    )
+    raven_recording.record(tmp_path / "s", 2.0, topics=(RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS, GOLD_MEASURED_JS))
     extract([tmp_path / "s"], tmp_path / "y")
     with pytest.raises(FileFormatError, match="expected one"):
         read_raven([tmp_path / "y"])

@@ -35,22 +35,14 @@ def own_names(path: Path, **how: str) -> Path:
 
 
 @pytest.mark.parametrize("how", [{}, {"separator": ";", "decimal": ","}, {"separator": "\t"}])
-def test_a_csv_with_names_of_its_own_is_imported_by_mapping_and_by_proposal(
-    how: dict, tmp_path: Path
-) -> None:
+def test_a_csv_with_names_of_its_own_is_imported_by_mapping_and_by_proposal(how: dict, tmp_path: Path) -> None:
     table = own_names(tmp_path / "lab.csv", **how)
     units = ("deg", "deg", "mm")
     by_hand = import_recording(
         table,
         {
-            "q_nominal": {
-                "columns": [f"{n}_cmd_{u}" for n, u in zip(NAMES, units, strict=True)],
-                "units": units,
-            },
-            "q_encoder": {
-                "columns": [f"camera_{n} [{u}]" for n, u in zip(NAMES, units, strict=True)],
-                "units": units,
-            },
+            "q_nominal": {"columns": [f"{n}_cmd_{u}" for n, u in zip(NAMES, units, strict=True)], "units": units},
+            "q_encoder": {"columns": [f"camera_{n} [{u}]" for n, u in zip(NAMES, units, strict=True)], "units": units},
         },
     )
     proposed = import_recording(table, accept_proposal=True)
@@ -99,9 +91,7 @@ def test_an_index_of_dates_without_a_name_is_the_time_of_a_parquet_file(tmp_path
 
 
 def test_a_first_line_that_tells_spreadsheets_the_separator_is_no_line_of_names(tmp_path: Path) -> None:
-    table = write_csv(
-        tmp_path / "lab.csv", ["t [s]", "q1", "q2"], [T, Q[:, 0], Q[:, 1]], separator=";", decimal=","
-    )
+    table = write_csv(tmp_path / "lab.csv", ["t [s]", "q1", "q2"], [T, Q[:, 0], Q[:, 1]], separator=";", decimal=",")
     table.write_text("sep=;\n" + table.read_text())
     assert_allclose(import_recording(table, ["q_nominal=q1,q2"], units="rad").q_nominal, Q[:, :2], atol=1e-9)
     table.write_text("sep=;\n")
@@ -125,9 +115,7 @@ def test_names_that_are_there_twice_are_numbered(tmp_path: Path) -> None:
     assert any("numbered" in note for note in log.notes)
 
 
-def test_rows_repeated_or_without_numbers_are_told_and_time_that_goes_back_begins_a_recording(
-    tmp_path: Path,
-) -> None:
+def test_rows_repeated_or_without_numbers_are_told_and_time_that_goes_back_begins_a_recording(tmp_path: Path) -> None:
     time, q = T[:100].copy(), Q[:100].copy()
     time[50:] -= 0.3
     time[11] = time[10]
@@ -137,11 +125,7 @@ def test_rows_repeated_or_without_numbers_are_told_and_time_that_goes_back_begin
     assert len(log) == 98
     assert len(log.starts) == 2
     said = " ".join(log.notes)
-    for words in (
-        "1 repeated stamps were dropped",
-        "1 of 99 rows without q_nominal",
-        "time goes back 1 time",
-    ):
+    for words in ("1 repeated stamps were dropped", "1 of 99 rows without q_nominal", "time goes back 1 time"):
         assert words in said
 
 
@@ -170,9 +154,7 @@ def of_parquet(path: Path) -> Path:
 def test_arrays_of_other_programs_are_read_by_name(make, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     table = make(tmp_path / "lab")
     prefix = "log." if table.suffix == ".mat" else ""
-    log = import_recording(
-        table, [f"q_nominal={prefix}cmd", f"q_encoder={prefix}optitrack"], units="rad,rad,m"
-    )
+    log = import_recording(table, [f"q_nominal={prefix}cmd", f"q_encoder={prefix}optitrack"], units="rad,rad,m")
     assert log.q_encoder is not None
     assert_allclose(log.time, T, atol=1e-9)
     assert_allclose(log.q_nominal, Q)

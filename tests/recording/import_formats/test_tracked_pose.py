@@ -16,9 +16,7 @@ from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
 from catenary.workflows.import_recording import import_recording
 
 TRACKER = Pose(rotation_from_rpy([0.1, -0.2, 1.0]), np.array([0.4, -0.3, 0.9]))  # in the base
-MARKER = Pose(
-    rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02])
-)  # the tip in the marker's frame
+MARKER = Pose(rotation_from_rpy([0.0, 0.3, 0.0]), np.array([0.01, 0.0, -0.02]))  # the tip in the marker's frame
 
 
 def tracked(path: Path, robot: str, reported: Floats, truth: Floats, off: Floats | float = 0.0) -> Path:
@@ -64,9 +62,7 @@ def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
     log = import_recording(path, mapping("raven2_full", match="pose"))
     assert log.q_encoder is not None
     assert log.ok.all()
-    assert_allclose(
-        log.q_encoder, q + error, atol=1e-5
-    )  # the CSV has all digits; the search ends within 1e-9 m
+    assert_allclose(log.q_encoder, q + error, atol=1e-5)  # the CSV has all digits; the search ends within 1e-9 m
 
 
 @pytest.mark.parametrize(
@@ -74,12 +70,7 @@ def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
     [
         ("raven2_full", "position", "shoulder, elbow, insertion, roll, wrist, tool", 'match = "pose" or'),
         ("dvrk_psm", "position", "outer_yaw, .*, outer_wrist_yaw", 'match = "pose" or'),
-        (
-            "dvrk_psm_motors",
-            "pose",
-            "q4, q5, q6, q7",
-            "a frame that they move",
-        ),  # its file ends at the insertion
+        ("dvrk_psm_motors", "pose", "q4, q5, q6, q7", "a frame that they move"),  # its file ends at the insertion
         ("planar_3r", "position", "link1, link2, link3", 'match = "pose" or'),
         ("panda", "pose", "q1, q2, q3, q4, q5, q6, q7", "a frame that they move"),  # one joint too many
     ],
@@ -128,9 +119,7 @@ def test_an_arm_that_reaches_no_measured_pose_is_taken_at_its_nearest(tmp_path: 
     assert 0 < few.ok.sum() < 0.9 * len(q)
     assert any("beyond 0.2 mm and 1 deg from all that the robot reaches" in note for note in few.notes)
     with pytest.raises(InputError, match="measured on no row"):
-        import_recording(
-            tracked(tmp_path / "far.csv", "planar_3r", q, q, 50.0), mapping("planar_3r", match="pose")
-        )
+        import_recording(tracked(tmp_path / "far.csv", "planar_3r", q, q, 50.0), mapping("planar_3r", match="pose"))
 
 
 @pytest.mark.slow  # as above
@@ -139,8 +128,7 @@ def test_nothing_beside_the_nearest_coordinates_is_nearer() -> None:
     for q in motion("planar_3r", 8):
         reached = forward_kinematics(model, q)
         wanted = Pose(
-            reached.rotation @ rotation_from_rpy([0.02, 0.01, 0.0]),
-            reached.position + np.array([0.0, 3e-3, 1e-3]),
+            reached.rotation @ rotation_from_rpy([0.02, 0.01, 0.0]), reached.position + np.array([0.0, 3e-3, 1e-3])
         )
         found = nearest_coordinates(model, wanted, q)
         square = found.position_error**2 + found.orientation_error**2

@@ -64,9 +64,7 @@ def test_degrees_are_turns_of_360_and_both_may_wrap(tmp_path: Path) -> None:
     table = np.column_stack([t, np.rad2deg(within_a_turn(q)), np.rad2deg(within_a_turn(seen))])
     header = "t,roll,elbow,cam_roll,cam_elbow"
     np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=header, comments="")
-    log = import_recording(
-        tmp_path / "lab.csv", ["q_nominal=roll,elbow", "q_encoder=cam_roll,cam_elbow"], units="deg"
-    )
+    log = import_recording(tmp_path / "lab.csv", ["q_nominal=roll,elbow", "q_encoder=cam_roll,cam_elbow"], units="deg")
     assert log.q_encoder is not None
     assert_allclose(log.q_nominal, q, atol=1e-9)
     assert_allclose(log.q_encoder, seen, atol=1e-9)
@@ -77,12 +75,7 @@ def test_a_joint_whose_limits_are_known_comes_out_within_them(tmp_path: Path) ->
     q = 2.9 + 0.6 * np.cos(t)  # a Panda's sixth joint reaches from 0 to 3.75; the first row is beyond pi
     table = np.column_stack([t, within_a_turn(q), within_a_turn(q + 0.01)])
     np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="t,q6,cam", comments="")
-    mapping = {
-        "robot": "panda",
-        "joint_names": ["q6"],
-        "q_nominal": {"columns": "q6"},
-        "q_encoder": {"columns": "cam"},
-    }
+    mapping = {"robot": "panda", "joint_names": ["q6"], "q_nominal": {"columns": "q6"}, "q_encoder": {"columns": "cam"}}
     log = import_recording(tmp_path / "lab.csv", mapping)
     assert log.q_encoder is not None
     assert_allclose(log.q_nominal[:, 0], q, atol=1e-9)

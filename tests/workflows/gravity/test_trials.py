@@ -123,8 +123,7 @@ def test_sensed_gravity_holds_and_nominal_gravity_does_not_on_a_tilted_base() ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("angle_deg", "seed"),
-    [*((angle, None) for angle in (-90, -25, 0, 25, 45, 90, 135, 180)), (180, 1), (180, 2)],
+    ("angle_deg", "seed"), [*((angle, None) for angle in (-90, -25, 0, 25, 45, 90, 135, 180)), (180, 1), (180, 2)]
 )
 def test_sensed_gravity_holds_for_ten_seconds_at_every_base_angle(angle_deg: float, seed: int | None) -> None:
     drift = held(angle_deg, "dg", seed=seed).drift

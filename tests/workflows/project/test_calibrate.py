@@ -34,12 +34,8 @@ def calibrated(
         return calibrate_recordings(Project(folder, ProjectSettings()), train, test, run=run)
 
 
-@pytest.mark.parametrize(
-    ("direction", "again"), [("J1", False), ("J1-J2", False), ("J2-J3", True), ("J3", True)]
-)
-def test_projects_from_before_the_form_are_recorded_anew_where_the_path_is_another(
-    direction, again, tmp_path
-) -> None:
+@pytest.mark.parametrize(("direction", "again"), [("J1", False), ("J1-J2", False), ("J2-J3", True), ("J3", True)])
+def test_projects_from_before_the_form_are_recorded_anew_where_the_path_is_another(direction, again, tmp_path) -> None:
     project = Project(tmp_path, ProjectSettings(direction=direction, sparsities=(0.5,)))
     was = {"zigzag": direction, "sparsities": (0.5,)}
     assert (fingerprint(calibrate.excitation(project)[1]) != fingerprint(was)) == again
@@ -88,13 +84,7 @@ def test_results_are_written_and_said_to_be_simulated(finished: CalibrationResul
 @pytest.mark.slow
 def test_every_kind_of_model_is_fitted_to_a_robots_recordings(project_folder: Path) -> None:
     result = calibrate.calibrate_robot(Project(project_folder, SHORT))
-    assert list(result.evaluations) == [
-        "linear",
-        "polynomial",
-        "neural_paper",
-        "neural_best",
-        RECOMMENDED,
-    ]
+    assert list(result.evaluations) == ["linear", "polynomial", "neural_paper", "neural_best", RECOMMENDED]
 
 
 def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path], tmp_path: Path) -> None:
@@ -114,9 +104,7 @@ def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path],
 
 def test_an_error_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
     perfect, exact = (
-        simulated_arm.write(
-            tmp_path / f"{seed}.npz", seed=seed, q_act=simulated_arm.arrays(seed=seed)["q_des"]
-        )
+        simulated_arm.write(tmp_path / f"{seed}.npz", seed=seed, q_act=simulated_arm.arrays(seed=seed)["q_des"])
         for seed in (2, 3)
     )
     run = FitRun(accept=("copied",))
@@ -146,8 +134,7 @@ def test_page_says_how_many_inputs_models_take_beside_the_papers(finished: Calib
 
 def test_inputs_of_models_are_told_joint_by_joint_where_they_differ() -> None:
     header, rows = with_inputs(
-        (["model", "J1"], [["raw", "2.1"], ["linear", "0.2"], ["best", "0.1"]]),
-        {"linear": [6, 6], "best": [6, 10]},
+        (["model", "J1"], [["raw", "2.1"], ["linear", "0.2"], ["best", "0.1"]]), {"linear": [6, 6], "best": [6, 10]}
     )
     assert header == ["model", "inputs", "J1"]
     assert rows == [["raw", "-", "2.1"], ["linear", "6", "0.2"], ["best", "6/10", "0.1"]]

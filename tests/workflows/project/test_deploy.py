@@ -49,9 +49,7 @@ def test_error_in_the_loop_is_the_evaluations(deployment, recorded, model) -> No
     log = record_simulated(plant_of(recorded), motion(), "same", np.random.default_rng(0))
     joints = evaluate(model, data_of(log, kind="linear", inputs=POSITIONS)).joints
     # other ticks of the same motion, and the firmware's position at the end of a tick in place of its start
-    assert_allclose(
-        [each.raw_rmse for each in deployment.joints], [joint.raw_rmse for joint in joints], rtol=0.05
-    )
+    assert_allclose([each.raw_rmse for each in deployment.joints], [joint.raw_rmse for joint in joints], rtol=0.05)
     assert_allclose([each.rmse for each in deployment.joints], [joint.rmse for joint in joints], rtol=0.1)
 
 

@@ -10,13 +10,7 @@ import pytest
 from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import json_text
 from catenary.workflows.project.deploy import Deployment
-from catenary.workflows.project.folder import (
-    STEPS,
-    Project,
-    ProjectSettings,
-    project_settings,
-    write,
-)
+from catenary.workflows.project.folder import STEPS, Project, ProjectSettings, project_settings, write
 from catenary.workflows.project.state import ExtractionFile, HomeFile, read_state
 
 
@@ -96,15 +90,7 @@ def test_settings_are_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [
-        b"{",
-        b"3",
-        b"[1]",
-        b'{"home": 3}',
-        b'{"home": {}}',
-        b"\xff\xfe",
-        b'{"home": {"made_from": 3, "files": []}}',
-    ],
+    [b"{", b"3", b"[1]", b'{"home": 3}', b'{"home": {}}', b"\xff\xfe", b'{"home": {"made_from": 3, "files": []}}'],
 )
 def test_damaged_steps_are_refused(project: Project, content: bytes) -> None:
     (project.folder / STEPS).write_bytes(content)
@@ -135,19 +121,14 @@ UNEVEN = b'{"base_tilt_deg": 3, "sparsities": []}'
 )
 def test_damaged_settings_are_refused(project: Project, content: bytes) -> None:
     (project.folder / "settings.json").write_bytes(content)
-    with pytest.raises(
-        ConfigError, match=r"settings\.json: damaged: .*; delete it, and give the settings again"
-    ):
+    with pytest.raises(ConfigError, match=r"settings\.json: damaged: .*; delete it, and give the settings again"):
         project_settings(project.folder)
 
 
 def test_what_is_there_already_is_no_project(tmp_path: Path) -> None:
     thesis = tmp_path / "thesis.tex"
     thesis.write_text("")
-    for folder, words in (
-        (tmp_path, "is neither empty nor a project"),
-        (thesis, "is a file, expected a folder"),
-    ):
+    for folder, words in ((tmp_path, "is neither empty nor a project"), (thesis, "is a file, expected a folder")):
         with pytest.raises(FileFormatError, match=words):
             Project(folder, ProjectSettings())
     assert list(tmp_path.iterdir()) == [thesis]
@@ -307,9 +288,7 @@ def test_a_project_without_settings_can_be_given_them_again(project: Project, wo
 
 @pytest.mark.parametrize("file", ["settings.json", STEPS, "robot/home.json", "deployment.json"])
 @pytest.mark.parametrize("content", [b"", b'{"a": ', b"[" * 100_000])
-def test_a_torn_state_file_names_itself_and_what_makes_it_again(
-    tmp_path: Path, file: str, content: bytes
-) -> None:
+def test_a_torn_state_file_names_itself_and_what_makes_it_again(tmp_path: Path, file: str, content: bytes) -> None:
     path = tmp_path / file
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content)
@@ -376,11 +355,7 @@ def test_what_was_there_before_a_refusal_stays(what: str, tmp_path: Path) -> Non
 
     with pytest.raises(InputError):
         begin()
-    stay = {
-        "file": {"settings.json", "journal"},
-        "step": {"settings.json", "steps.json"},
-        "project": {"settings.json"},
-    }
+    stay = {"file": {"settings.json", "journal"}, "step": {"settings.json", "steps.json"}, "project": {"settings.json"}}
     assert {path.name for path in folder.iterdir()} - {".lock"} == stay.get(what, set())
 
 

@@ -31,9 +31,7 @@ def taken(folder: Path) -> FolderLock:
 
 
 def test_the_second_one_is_told_who_holds_it_and_gets_it_when_the_first_is_killed(tmp_path: Path) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLDS, tmp_path], stdout=subprocess.PIPE, text=True
-    ) as other:
+    with subprocess.Popen([sys.executable, "-c", HOLDS, tmp_path], stdout=subprocess.PIPE, text=True) as other:
         try:
             assert other.stdout is not None
             assert other.stdout.readline() == "held\n"
@@ -42,9 +40,7 @@ def test_the_second_one_is_told_who_holds_it_and_gets_it_when_the_first_is_kille
                 taken(tmp_path)
         finally:
             other.send_signal(signal.SIGKILL)
-    assert (
-        json.loads((tmp_path / LOCK).read_text())["pid"] == other.pid
-    )  # it had no time to take its name off
+    assert json.loads((tmp_path / LOCK).read_text())["pid"] == other.pid  # it had no time to take its name off
     mine = taken(tmp_path)
     assert json.loads((tmp_path / LOCK).read_text())["pid"] == os.getpid()
     mine.release()
@@ -57,17 +53,9 @@ def test_it_is_free_once_released_and_its_file_then_names_nobody(tmp_path: Path)
 
 
 def test_a_process_of_another_host_is_not_passed_over(tmp_path: Path) -> None:
-    text = {
-        "host": "lab\x1b[2J",
-        "boot": "another",
-        "pid": 1,
-        "command": "catenary excite p",
-        "since": "noon",
-    }
+    text = {"host": "lab\x1b[2J", "boot": "another", "pid": 1, "command": "catenary excite p", "since": "noon"}
     (tmp_path / LOCK).write_text(json.dumps(text))
-    with pytest.raises(
-        InUseError, match=r"process 1 on lab\?\[2J\).*or delete .*\.lock if that process is gone"
-    ):
+    with pytest.raises(InUseError, match=r"process 1 on lab\?\[2J\).*or delete .*\.lock if that process is gone"):
         taken(tmp_path)
     (tmp_path / LOCK).unlink()
     taken(tmp_path).release()
@@ -86,9 +74,7 @@ def test_a_lock_that_says_it_wrongly_is_named(tmp_path: Path, text: str) -> None
         taken(tmp_path)
 
 
-def test_a_file_system_without_locks_believes_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_system_without_locks_believes_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def unknown(*_: object) -> None:
         raise OSError(38, "Function not implemented")
 
@@ -129,9 +115,7 @@ def test_a_full_disk_names_the_locks_file(tmp_path: Path, monkeypatch: pytest.Mo
         raise OSError(errno.ENOSPC, "No space left on device")  # by a descriptor the system names no file
 
     monkeypatch.setattr(os, "pwrite", full)
-    with pytest.raises(
-        FileFormatError, match=rf"^{tmp_path / LOCK}: cannot be written: No space left on device$"
-    ):
+    with pytest.raises(FileFormatError, match=rf"^{tmp_path / LOCK}: cannot be written: No space left on device$"):
         taken(tmp_path)
     monkeypatch.undo()
     taken(tmp_path).release()

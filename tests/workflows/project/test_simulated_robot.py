@@ -151,9 +151,7 @@ def test_a_recording_is_extracted_as_it_is_and_said_to_have_changed(project: Pro
     assert f"{recording}: is no longer what was recorded; what is there was extracted" in report["problems"]
 
 
-def test_a_recording_that_goes_while_it_is_made_is_not_noted(
-    project: Project, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_that_goes_while_it_is_made_is_not_noted(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
     save = simulated_robot.save_plant
 
     def deleted_meanwhile(plant: CablePlant, path: Path) -> None:

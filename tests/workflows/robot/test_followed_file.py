@@ -59,10 +59,7 @@ def test_an_archive_states_its_units(tmp_path: Path) -> None:
         ("time [s],elbow [deg]\n0,1\n1,x\n", "line 3"),
         ("1,2\n3,4\n", "heading"),
         ("", "empty"),
-        *(
-            (f"time [s],elbow [deg]\n{rows}", "row 2")
-            for rows in ("0,1\n0,2\n", "1,1\n0,2\n", "0,1\n1,nan\n")
-        ),
+        *((f"time [s],elbow [deg]\n{rows}", "row 2") for rows in ("0,1\n0,2\n", "1,1\n0,2\n", "0,1\n1,nan\n")),
     ],
 )
 def test_a_csv_that_leaves_a_doubt_is_refused(tmp_path: Path, text: str, complaint: str) -> None:

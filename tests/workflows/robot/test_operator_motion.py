@@ -61,9 +61,7 @@ def test_the_tool_of_a_raven_arrives_where_it_was_sent_not_its_wrist(side: str) 
     assert np.linalg.norm(wrist - goal) == pytest.approx(0.013, abs=1e-4)  # from the wrist's axis to the tool
 
 
-@pytest.mark.parametrize(
-    ("stop", "name"), [(KeyboardInterrupt(), "Ctrl-C"), (EndedBySignal("SIGHUP"), "SIGHUP")]
-)
+@pytest.mark.parametrize(("stop", "name"), [(KeyboardInterrupt(), "Ctrl-C"), (EndedBySignal("SIGHUP"), "SIGHUP")])
 def test_ctrl_c_and_signals_hold_the_robot_where_it_is_and_pause_it(
     monkeypatch: pytest.MonkeyPatch, stop: BaseException, name: str
 ) -> None:

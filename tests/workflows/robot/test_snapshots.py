@@ -127,16 +127,12 @@ def test_why_a_robot_is_in_fault_is_shown(dialect: DialectName) -> None:
     assert "the robot is in FAULT: a motor's command was too large" in told.warnings()
 
 
-def test_a_model_deployed_beside_an_arm_with_a_namespace_is_shown_too(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_model_deployed_beside_an_arm_with_a_namespace_is_shown_too(monkeypatch: pytest.MonkeyPatch) -> None:
     for longer in longer_limits():  # a busy machine is late, and the robot not silent
         monkeypatch.setattr(*longer)
     network = LoopbackNetwork()
     psm, other = homed_psm(), Loopback("deploy", network)
-    server = make_server(
-        Serving(robot="dvrk_psm", dialect="crtk"), Loopback("robot", network), plants={"PSM1": psm}
-    )
+    server = make_server(Serving(robot="dvrk_psm", dialect="crtk"), Loopback("robot", network), plants={"PSM1": psm})
     prepare(server)
     spinning = threading.Event()
 

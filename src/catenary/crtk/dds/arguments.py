@@ -69,16 +69,12 @@ def parse_ros_arguments(words: Sequence[str]) -> RosArguments:
     while rest:
         word = rest.pop(0)
         if word not in ("-r", "--remap"):
-            raise InputError(
-                f"{BEGIN}: {word}: expected -r FROM:=TO; parameters and others have no effect here"
-            )
+            raise InputError(f"{BEGIN}: {word}: expected -r FROM:=TO; parameters and others have no effect here")
         rule = rest.pop(0) if rest else ""
         old, found, new = rule.partition(":=")
         if old in _NODE and _WORD.fullmatch(new):
             node = new
-        elif (
-            old == "__ns" and (new == "/" or new.startswith("/")) and _TOPIC.fullmatch(new.lstrip("/") or "a")
-        ):
+        elif old == "__ns" and (new == "/" or new.startswith("/")) and _TOPIC.fullmatch(new.lstrip("/") or "a"):
             namespace = new
         elif found and not old.startswith("__") and _TOPIC.fullmatch(old) and _TOPIC.fullmatch(new):
             topics[f"/{old.lstrip('/')}"] = f"/{new.lstrip('/')}"

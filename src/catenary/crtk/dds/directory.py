@@ -99,12 +99,8 @@ def _types(gid_bytes: int) -> _Types:
     """Return DDS's classes, with numbers of so many bytes."""
     gid = _struct("Gid", data=array[idl.uint8, gid_bytes])
     gids = sequence[gid]
-    node = _struct(
-        "NodeEntitiesInfo", node_namespace=str, node_name=str, reader_gid_seq=gids, writer_gid_seq=gids
-    )
-    return _Types(
-        gid, node, _struct("ParticipantEntitiesInfo", gid=gid, node_entities_info_seq=sequence[node])
-    )
+    node = _struct("NodeEntitiesInfo", node_namespace=str, node_name=str, reader_gid_seq=gids, writer_gid_seq=gids)
+    return _Types(gid, node, _struct("ParticipantEntitiesInfo", gid=gid, node_entities_info_seq=sequence[node]))
 
 
 def _struct(name: str, **members: Any) -> Any:
@@ -163,9 +159,7 @@ class Endpoint:
 class Directory:
     """What DDS has discovered, brought up to date by `refresh`; threads take turns."""
 
-    def __init__(
-        self, participant: DomainParticipant, discovery: DataReader[Any], own: tuple[Gid, str]
-    ) -> None:
+    def __init__(self, participant: DomainParticipant, discovery: DataReader[Any], own: tuple[Gid, str]) -> None:
         """Begin to look; `discovery` reads ros_discovery_info, `own` are this program's number and node."""
         self._own = own
         self._ends = (
@@ -280,9 +274,7 @@ class Mismatches:
             topic = ros_topic(dds_name)
             for end in self._others(self._directory.subscribers(dds_name)):
                 if end.type_name != dds_type(kind):
-                    self._say(
-                        end, f"{topic}: {{}} takes {ros_type(end.type_name)}, {self._node} publishes {kind}"
-                    )
+                    self._say(end, f"{topic}: {{}} takes {ros_type(end.type_name)}, {self._node} publishes {kind}")
                 elif missing := quality.lacks(end.quality):
                     asked = f"it asks for {end.quality}, offered is {quality} ({', '.join(missing)})"
                     self._say(end, f"{topic}: {{}} hears nothing of {self._node}: {asked}")
@@ -290,9 +282,7 @@ class Mismatches:
             topic = ros_topic(dds_name)
             for end in self._others(self._directory.publishers(dds_name)):
                 if end.type_name != dds_type(kind):
-                    self._say(
-                        end, f"{topic}: {{}} publishes {ros_type(end.type_name)}, {self._node} takes {kind}"
-                    )
+                    self._say(end, f"{topic}: {{}} publishes {ros_type(end.type_name)}, {self._node} takes {kind}")
                 elif end.quality.is_plain is not quality.is_plain:
                     self._say(end, f"{topic}: {self._node} hears nothing of {{}}, which offers {end.quality}")
 

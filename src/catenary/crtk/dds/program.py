@@ -140,9 +140,7 @@ class Program:
             topic = Topic(self._participant, DISCOVERY, discovery_type(distribution.gid))
             self._presence = DataWriter(self._participant, topic, discovery_profile())
             self.directory = Directory(
-                self._participant,
-                DataReader(self._participant, topic, discovery_profile(MANY)),
-                (self.gid, self.node),
+                self._participant, DataReader(self._participant, topic, discovery_profile(MANY)), (self.gid, self.node)
             )
             self._waitset = WaitSet(self._participant)
         except DDSException as error:
@@ -155,9 +153,7 @@ class Program:
         self._thread = threading.Thread(target=self._receive, name=f"{node} receiver", daemon=True)
         self._thread.start()
 
-    def writer(
-        self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str
-    ) -> DataWriter[Any]:
+    def writer(self, dds_name: str, kind: Any, quality: Quality, depth: int, user_data: str) -> DataWriter[Any]:
         """Begin to publish; `end` ends it."""
         with self.lock:
             topic = self._topic(dds_name, kind)
@@ -212,9 +208,7 @@ class Program:
                 ends: tuple[list[bytes], list[bytes]] = ([], [])
                 for one, gid in self._ends.items():
                     ends[isinstance(one, DataWriter)].append(gid)
-                self._presence.write(
-                    presence(self.distribution.gid, self.gid, self._namespace, self._node, *ends)
-                )
+                self._presence.write(presence(self.distribution.gid, self.gid, self._namespace, self._node, *ends))
 
     def close(self) -> None:
         """Leave the domain."""

@@ -76,9 +76,7 @@ class _Offer:
         """Return whether a client is connected to the answers."""
         known = self._services.program.directory.subscriptions
         ends = [known.get(handle % HANDLES) for handle in self.writer.get_matched_subscriptions()]
-        return any(
-            end is not None and (not client or end.user_data.get("clientid") == client) for end in ends
-        )
+        return any(end is not None and (not client or end.user_data.get("clientid") == client) for end in ends)
 
     def send(self, data: bytes) -> None:
         """Send an answer."""

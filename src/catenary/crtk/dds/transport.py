@@ -28,9 +28,7 @@ from catenary.errors import TransportError
 from catenary.recording.messages import current_name, ros2_name, typestore
 
 _USUAL = Quality()
-_DEPTH = (
-    4000  # messages that DDS keeps of a topic until the receiver takes them; what it drops, nobody counts
-)
+_DEPTH = 4000  # messages that DDS keeps of a topic until the receiver takes them; what it drops, nobody counts
 
 
 class ListenedTopic:
@@ -68,12 +66,7 @@ class ListenedTopic:
         program = self._program
         user_data = f"typehash={message_hash(self.type_name)};" if program.distribution.has_hashes else ""
         self._readers[quality] = program.reader(
-            self.dds_name,
-            message_type(self.type_name),
-            quality,
-            _DEPTH,
-            user_data,
-            partial(self._take, quality),
+            self.dds_name, message_type(self.type_name), quality, _DEPTH, user_data, partial(self._take, quality)
         )
 
     def add(self, subscription: Subscription) -> None:
@@ -128,9 +121,7 @@ class ListenedTopic:
         for subscription in self._subscriptions:
             self._give(subscription, sample.data, time, origin, sent)
 
-    def _give(
-        self, subscription: Subscription, data: bytes, time: int, origin: Origin | None, sent: int
-    ) -> None:
+    def _give(self, subscription: Subscription, data: bytes, time: int, origin: Origin | None, sent: int) -> None:
         """Give a subscription a message: as it is, or where it has bounds as ROS 1's bytes, which these are about."""
         if subscription.largest is None:
             subscription.push(data, time, origin, sent)
@@ -219,13 +210,7 @@ class DdsTransport(Transport):
     # one that ends says so; one that is killed is missed when its lease has run out, Cyclone's or Fast DDS's
     lapses = (0, 10 * SECOND, 20 * SECOND)
 
-    def __init__(
-        self,
-        name: str,
-        *,
-        arguments: RosArguments | None = None,
-        settle: float = SETTLE,
-    ) -> None:
+    def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE) -> None:
         """Join the domain that ROS_DOMAIN_ID names, and wait until those who are there are known.
 
         Args:
@@ -260,9 +245,7 @@ class DdsTransport(Transport):
             for one in tuple(self._publishers.values())
             if isinstance(one, DdsPublisher) and not one.is_closed
         }
-        self._mismatches.look(
-            published, {one.dds_name: (one.type_name, Quality()) for one in self._topics.values()}
-        )
+        self._mismatches.look(published, {one.dds_name: (one.type_name, Quality()) for one in self._topics.values()})
 
     def _come(self, end: Endpoint) -> None:
         """Listen to a publisher that has come."""
@@ -287,9 +270,7 @@ class DdsTransport(Transport):
             found = self._topics.get(topic)
             if found is None:
                 self._refuse_other_type(topic, type_name)
-                found = self._topics[topic] = ListenedTopic(
-                    self.program, self._dds_name(topic), type_name, self.steady
-                )
+                found = self._topics[topic] = ListenedTopic(self.program, self._dds_name(topic), type_name, self.steady)
             elif found.type_name != subscription.type_name:
                 raise other_type(topic, type_name, found.type_name)
             found.add(subscription)
@@ -319,10 +300,7 @@ class DdsTransport(Transport):
             handles = publisher.subscribers() if isinstance(publisher, DdsPublisher) else []
             senders = [] if received is None else received.matched()
             directory = self.program.directory
-            if not (
-                directory.subscriptions.keys() >= set(handles)
-                and directory.publications.keys() >= set(senders)
-            ):
+            if not (directory.subscriptions.keys() >= set(handles) and directory.publications.keys() >= set(senders)):
                 self.program.look()  # a server asks this of all its topics: only for who is not known yet
             known = directory.subscriptions
             return Connections(

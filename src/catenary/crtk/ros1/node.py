@@ -49,12 +49,7 @@ class RawMessage(genpy.Message):  # type: ignore[misc]  # genpy is not typed
 @cache
 def raw_class(name: str) -> type[RawMessage]:
     """Return the class that stands for a message type towards rospy and its peers, under the spelling given."""
-    attributes = {
-        "__slots__": (),
-        "_type": name,
-        "_md5sum": md5_sum(name),
-        "_full_text": full_definition(name),
-    }
+    attributes = {"__slots__": (), "_type": name, "_md5sum": md5_sum(name), "_full_text": full_definition(name)}
     return type(name.rpartition("/")[2], (RawMessage,), attributes)
 
 
@@ -110,9 +105,7 @@ class Node:
         self._publishers: dict[str, Any] = {}  # rospy's, by topic
         self._subscribers: dict[str, Any] = {}
         self._services: dict[str, Any] = {}
-        self.listed: Mapping[
-            str, frozenset[str]
-        ] = {}  # who publishes each topic, when the master was last asked
+        self.listed: Mapping[str, frozenset[str]] = {}  # who publishes each topic, when the master was last asked
         self._incomplete: frozenset[str] = frozenset()  # topics with publishers that were not connected
         rospy.on_shutdown(lambda: self.on_shutdown())
         atexit.register(rospy.signal_shutdown, "the program ends")
@@ -123,9 +116,7 @@ class Node:
         to = peers.Peers(queue, latch=latch)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SyntaxWarning)  # rospy recommends a queue; see peers.py
-            made = rospy.Publisher(
-                topic, raw_class(type_name), to, tcp_nodelay=True, latch=latch, queue_size=None
-            )
+            made = rospy.Publisher(topic, raw_class(type_name), to, tcp_nodelay=True, latch=latch, queue_size=None)
         to.watch(made)
         self._publishers[topic] = made
         return made, to
@@ -142,9 +133,7 @@ class Node:
     def end(self, publisher_or_subscriber: Any) -> None:
         """End a topic."""
         topic = publisher_or_subscriber.resolved_name
-        listed = (
-            self._publishers if isinstance(publisher_or_subscriber, rospy.Publisher) else self._subscribers
-        )
+        listed = self._publishers if isinstance(publisher_or_subscriber, rospy.Publisher) else self._subscribers
         listed.pop(topic, None)
         if listed is self._subscribers:
             peers.take_up_to(topic, None)

@@ -17,15 +17,7 @@ from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.ros1.master import master_uri
-from catenary.crtk.transport import (
-    Connections,
-    Handler,
-    Publisher,
-    Transport,
-    absolute,
-    answer_of,
-    other_type,
-)
+from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, answer_of, other_type
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name
 
@@ -129,9 +121,7 @@ class _Topic:
     def _receive(self, message: Any) -> None:
         time = self._steady()
         with self._lock:
-            origin = self._origin(
-                message._connection_header
-            )  # documented: wiki.ros.org/rospy/Overview/Messages
+            origin = self._origin(message._connection_header)  # documented: wiki.ros.org/rospy/Overview/Messages
             if origin.is_latching:
                 name = origin.process.partition(" ")[0]
                 self._latched[name] = message.data, time, origin

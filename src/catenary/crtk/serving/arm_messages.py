@@ -71,9 +71,7 @@ def setpoint_cv(arm: ServedArm, stamp: int) -> Message:
     return _twist(arm.setpoint_tool.twist, stamp)
 
 
-def measured_cf(
-    arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES
-) -> Message:
+def measured_cf(arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Message:
     """Return the force [N] and moment [Nm] that the tool exerts, by the torques beyond the arm's own weight."""
     if frame is FrameOfForces.BODY and arm.forces_in_base_axes:
         frame = FrameOfForces.TOOL_IN_BASE_AXES
@@ -82,9 +80,7 @@ def measured_cf(
     return _WrenchStamped(header(stamp, where), _Wrench(_Vector3(x, y, z), _Vector3(a, b, c)))
 
 
-def jacobian_matrix(
-    arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES
-) -> Message:
+def jacobian_matrix(arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Message:
     """Return the Jacobian (6, n) by rows: velocity over angular velocity, of the joints as `measured_js` has them."""
     matrix = jacobian(arm.measured_tool, frame)
     rows, columns = matrix.shape
@@ -138,12 +134,8 @@ class Service(NamedTuple):
 
 def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
     """Yield both services of an arm, below its namespace `place`."""
-    yield Service(
-        f"{place}/forward_kinematics", FORWARD, lambda request: _answer(FORWARD, _pose_at, arm, request)
-    )
-    yield Service(
-        f"{place}/inverse_kinematics", INVERSE, lambda request: _answer(INVERSE, _joints_at, arm, request)
-    )
+    yield Service(f"{place}/forward_kinematics", FORWARD, lambda request: _answer(FORWARD, _pose_at, arm, request))
+    yield Service(f"{place}/inverse_kinematics", INVERSE, lambda request: _answer(INVERSE, _joints_at, arm, request))
 
 
 def _answer(

@@ -50,9 +50,7 @@ class Beginning(NamedTuple):
 class CommandSource:
     """Fresh commands of one topic."""
 
-    def __init__(
-        self, transport: Transport, topic: CrtkTopic, beginning: Beginning, reports: Reports
-    ) -> None:
+    def __init__(self, transport: Transport, topic: CrtkTopic, beginning: Beginning, reports: Reports) -> None:
         self.topic = topic
         self._transport = transport
         self._reports = reports
@@ -68,9 +66,7 @@ class CommandSource:
         # what is switched moves nothing
         self.moves = topic.type not in (COMMAND, "std_msgs/Bool") and topic.verb != GRAV_DIR
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
-        self.heard: dict[
-            str, int
-        ] = {}  # likewise, and when its newest came [ns], of all that were taken last
+        self.heard: dict[str, int] = {}  # likewise, and when its newest came [ns], of all that were taken last
 
     def __len__(self) -> int:
         """Return how many wait."""

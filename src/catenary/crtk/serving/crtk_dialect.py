@@ -36,13 +36,8 @@ _PUBLISHED: dict[str, MakeMessage] = {
     "local/setpoint_cp": arm_messages.setpoint_cp,
     "measured_cv": arm_messages.measured_cv,
     "setpoint_cv": arm_messages.setpoint_cv,
-    **{
-        f"{frame.value}measured_cf": partial(arm_messages.measured_cf, frame=frame) for frame in FrameOfForces
-    },
-    **{
-        f"{frame.value}jacobian": partial(arm_messages.jacobian_matrix, frame=frame)
-        for frame in FrameOfForces
-    },
+    **{f"{frame.value}measured_cf": partial(arm_messages.measured_cf, frame=frame) for frame in FrameOfForces},
+    **{f"{frame.value}jacobian": partial(arm_messages.jacobian_matrix, frame=frame) for frame in FrameOfForces},
 }
 
 
@@ -63,9 +58,7 @@ class CrtkDialect(Dialect):
         """
         all_topics = topics("crtk") if listed is None else listed
         spoken = (
-            one
-            for one in all_topics
-            if one.arm is not None and one.arm in arms and _has(arms[one.arm], one.verb)
+            one for one in all_topics if one.arm is not None and one.arm in arms and _has(arms[one.arm], one.verb)
         )
         super().__init__(arms, tuple(spoken), _PUBLISHED, _OBEYED)
         self.services = tuple(
@@ -124,9 +117,7 @@ def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
     arm.push_with(tau)
 
 
-def _numbers(
-    arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None
-) -> Floats:
+def _numbers(arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None) -> Floats:
     """Return a command's numbers (n,); names may leave out joints for which `rest` (n,) has numbers.
 
     A jaw that joint states leave out gets what `rest` has for it, or zero.
@@ -187,9 +178,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_cv": lambda arm, message: moves.servo_twist(arm, _twist(message)),
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
-    "move_jr": lambda arm, message: arm.move(
-        moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))
-    ),
+    "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),
     "move_cp": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, pose_of(message))),
     "move_cr": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
@@ -197,9 +186,7 @@ _OBEYED: dict[str, Obey] = {
     "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
     "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "jaw/servo_jf": _jaw_servo_jf,
-    "jaw/move_jp": lambda arm, message: arm.move(
-        moves.joint_move(arm, arm.joints_at_opening(single_number(message)))
-    ),
+    "jaw/move_jp": lambda arm, message: arm.move(moves.joint_move(arm, arm.joints_at_opening(single_number(message)))),
     "jaw/move_jr": lambda arm, message: arm.move(
         moves.joint_move(arm, arm.setpoint.q + arm.jaw_increments(single_number(message)))
     ),

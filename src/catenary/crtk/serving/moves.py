@@ -121,9 +121,7 @@ def servo_pose(arm: ServedArm, pose: Pose) -> None:
     way = pose.position - start.position
     distance = float(np.linalg.norm(way))
     if distance > REFUSED:
-        raise InputError(
-            f"servo_cp: {1e3 * distance:.1f} mm from the setpoint, expected at most {1e3 * REFUSED:.0f}"
-        )
+        raise InputError(f"servo_cp: {1e3 * distance:.1f} mm from the setpoint, expected at most {1e3 * REFUSED:.0f}")
     if distance > CLIPPED:
         share = CLIPPED / distance
         turn = share * rotation_vector(start.rotation.T @ pose.rotation)

@@ -8,13 +8,7 @@ import numpy as np
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
-from catenary.crtk.message_values import (
-    joint_values,
-    named_joints,
-    operating_state_message,
-    pose_of,
-    rotation_of,
-)
+from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
 from catenary.crtk.raven_telemetry import CHANNELS, joint_torques
 from catenary.crtk.serving import arm_messages, moves
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
@@ -31,9 +25,7 @@ _UM = 1e6  # truncated to whole ones, as the robot does
 _PLACE: dict[str, int] = {"gold": 0, "green": 1}
 _RavenState = message_class("raven_2/raven_state")
 _ARRAYS = {
-    field.name: (field.length, np.dtype(NUMBERS[field.type]))
-    for field in fields("raven_2/raven_state")
-    if field.length
+    field.name: (field.length, np.dtype(NUMBERS[field.type])) for field in fields("raven_2/raven_state") if field.length
 }
 # fields of 16 channels, with what a number in SI is multiplied by; those below are columns of telemetry
 _JOINTS = {"jpos": _DEGREES, "jvel": _DEGREES, "jpos_d": _DEGREES}
@@ -56,9 +48,7 @@ class RavenState:
         # rows of channels, which the message's arrays are
         self._floats = np.zeros((len(factors), 16), _ARRAYS["tau"][1])
         self._counts = np.zeros((len(_COUNTS), 16), _ARRAYS["encVals"][1])
-        self._arrays |= dict(zip(factors, self._floats, strict=True)) | dict(
-            zip(_COUNTS, self._counts, strict=True)
-        )
+        self._arrays |= dict(zip(factors, self._floats, strict=True)) | dict(zip(_COUNTS, self._counts, strict=True))
         self._written: dict[str, int] = {}  # change of an arm that the arrays show
 
     def message(self, stamp: int) -> Message:
@@ -71,9 +61,7 @@ class RavenState:
         level = max((arm.machine.run_level(arm.state) for arm in self._moving), default=0)
         # branch crtk puts there whether all joints are homed [local_io.cpp: publish_ravenstate_ros, robot_ready]
         sublevel = int(robot_state([arm.state for arm in self._moving]).is_homed)
-        return _RavenState(
-            header(stamp), runlevel=level, sublevel=sublevel, dt=self._nanoseconds, **self._arrays
-        )
+        return _RavenState(header(stamp), runlevel=level, sublevel=sublevel, dt=self._nanoseconds, **self._arrays)
 
     def _write(self, name: str, arm: ServedArm) -> None:
         arrays, place, channels = self._arrays, _PLACE[name], self._channels[name]
@@ -229,9 +217,7 @@ def _whole(vector: Message) -> tuple[int, int, int]:
 def _servo_torques(arm: ServedArm, message: Message) -> None:
     """Push with torques of the motors at their capstans, in mNm, which a changed robot takes in place of positions."""
     if len(message.position) < len(arm.names):
-        raise InputError(
-            f"servo_jp: {len(message.position)} torques, expected {len(arm.names)} or more [mNm]"
-        )
+        raise InputError(f"servo_jp: {len(message.position)} torques, expected {len(arm.names)} or more [mNm]")
     motors = as_array("servo_jp", message.position[: len(arm.names)], (len(arm.names),))
     arm.push_with(joint_torques(1e-3 * motors))
 
@@ -254,9 +240,7 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
         arm.step_towards(arm.joints_at_opening(single_number(message)))
         return
     if len(message.position) != len(arm.names) and not message.name:
-        raise InputError(
-            f"servo_jp: {len(message.position)} numbers, expected {len(arm.names)}, or 1 for the grasp"
-        )
+        raise InputError(f"servo_jp: {len(message.position)} numbers, expected {len(arm.names)}, or 1 for the grasp")
     arm.step_towards(joint_values(message, arm.names, rest=arm.setpoint.q))
 
 

@@ -335,9 +335,7 @@ class ServedArm:
         self.setpoint_tool = ToolState(self.tool, setpoint.q, self._step_velocity(), self._beyond_weight)
         state = self.plant.operating_state()
         is_moving = self._move is not None or self._plan is not None
-        self.state: OperatingState = (
-            state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
-        )
+        self.state: OperatingState = state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
 
     def _beyond_weight(self) -> Floats:
         """Return the measured joint torques (n,) less those that hold the arm's own weight."""

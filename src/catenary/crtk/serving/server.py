@@ -56,9 +56,7 @@ class Diagnostics:
         if states == self._told and self._at is not None and 0 <= now - self._at < SECOND:
             return
         for name, arm in self._arms.items():
-            if states[name].state == "FAULT" and (
-                name not in self._told or self._told[name].state != "FAULT"
-            ):
+            if states[name].state == "FAULT" and (name not in self._told or self._told[name].state != "FAULT"):
                 why = fault_of(arm.plant) or "the robot does not say why"
                 self._reports.say(f"{name}: FAULT", why, now, to=(name,), each=True)
         self._told, self._at = states, now
@@ -69,9 +67,7 @@ class Diagnostics:
     def _status(self, name: str, arm: ServedArm) -> Message:
         state = arm.state
         refused = sum(one.count for kind, one in self._reports.kinds.items() if kind.endswith(": refused"))
-        level, text = (
-            (OK, state.state) if state.is_homed or state.is_busy else (WARN, f"{state.state}, not homed")
-        )
+        level, text = (OK, state.state) if state.is_homed or state.is_busy else (WARN, f"{state.state}, not homed")
         if state.state == "FAULT":
             level, text = ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
         values = {
@@ -128,9 +124,7 @@ class ServedEncoders:
 _STARTS = ": starts"
 STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
 _String = message_class("std_msgs/String")
-MOST = (
-    8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
-)
+MOST = 8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
 
 
 def whole_numbers(text: str) -> tuple[int, int, int]:
@@ -185,9 +179,7 @@ class Server:
         self._arrivals = 0  # messages that were looked at, or wait
         self._is_behind = False  # some wait
         self.publishers = {
-            (topic.verb, topic.arm): LazyPublisher(transport, topic)
-            for topic in wanted
-            if topic.direction == "out"
+            (topic.verb, topic.arm): LazyPublisher(transport, topic) for topic in wanted if topic.direction == "out"
         }
         dialect.begin(self.publishers)
         for topic in wanted:

@@ -96,9 +96,7 @@ def exerted(tool: ToolState, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_A
     if frame is FrameOfForces.SPATIAL:
         x, y, z = tool.pose.position.tolist()
         a, b, c = force.tolist()
-        return np.concatenate(
-            [force, moment + np.array([y * c - z * b, z * a - x * c, x * b - y * a])]
-        )  # p x f
+        return np.concatenate([force, moment + np.array([y * c - z * b, z * a - x * c, x * b - y * a])])  # p x f
     return tool.wrench
 
 

@@ -101,9 +101,7 @@ class ToolPose:
 
     def prepare(self) -> None:
         """Compile what `path` runs, in the middle of the joints' range, wherever the robot may be."""
-        lower, upper = (
-            np.nan_to_num(end, posinf=0.0, neginf=0.0) for end in (self.model.lower, self.model.upper)
-        )
+        lower, upper = (np.nan_to_num(end, posinf=0.0, neginf=0.0) for end in (self.model.lower, self.model.upper))
         near: Floats = np.linalg.pinv(self._to_model) @ (0.5 * (lower + upper))
         place = self.pose(near)
         self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)

@@ -92,9 +92,7 @@ class Candidate:
     @property
     def is_whole(self) -> bool:
         """Whether nearly every row has a number in each column."""
-        return all(
-            np.isfinite(self.stream.columns[c].astype(np.float64)).mean() > _WHOLE for c in self.columns
-        )
+        return all(np.isfinite(self.stream.columns[c].astype(np.float64)).mean() > _WHOLE for c in self.columns)
 
     @property
     def rate(self) -> float:
@@ -132,11 +130,7 @@ class Candidate:
 
 def candidates_of(streams: Sequence[Stream]) -> list[Candidate]:
     """Return the groups of columns that may be a quantity of the joints."""
-    return [
-        one
-        for stream in streams
-        for one in (_of_table(stream) if stream.type == "table" else _of_topic(stream))
-    ]
+    return [one for stream in streams for one in (_of_table(stream) if stream.type == "table" else _of_topic(stream))]
 
 
 def ok_columns(stream: Stream) -> list[str]:
@@ -153,9 +147,7 @@ def pose_references(stream: Stream) -> list[str]:
     if set(_words(stream.name)) & {"cp"}:
         return []
     ends = (".orientation.w", ".rotation.w")
-    return [
-        f"{stream.name}.{name[: -len(end)]}" for end in ends for name in stream.columns if name.endswith(end)
-    ]
+    return [f"{stream.name}.{name[: -len(end)]}" for end in ends for name in stream.columns if name.endswith(end)]
 
 
 def _of_topic(stream: Stream) -> list[Candidate]:
@@ -166,9 +158,7 @@ def _of_topic(stream: Stream) -> list[Candidate]:
         if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _NO_JOINTS or "." in base.rpartition("[")[2]:
             continue
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
-        found.append(
-            Candidate(stream, tuple(columns), _kind(words), _role([*_words(stream.name), *words]), joints)
-        )
+        found.append(Candidate(stream, tuple(columns), _kind(words), _role([*_words(stream.name), *words]), joints))
     return found
 
 
@@ -211,9 +201,7 @@ def _joint_number(name: str) -> str:
 def _by_shared_number(columns: Sequence[str]) -> list[list[str]]:
     """Part columns by numbers that are no joint's own, which several share: of the arm in /PSM1/... and /PSM2/..."""
     parts = [list(columns)]
-    numbers = {
-        column: re.findall(r"\d+", column)[: -1 if _joint_number(column) else None] for column in columns
-    }
+    numbers = {column: re.findall(r"\d+", column)[: -1 if _joint_number(column) else None] for column in columns}
     for place in range(max(map(len, numbers.values()))):
         split: list[list[str]] = []
         for part in parts:
@@ -232,9 +220,7 @@ def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
     shared = set.intersection(*map(set, segments)) if len(columns) > 1 else set[str]()
     own = ["_".join(segment for segment in each if segment not in shared) for each in segments]
     return tuple(
-        "_".join(
-            w for w in re.findall(r"[a-z]+\d*", name.lower()) if w not in _OF_QUANTITIES and w not in _UNITS
-        )
+        "_".join(w for w in re.findall(r"[a-z]+\d*", name.lower()) if w not in _OF_QUANTITIES and w not in _UNITS)
         for name in own
     )
 
@@ -269,9 +255,7 @@ def joints_meant(names: Sequence[str], model: Jointed) -> tuple[str, ...]:
     found = []
     for name in names:
         inside = [
-            joint
-            for joint, key in keys.items()
-            if key and f" {key} " in f" {' '.join(_words_and_numbers(name))} "
+            joint for joint, key in keys.items() if key and f" {key} " in f" {' '.join(_words_and_numbers(name))} "
         ]
         longest = max(map(len, map(keys.__getitem__, inside)), default=0)
         best = [name] if name in keys else [joint for joint in inside if len(keys[joint]) == longest]

@@ -53,9 +53,7 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         by = "its limits" if told else "the range"
         return units, f"by the robot {model.name} and {by}", told or is_ros or not any(large)
     slides = [any(word in joint.lower() for word in _SLIDING) for joint in one.joints]
-    large = [
-        size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)
-    ]
+    large = [size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)]
     if not any(large):
         told_by = "ROS's JointState is in rad and m" if is_ros else "nothing says them: rad"
         by_name = "; which slide, by their names" if is_ros else ", unless a name sounds as if it slides"
@@ -106,11 +104,7 @@ def encoder_units(
         ratio = (own[1] - own[0]) / ((other[1] - other[0]) * scale) if other[1] > other[0] else math.nan
         fits = [u for u in _IN_WORDS.get(base, ()) if 1 / _NEAR < ratio * SI[u][1] < _NEAR]
         sure &= len(fits) == 1
-        loose = [
-            u
-            for u in _IN_WORDS.get(base, (unit,))
-            if u == unit or np.isclose(ratio * SI[u][1], 1.0, rtol=0.8)
-        ]
+        loose = [u for u in _IN_WORDS.get(base, (unit,)) if u == unit or np.isclose(ratio * SI[u][1], 1.0, rtol=0.8)]
         units.append((fits or loose or [unit])[0])
     if not sure and _is_in_si(one):
         return tuple(SI[unit][0] for unit in nominal_in), "ROS's JointState is in rad and m", True
@@ -186,14 +180,11 @@ def factors(
     if units is None:
         return None, scale
     if "counts" in units and not quantity.scale:
-        raise InputError(
-            f"{name}: counts: give the scale, rad or m per count (@counts*SCALE, or scale = ...)"
-        )
+        raise InputError(f"{name}: counts: give the scale, rad or m per count (@counts*SCALE, or scale = ...)")
     if "counts" in units and joint_units is None:
         raise InputError(f'{name}: counts of which unit? give joint_units = ["rad", ...], or the robot')
     said = tuple(
-        joint_units[i] if unit == "counts" and joint_units is not None else SI[unit][0]
-        for i, unit in enumerate(units)
+        joint_units[i] if unit == "counts" and joint_units is not None else SI[unit][0] for i, unit in enumerate(units)
     )
     if joint_units is not None and said != tuple(joint_units):
         raise InputError(

@@ -42,9 +42,7 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
     skipped = 1 if head and _SAYS_SEPARATOR.fullmatch(head[0]) else 0
     head = head[skipped:]
     if len(head) < 2:
-        raise FileFormatError(
-            f"{path}: expected a line of names and lines of numbers, got {len(head)} line(s)"
-        )
+        raise FileFormatError(f"{path}: expected a line of names and lines of numbers, got {len(head)} line(s)")
     dialect = _dialect(head)
     first = head[0].lstrip("\ufeff").lstrip("#% \t") if head[0][:1] in "#%\ufeff" else head[0]
     names = [name.strip() for name in _split(first, dialect)]

@@ -16,12 +16,7 @@ from catenary.plant import places_of as places_of_joints
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
 from catenary.recording.import_formats.column_units import encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, places_of
-from catenary.recording.import_formats.mapping import (
-    JOINT_QUANTITIES,
-    Quantity,
-    RecordingMapping,
-    TrackedPose,
-)
+from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.tracked_pose import joints_from_poses, pose_places
@@ -81,16 +76,12 @@ class Synchronisation:
     dropped: int  # rows left out since something that a log must have was not there
 
 
-def import_sources(
-    sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None
-) -> MotionLog:
+def import_sources(sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None) -> MotionLog:
     """Read a recording by a mapping, on one clock; see `synchronise`."""
     return synchronise(sources, mapping, model=model).log
 
 
-def synchronise(
-    sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None
-) -> Synchronisation:
+def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None) -> Synchronisation:
     """Read a recording by a mapping, on one clock.
 
     Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
@@ -126,9 +117,7 @@ def synchronise(
     n = len(joints["q_nominal"].places)
     for key, columns in joints.items():
         if len(columns.places) != n:
-            raise InputError(
-                f"{where}: {key} has {len(columns.places)} columns, q_nominal {n}; expected as many"
-            )
+            raise InputError(f"{where}: {key} has {len(columns.places)} columns, q_nominal {n}; expected as many")
     if model is None and mapping.robot is not None:
         model = load_robot(mapping.robot)
     mapping, in_file = _with_texts(where, mapping, sources.streams, joints["q_nominal"].places)
@@ -152,9 +141,7 @@ def synchronise(
                 encoder = _candidate(columns.places, sources.streams, names)
                 its = (mapping.q_nominal.units * n)[:n] if mapping.q_nominal.units else told or units
                 own, why, is_sure = encoder_units(encoder, nominal, its, None)
-                own, why = (
-                    (own, why) if is_sure and not mapping.q_nominal.scale else (units, "as the joints'")
-                )
+                own, why = (own, why) if is_sure and not mapping.q_nominal.scale else (units, "as the joints'")
                 notes.append(f"q_encoder: its units were not stated; taken in {', '.join(own)}: {why}")
             factor = factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
         scaled[key] = factor * columns.sign
@@ -194,9 +181,7 @@ def synchronise(
         ok &= (clock.rows("ok") > 0.5).all(axis=1)
     if "q_encoder" in rows and not ok.any():
         raise InputError(f"{where}: q_encoder is measured on no row of q_nominal; {'; '.join(clock.notes)}")
-    notes += [f"{int((~ok[whole]).sum())} of {int(whole.sum())} rows have no q_encoder"] * bool(
-        (~ok[whole]).any()
-    )
+    notes += [f"{int((~ok[whole]).sum())} of {int(whole.sum())} rows have no q_encoder"] * bool((~ok[whole]).any())
     signal_columns, signal_units = _signals(further, mapping, whole)
     time, began = clock.time(whole)
     stated_robot = None if sources.about is None else sources.about.robot
@@ -278,17 +263,13 @@ def joint_names_of(
         if len(mapping.joint_names) != n:
             raise InputError(f"joint_names: {len(mapping.joint_names)} for {n} columns of q_nominal")
         if model is not None:
-            places_of_joints(
-                Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are"
-            )
+            places_of_joints(Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are")
         return mapping.joint_names, []
     own = recorded_joints(places, streams)
     if model is None:
         return own or nameless(n), []
     if n > model.n:
-        raise InputError(
-            f'robot "{model.name}" has {model.n} joints, q_nominal {n} columns; give joint_names'
-        )
+        raise InputError(f'robot "{model.name}" has {model.n} joints, q_nominal {n} columns; give joint_names')
     said = own or tuple(place.column for place in places)
     meant = joints_meant(said, model)
     is_known, listed = all(meant) and len(set(meant)) == n, len(mapping.q_nominal.columns) == n
@@ -316,10 +297,7 @@ def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple
 
 
 def _ordered_by_name(
-    joints: dict[str, _Found],
-    mapping: RecordingMapping,
-    streams: Sequence[Stream],
-    model: RobotModel | None,
+    joints: dict[str, _Found], mapping: RecordingMapping, streams: Sequence[Stream], model: RobotModel | None
 ) -> list[str]:
     """Put whole arrays, parts of them and patterns into the order of q_nominal's joints by name; say so."""
 
@@ -365,12 +343,7 @@ def _whole_rows(rows: dict[str, Floats], notes: list[str]) -> NDArray[np.bool_]:
 
 
 def _tracked(
-    clock: OneClock,
-    tracked: TrackedPose,
-    model: RobotModel,
-    scale: Floats,
-    names: Sequence[str],
-    notes: list[str],
+    clock: OneClock, tracked: TrackedPose, model: RobotModel, scale: Floats, names: Sequence[str], notes: list[str]
 ) -> Floats:
     """Return the joints that poses stand for, at the stamps of q_nominal."""
     poses, q = clock.samples("pose"), clock.samples("q_nominal")
@@ -418,9 +391,7 @@ def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
     return "; ".join(parts)
 
 
-def _settled(
-    mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: bool
-) -> dict[str, tuple[str, ...]]:
+def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: bool) -> dict[str, tuple[str, ...]]:
     """Return what a mapping says itself, and no mend of a model's training data says anew."""
     said = [] if mapping.assumed_units and not in_file else ["units"]
     settled = [step for step in (*said, "time_unit") if step not in mapping.unsettled]

@@ -50,9 +50,7 @@ def read_imu(
     stream = _stream(path, sources.streams, topic)
     names = [place.column for name in columns for place in places_of(name, [stream])]
     if names and len(names) not in (3, 6):
-        raise InputError(
-            f"columns: expected three of the accelerometer and three of the gyroscope, got {len(names)}"
-        )
+        raise InputError(f"columns: expected three of the accelerometer and three of the gyroscope, got {len(names)}")
     names = names or _named(stream, _FORCE, required=True) + _named(stream, _RATE, required=False)
     whole = sources.read({stream.name: names}).get(stream.name, stream)
     if whole.type == "table":
@@ -68,9 +66,7 @@ def read_imu(
     values = np.column_stack([np.asarray(whole.columns[name], dtype=float) for name in names])
     known = stamp > np.iinfo(np.int64).min
     if known.sum() < _LEAST:
-        raise FileFormatError(
-            f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}"
-        )
+        raise FileFormatError(f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}")
     seconds = (stamp[known] - stamp[known][0]) / 1e9
     rows = values[known]
     rate = rows[:, 3:] if rows.shape[1] == 6 else None

@@ -24,14 +24,7 @@ from catenary.recording.import_formats.raven_columns import raven_columns, raven
 from catenary.recording.import_formats.sources import Sources, is_bag
 from catenary.recording.parquet_files import open_parquet
 from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE
-from catenary.recording.topics import (
-    EXT_JPOS,
-    RAVENSTATE,
-    RAVENSTATE_100HZ,
-    Arm,
-    measured_topic,
-    psm_topic,
-)
+from catenary.recording.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, Arm, measured_topic, psm_topic
 from catenary.robots.model import RobotModel
 
 ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
@@ -156,9 +149,7 @@ def layout_of_files(paths: Sequence[Path]) -> Layout | None:
         if len(paths) == 1 and is_extraction(paths[0]):
             topics = {stream.name for stream in Sources(paths).streams}
         else:
-            topics = {
-                topic.name for source in open_recordings(paths, salvage=True) for topic in source.topics
-            }
+            topics = {topic.name for source in open_recordings(paths, salvage=True) for topic in source.topics}
     except FileFormatError:  # of other types under these names, say
         return None
     state = topics & {RAVENSTATE.name, RAVENSTATE_100HZ.name}
@@ -260,9 +251,7 @@ def read_torques(path: Path, model: RobotModel) -> MotionLog:
     sources = Sources([path], rows_first=True)
     mapping = layout_mapping("torque_log", torque="tau" if "tau" in content else "effort")
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
-    names = sources.streams[0].texts.get("joint_names") or (
-        model.joint_names if n == model.n else nameless(n)
-    )
+    names = sources.streams[0].texts.get("joint_names") or (model.joint_names if n == model.n else nameless(n))
     own = dict(zip(model.joint_names, model.joint_units, strict=True))
     stated = sources.streams[0].texts.get("units")
     units = stated or tuple(own.get(name, "rad") for name in names)

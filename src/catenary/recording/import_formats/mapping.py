@@ -117,9 +117,7 @@ class RecordingMapping(Settings):
     joint_units: Annotated[tuple[Literal["rad", "m"], ...], BeforeValidator(_listed)] = ()
     names_in: str | None = None  # array of texts in a file that holds the joints' names, where it has one
     units_in: str | None = None  # and their units
-    assumed_units: tuple[
-        tuple[Literal["rad", "m"], ...], ...
-    ] = ()  # by the number of joints, where nobody says them
+    assumed_units: tuple[tuple[Literal["rad", "m"], ...], ...] = ()  # by the number of joints, where nobody says them
     reported: Texts = ()  # topics that nothing is taken of, whose rates and gaps are told
     stamps: Literal["auto", "header", "arrival"] = "auto"  # of messages
     time: Texts = ()  # column of a table; of several tables, one for each
@@ -188,9 +186,7 @@ def _take(option: str, content: dict[str, Any]) -> None:
     found = _OPTION.match(option)
     names = (*JOINT_QUANTITIES, "ok", "time", "signal:NAME")
     if found is None:
-        raise ConfigError(
-            f"--map {cut(option)}: expected QUANTITY=COLUMNS, QUANTITY one of {', '.join(names)}"
-        )
+        raise ConfigError(f"--map {cut(option)}: expected QUANTITY=COLUMNS, QUANTITY one of {', '.join(names)}")
     quantity, text = found["quantity"], found["columns"]
     columns, at, units = text.rpartition("@")
     if not at:
@@ -208,9 +204,7 @@ def _take(option: str, content: dict[str, Any]) -> None:
         if units:
             content["time_unit"] = units
     else:
-        raise ConfigError(
-            f"--map {cut(option)}: no quantity {cut(quantity)}; expected one of {', '.join(names)}"
-        )
+        raise ConfigError(f"--map {cut(option)}: no quantity {cut(quantity)}; expected one of {', '.join(names)}")
 
 
 def _units_and_scales(option: str, text: str) -> dict[str, list[str] | list[float]]:

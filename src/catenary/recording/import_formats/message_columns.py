@@ -305,9 +305,7 @@ def fields_by_definition(
 
     def depth(name: str, above: tuple[str, ...]) -> int:
         if name in above or len(above) > DEEPEST:
-            raise FileFormatError(
-                f"{where}: {cut(name)} holds itself, or is more than {DEEPEST} messages deep"
-            )
+            raise FileFormatError(f"{where}: {cut(name)} holds itself, or is more than {DEEPEST} messages deep")
         if name not in deepest:
             if ros2_name(name) not in types:
                 raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
@@ -331,16 +329,12 @@ def _types(where: str, connection: BagConnection, encoding: Encoding) -> Typesdi
     if not text.strip():
         return _of_ros(encoding)
     if len(text) > 4 * MAX_TEXT:
-        raise FileFormatError(
-            f"{where}: its definition has {len(text)} characters, expected {MAX_TEXT} at most"
-        )
+        raise FileFormatError(f"{where}: its definition has {len(text)} characters, expected {MAX_TEXT} at most")
     is_idl = text.lstrip("= \n").startswith("IDL:")
     lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in text.split("\n"))
     plain = text if is_idl else "\n".join(line for line in lines if line.strip())
     if len(plain) > MAX_TEXT:
-        raise FileFormatError(
-            f"{where}: its definition has {len(plain)} characters, expected {MAX_TEXT} at most"
-        )
+        raise FileFormatError(f"{where}: its definition has {len(plain)} characters, expected {MAX_TEXT} at most")
     try:
         found = get_types_from_idl(plain) if is_idl else get_types_from_msg(plain, connection.type)
     except (

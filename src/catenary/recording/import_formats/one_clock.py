@@ -46,10 +46,7 @@ class OneClock:
     """
 
     def __init__(
-        self,
-        streams: Mapping[str, Stream],
-        quantities: Mapping[str, Sequence[Place]],
-        mapping: RecordingMapping,
+        self, streams: Mapping[str, Stream], quantities: Mapping[str, Sequence[Place]], mapping: RecordingMapping
     ) -> None:
         """Clean the streams.
 
@@ -212,19 +209,14 @@ class OneClock:
             key
             for key, rows in there.items()
             if rows.any()
-            and (
-                (base & ~rows).sum() > OTHER_RATE * base.sum()
-                or (rows & ~base).sum() > OTHER_RATE * rows.sum()
-            )
+            and ((base & ~rows).sum() > OTHER_RATE * base.sum() or (rows & ~base).sum() > OTHER_RATE * rows.sum())
         ]
         if not apart or not base.any():
             return {"": (together, every)}
         stamps.notes.append(
             f"{stream.name}: {', '.join(apart)} were recorded at another rate than q_nominal, and brought onto its rows"
         )
-        left = list(
-            dict.fromkeys(column for key, columns in of.items() if key not in apart for column in columns)
-        )
+        left = list(dict.fromkeys(column for key, columns in of.items() if key not in apart for column in columns))
         return {"": (left, base), **{key: (of[key], there[key]) for key in apart}}
 
     def _in_a_row(
@@ -259,9 +251,7 @@ def _stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping, *, alon
                     "streams with clocks of their own cannot be put together without"
                 )
             if time is None:
-                time = TableTime(
-                    np.arange(stream.rows) * SECOND, None, "s", "no column is the time: rows have none"
-                )
+                time = TableTime(np.arange(stream.rows) * SECOND, None, "s", "no column is the time: rows have none")
                 found.notes.extend([time.said] * (not mapping.name))
             else:
                 found.notes.extend([f"{name}: {time.said}"] * (not mapping.name))
@@ -278,9 +268,7 @@ def _stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping, *, alon
             continue
         if missing.any():
             found.stamp[name] = np.where(missing, came, own)
-            found.notes.append(
-                f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken"
-            )
+            found.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
         found.by_header.add(name)
     return found
 

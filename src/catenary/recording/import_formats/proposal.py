@@ -96,12 +96,7 @@ def _positions(found: Sequence[Candidate], draft: _Draft) -> tuple[Candidate | N
     def of(role: Role) -> list[Candidate]:
         return [one for one in found if one.kind == "position" and one.role == role]
 
-    outside, reported, commanded, actual = (
-        of("measured outside"),
-        of("reported"),
-        of("commanded"),
-        of("actual"),
-    )
+    outside, reported, commanded, actual = (of("measured outside"), of("reported"), of("commanded"), of("actual"))
     if not reported and not commanded and not outside:
         reported = of("unknown")
         pair = None if actual else _command_and_measurement(reported)
@@ -167,8 +162,7 @@ def _same_joints(nominal: Candidate, truth: Candidate, draft: _Draft) -> tuple[C
         shared = [joint for joint in nominal.joints if joint in truth.joints]
         if shared and set(shared) in (set(truth.joints), set(nominal.joints)):
             both = tuple(
-                one.part([one.columns[one.joints.index(joint)] for joint in shared])
-                for one in (nominal, truth)
+                one.part([one.columns[one.joints.index(joint)] for joint in shared]) for one in (nominal, truth)
             )
             return both[0], both[1]
         draft.questions.append(
@@ -195,9 +189,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
             said = "taken in Nm and N" if quantity == "tau" else "as q_nominal, per second"
             _write(draft, quantity, parts[0], (), said)
         elif len(parts) > 1:
-            draft.decisions.append(
-                f"{quantity} may be {' or '.join(one.name for one in parts[:5])}; none was taken"
-            )
+            draft.decisions.append(f"{quantity} may be {' or '.join(one.name for one in parts[:5])}; none was taken")
     currents = [one.name for one in found if one.kind == "current"]
     if currents:
         draft.decisions.append(f"{currents[0]} seems to hold currents: tau needs a scale, Nm per unit")
@@ -224,9 +216,7 @@ def _without_encoder(poses: Sequence[str], robot: str | None, draft: _Draft) -> 
     draft.tables += ["", *lines]
 
 
-def _times(
-    streams: Sequence[Stream], nominal: Candidate | None, encoder: Candidate | None, draft: _Draft
-) -> None:
+def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candidate | None, draft: _Draft) -> None:
     used = {one.stream.name: one.stream for one in (nominal, encoder) if one is not None}
     columns, units, said = list[str](), list[str](), list[str]()
     for stream in used.values():

@@ -69,13 +69,7 @@ def raven_columns(path: Path) -> Sources:
 
 
 def _part(
-    path: Path,
-    topic: Mapping[str, Any],
-    seconds: NDArray[Any],
-    numbers: NDArray[Any],
-    began: int,
-    *,
-    is_state: bool,
+    path: Path, topic: Mapping[str, Any], seconds: NDArray[Any], numbers: NDArray[Any], began: int, *, is_state: bool
 ) -> Stream | None:
     """Return a topic of the published CSV; a sample that stands in two rows is one.
 
@@ -84,9 +78,7 @@ def _part(
     with np.errstate(invalid="ignore"):
         timed = np.abs(seconds) < 9e9
     if is_state and not timed.all():
-        raise FileFormatError(
-            f"{path}: the stamp of {topic['name']} is not finite, or spans more than 9e+09 s"
-        )
+        raise FileFormatError(f"{path}: the stamp of {topic['name']} is not finite, or spans more than 9e+09 s")
     if not is_state:
         timed &= np.isfinite(numbers).all(axis=1)
         same = (seconds[1:] == seconds[:-1]) & (numbers[1:] == numbers[:-1]).all(axis=1)
@@ -180,9 +172,7 @@ def _positions(folder: Path, topic: Topic, max_gap: float, steps: Sequence[Clock
     names = topic.columns[0].names
     told = file.read(["stamp", "arrival", *names])
     values = np.column_stack([told[name] for name in names])
-    return clean_series(
-        topic.name, told["stamp"], values, max_gap=max_gap, arrival=told["arrival"], clock_steps=steps
-    )
+    return clean_series(topic.name, told["stamp"], values, max_gap=max_gap, arrival=told["arrival"], clock_steps=steps)
 
 
 def _nearest(series: Series, stamp: NDArray[np.int64], max_gap: float, origin: int = 0) -> Iterator[Floats]:

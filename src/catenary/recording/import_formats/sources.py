@@ -102,9 +102,7 @@ class Sources:
         self.streams = _joined(streams)
         if not any(stream.columns for stream in self.streams):
             why = "; ".join(note for stream in self.streams for note in stream.notes)
-            raise FileFormatError(
-                f"{', '.join(map(str, paths))}: holds no numbers{f'; {why}' if why else ''}"
-            )
+            raise FileFormatError(f"{', '.join(map(str, paths))}: holds no numbers{f'; {why}' if why else ''}")
 
     @classmethod
     def of(cls, paths: Sequence[Path], streams: Sequence[Stream]) -> Self:
@@ -151,9 +149,7 @@ def _behind(first: Stream, second: Stream) -> Stream:
 
     def column(name: str) -> NDArray[Any]:
         parts = zip((first, second), lengths, strict=True)
-        return np.concatenate(
-            [s.columns[name] if name in s.columns else np.full(n, np.nan) for s, n in parts]
-        )
+        return np.concatenate([s.columns[name] if name in s.columns else np.full(n, np.nan) for s, n in parts])
 
     def stamps(name: str) -> NDArray[np.int64]:
         return np.concatenate([getattr(first, name), getattr(second, name)])

@@ -57,17 +57,13 @@ def read_table_file(path: Path, *, rows_first: bool = False) -> list[Stream]:
     )
 
 
-def _table(
-    path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[str, float], notes: list[str]
-) -> Stream:
+def _table(path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[str, float], notes: list[str]) -> Stream:
     """Return a stream of columns; whole numbers that a float64 cannot hold stay whole."""
     if len(columns) > MOST_COLUMNS:
         raise InputError(f"{path}: {len(columns)} columns, expected {MOST_COLUMNS} at most")
     numbers: dict[str, NDArray[Any]] = {}
     for name, values in columns.items():
-        whole = (
-            values.dtype.kind in "iu" and len(values) and np.abs(values.astype(np.float64)).max() > 2.0**53
-        )
+        whole = values.dtype.kind in "iu" and len(values) and np.abs(values.astype(np.float64)).max() > 2.0**53
         with np.errstate(over="ignore"):
             numbers[name] = values.astype(np.int64 if whole else np.float64)
     rows = len(next(iter(numbers.values()))) if numbers else 0
@@ -84,15 +80,11 @@ def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bo
             raise InputError(f"{path}: {cut(name)}: has {width} columns, expected {MOST_COLUMNS} at most")
     plain = {name: a for name, a in arrays.items() if a.dtype.kind in "biuf" and a.size}
     plain = plain if rows_first else {name: np.squeeze(a) for name, a in plain.items()}
-    texts = {
-        name: _texts(path, name, a) for name, a in arrays.items() if a.dtype.kind in "US" and a.ndim <= 1
-    }
+    texts = {name: _texts(path, name, a) for name, a in arrays.items() if a.dtype.kind in "US" and a.ndim <= 1}
     constants = {name: float(a) for name, a in plain.items() if a.ndim == 0}
     plain = {name: a for name, a in plain.items() if a.ndim in (1, 2)}
     if not plain:
-        raise FileFormatError(
-            f"{path}: holds no array of numbers of one or two dimensions; it has {_named(arrays)}"
-        )
+        raise FileFormatError(f"{path}: holds no array of numbers of one or two dimensions; it has {_named(arrays)}")
     numbers = Counter[int]()
     for a in plain.values():
         numbers[len(a) if rows_first else max(a.shape)] += a.size
@@ -100,12 +92,7 @@ def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bo
     groups: dict[int, dict[str, NDArray[Any]]] = {rows: {}}
     notes: list[str] = []
     for name, a in plain.items():
-        if (
-            a.ndim == 2
-            and not rows_first
-            and a.shape[0] != rows
-            and (a.shape[1] == rows or a.shape[0] < a.shape[1])
-        ):
+        if a.ndim == 2 and not rows_first and a.shape[0] != rows and (a.shape[1] == rows or a.shape[0] < a.shape[1]):
             a = a.T
             notes.append(f"{name}: had a row for each column, and was turned")
         columns = {name: a} if a.ndim == 1 else {f"{name}[{i}]": a[:, i] for i in range(a.shape[1])}
@@ -120,10 +107,7 @@ def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bo
         for size, columns in groups.items()
         if columns
     }
-    return [
-        table if size == rows else replace(table, name=f"{path.stem}#{size}")
-        for size, table in tables.items()
-    ]
+    return [table if size == rows else replace(table, name=f"{path.stem}#{size}") for size, table in tables.items()]
 
 
 def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
@@ -185,9 +169,7 @@ def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
 
     try:
         data = path.read_bytes()
-        if data[:4] != b"\0\0\0\0" and (
-            data[512:520] == _HDF5 or data[:8] == _HDF5 or b"MATLAB 7.3" in data[:128]
-        ):
+        if data[:4] != b"\0\0\0\0" and (data[512:520] == _HDF5 or data[:8] == _HDF5 or b"MATLAB 7.3" in data[:128]):
             raise FileFormatError(
                 f"{path}: is of MATLAB's version 7.3, which is not read; in MATLAB load it, and "
                 "save('log.mat', '-v7'), or writetable to a CSV"
@@ -197,9 +179,7 @@ def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
     except FileFormatError:
         raise
     except Exception as error:  # what scipy raises over bytes that are no such file is of any kind
-        raise FileFormatError(
-            f"{path}: cannot be read as a MATLAB file: {cut(str(error) or repr(error))}"
-        ) from error
+        raise FileFormatError(f"{path}: cannot be read as a MATLAB file: {cut(str(error) or repr(error))}") from error
     arrays: dict[str, NDArray[Any]] = {}
     _collect({key: value for key, value in content.items() if not key.startswith("__")}, "", arrays)
     return arrays

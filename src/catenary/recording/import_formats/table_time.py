@@ -35,9 +35,7 @@ class TableTime(NamedTuple):
     column: str | None  # "" where rows are evenly apart; None where they have no time
     unit: str
     said: str  # how it was found, for the reader
-    seconds: NDArray[np.float64] | None = (
-        None  # (M,) as exact as the file has them, where it has no whole numbers
-    )
+    seconds: NDArray[np.float64] | None = None  # (M,) as exact as the file has them, where it has no whole numbers
 
 
 def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None) -> TableTime | None:
@@ -73,9 +71,7 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
     if values.dtype.kind == "i":
         return TableTime(values.astype(np.int64) * PER_UNIT[told], column, told, said)
     numbers = values.astype(np.float64)
-    return TableTime(
-        _nanoseconds(numbers, PER_UNIT[told]), column, told, said, numbers / (SECOND // PER_UNIT[told])
-    )
+    return TableTime(_nanoseconds(numbers, PER_UNIT[told]), column, told, said, numbers / (SECOND // PER_UNIT[told]))
 
 
 def _given(stream: Stream, columns: Sequence[str]) -> str | None:
@@ -88,9 +84,7 @@ def _given(stream: Stream, columns: Sequence[str]) -> str | None:
                 raise
             continue
         if len(places) != 1:
-            raise InputError(
-                f'{stream.name}: time "{cut(reference)}": expected one column, got {len(places)}'
-            )
+            raise InputError(f'{stream.name}: time "{cut(reference)}": expected one column, got {len(places)}')
         return places[0].column
     return None
 
@@ -107,9 +101,7 @@ def time_columns(stream: Stream) -> list[str]:
             values = np.asarray(stream.columns[first], dtype=np.float64)
             return [first] if len(values) >= _RISING and (np.diff(values) > 0.0).all() else []
     headers = [name for name in named if re.search(r"stamp", name, re.IGNORECASE)]
-    plain = [
-        name for name in named if re.fullmatch(r"%?(time|t)([_ ]?[\[(]?\w+[\])]?)?", name, re.IGNORECASE)
-    ]
+    plain = [name for name in named if re.fullmatch(r"%?(time|t)([_ ]?[\[(]?\w+[\])]?)?", name, re.IGNORECASE)]
     if len(plain) == 1 and not (plain[0].startswith("%") and headers):
         return plain
     return headers if len(headers) == 1 else named
@@ -122,9 +114,7 @@ def _unit(stream: Stream, column: str, values: NDArray[np.generic]) -> tuple[str
         return _WORDS.get(unit, unit), "by its name"
     finite = values[np.isfinite(values.astype(np.float64))].astype(np.float64)
     if len(finite) < 2:
-        raise InputError(
-            f"{stream.name}: time {cut(column)}: {len(finite)} finite number(s), expected two at least"
-        )
+        raise InputError(f"{stream.name}: time {cut(column)}: {len(finite)} finite number(s), expected two at least")
     since = [u for u in UNITS if _EPOCH[0] <= abs(finite[0]) * PER_UNIT[u] / SECOND <= _EPOCH[1]]
     if since:
         return since[0], "a time since 1970"
@@ -134,9 +124,7 @@ def _unit(stream: Stream, column: str, values: NDArray[np.generic]) -> tuple[str
     if len(likely) == 1:
         rate = SECOND / (step * PER_UNIT[likely[0]])
         return likely[0], f"rows are then {rate:.4g} Hz"
-    choices = (
-        ", ".join(f"{u} ({SECOND / (step * PER_UNIT[u]):.4g} Hz)" for u in UNITS) if step else "s, ms, us, ns"
-    )
+    choices = ", ".join(f"{u} ({SECOND / (step * PER_UNIT[u]):.4g} Hz)" for u in UNITS) if step else "s, ms, us, ns"
     raise InputError(
         f"{stream.name}: unit of time {cut(column)} cannot be told, rows are {step:g} apart; say it "
         f"(time_unit, or --map time={cut(column)}@UNIT): {choices}"

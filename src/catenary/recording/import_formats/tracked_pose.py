@@ -60,16 +60,12 @@ def open_joints(
     return np.asarray(np.abs(free[:, list(chosen)]).max(axis=0, initial=0.0) > OPEN)
 
 
-def _determined(
-    model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]
-) -> NDArray[np.bool_]:
+def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]) -> NDArray[np.bool_]:
     """Return the rows of q (M, n) at which all chosen joints are determined, (M,)."""
     short = np.array([open_joints(model, row, tracked.frame, tracked.match, chosen) for row in q])
     if short.any(axis=1).mean() <= 0.5:
         return np.asarray(~short.any(axis=1))
-    lost = ", ".join(
-        model.joint_names[j] for j, share in zip(chosen, short.mean(axis=0), strict=True) if share > 0.5
-    )
+    lost = ", ".join(model.joint_names[j] for j, share in zip(chosen, short.mean(axis=0), strict=True) if share > 0.5)
     by_pose = [not open_joints(model, row, tracked.frame, "pose", chosen).any() for row in q[:50]]
     choices = 'match = "pose" or ' if tracked.match != "pose" and np.mean(by_pose) > 0.5 else ""
     raise InputError(

@@ -20,11 +20,7 @@ FAR = 1.0  # [rad] from the others of a measurement that is no matter of turns
 
 
 def unwrap_columns(
-    streams: Mapping[str, Stream],
-    places: Sequence[Place],
-    scale: Floats,
-    units: Sequence[str],
-    names: Sequence[str],
+    streams: Mapping[str, Stream], places: Sequence[Place], scale: Floats, units: Sequence[str], names: Sequence[str]
 ) -> tuple[dict[str, Stream], dict[str, int]]:
     """Make columns of angles continuous that jump by a turn from one row to the next.
 

@@ -110,9 +110,7 @@ def poses_along(
     windows = [(REST - WATCHED, REST)]
     end = REST
     for before, row in pairwise(rows):
-        way = gentle_way(
-            before, row, limits.joint_units, max_velocity=max_velocity, max_acceleration=max_acceleration
-        )
+        way = gentle_way(before, row, limits.joint_units, max_velocity=max_velocity, max_acceleration=max_acceleration)
         parts += [way, Rest(row, REST)]
         end += way.duration + REST
         windows.append((end - WATCHED, end))

@@ -241,7 +241,5 @@ def base_sensor(
     told = model.mounting
     true = replace(told, bias=as_array("sensor bias", bias, (3,)))
     faults = () if fault is None else (fault,)
-    sensor = SimulatedSensor(
-        base, Mailbox(), replace(model, mounting=true), faults=faults, seed=seed, start=start
-    )
+    sensor = SimulatedSensor(base, Mailbox(), replace(model, mounting=true), faults=faults, seed=seed, start=start)
     return sensor, told

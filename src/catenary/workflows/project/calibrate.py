@@ -18,12 +18,7 @@ from catenary.reports.joint_errors import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import require_apart, robot_of, verdict
-from catenary.workflows.calibration_model import (
-    evaluate_calibration,
-    fit_calibration,
-    recordings_for,
-    warnings_of,
-)
+from catenary.workflows.calibration_model import evaluate_calibration, fit_calibration, recordings_for, warnings_of
 from catenary.workflows.project.deploy import Deployment
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import kind_of
@@ -40,9 +35,7 @@ from catenary.workflows.project.state import read_state
 TRAIN, TEST = "train", "test"
 VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
 DEPLOY_SECONDS = 20.0
-POSITIONING_INPUTS = tuple(
-    f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion")
-)
+POSITIONING_INPUTS = tuple(f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion"))
 # the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
 RAVEN_INPUTS = {
     "shoulder": POSITIONING_INPUTS,
@@ -153,9 +146,7 @@ def calibrate_robot(
         return _calibrated(project, SimulatedRobot() if robot is None else robot, models, run, progress)
 
 
-def _models(
-    project: Project, robot: str | None, asked: FitOptions | None, run: FitRun
-) -> Mapping[str, FitOptions]:
+def _models(project: Project, robot: str | None, asked: FitOptions | None, run: FitRun) -> Mapping[str, FitOptions]:
     """Return the options of a project's models, before minutes of motion and fits."""
     asked = FitOptions(kind="auto") if asked is None else asked
     require_folds(asked, run)
@@ -243,9 +234,7 @@ def calibrate_recordings(
             tested = recordings_for(fitted[0], test, reading)
         both = [str(path) for path, content in zip(test, tested_on, strict=True) if content in trained_on]
         if both:
-            raise InputError(
-                f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on"
-            )
+            raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
         ordered = in_one_order([*fitted, *tested])  # refuses before minutes of fits
         fitted, tested = ordered[: len(fitted)], ordered[len(fitted) :]
         require_apart(fitted, tested, run.accept)
@@ -282,9 +271,7 @@ def fit_models(
         folds = run.folds if name == RECOMMENDED else 0
         of_kind = replace(run, folds=folds)
 
-        def work(
-            options: FitOptions = options, path: Path = path, name: str = name, of_kind: FitRun = of_kind
-        ) -> None:
+        def work(options: FitOptions = options, path: Path = path, name: str = name, of_kind: FitRun = of_kind) -> None:
             tell = progress(f"fit {_shown(name)}")
             result = fit_calibration(list(train), options, of_kind, reading=reading, progress=tell)
             save_model(result.model, result.card, path)
@@ -334,9 +321,7 @@ def conclude(
     }
     deployment = None
     if deployed is not None:
-        deployment = read_state(
-            deployed, Deployment, "delete it, and `catenary calibrate PROJECT` makes it again"
-        )
+        deployment = read_state(deployed, Deployment, "delete it, and `catenary calibrate PROJECT` makes it again")
     page = project.folder / "report.html"
     best = results[RECOMMENDED]
     concluded = CalibrationResult(

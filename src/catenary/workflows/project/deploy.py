@@ -69,11 +69,7 @@ class Deployment:
 
 
 def deploy_on_robot(
-    plant: FirmwarePlant[Any] | CrtkClient,
-    model: CalibrationModel,
-    trajectory: Trajectory,
-    *,
-    real_time: bool = False,
+    plant: FirmwarePlant[Any] | CrtkClient, model: CalibrationModel, trajectory: Trajectory, *, real_time: bool = False
 ) -> Deployment:
     """Run a model in the 1 kHz loop of a robot that follows a trajectory by its own firmware.
 

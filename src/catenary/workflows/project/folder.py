@@ -84,9 +84,7 @@ class ProjectSettings:
         if self.robot == "dvrk_psm":
             psm_topic(self.namespace, "measured_js")  # refuses a namespace that no PSM has
             if self.payload_kg != 0.0 or self.side != "left" or self.columns:
-                raise InputError(
-                    "robot dvrk_psm: has neither --side nor --payload nor --columns of raven_state"
-                )
+                raise InputError("robot dvrk_psm: has neither --side nor --payload nor --columns of raven_state")
         check_direction(self.direction, self.form)
         further_columns(self.columns, "gold")
 
@@ -118,11 +116,7 @@ class Project:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            why = (
-                "is a file, expected a folder"
-                if folder.is_file()
-                else f"cannot be made a project: {error.strerror}"
-            )
+            why = "is a file, expected a folder" if folder.is_file() else f"cannot be made a project: {error.strerror}"
             raise FileFormatError(f"{folder}: {why}") from error
         names = {path.name for path in folder.iterdir() if path.suffix != PARTIAL} - {LOCK}
         if names and not is_project(folder):
@@ -172,9 +166,7 @@ class Project:
         if trusted and self.done(step, made_from, files):
             return False
         with self.writing():
-            if trusted and self.done(
-                step, made_from, files
-            ):  # by another process, before this one had the lock
+            if trusted and self.done(step, made_from, files):  # by another process, before this one had the lock
                 return False
             if self._steps.pop(step, None) is not None:  # what stops in the middle must not look done
                 write(self.folder / STEPS, self._steps)

@@ -149,9 +149,7 @@ class RavenProject(ProjectKind):
     @property
     def required(self) -> tuple[Topic, ...]:
         """Its state, and the external encoders."""
-        return tuple(
-            topic for topic in self.topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS
-        )
+        return tuple(topic for topic in self.topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS)
 
     def numbers(self) -> Any:
         """Return the numbers of its cables, firmware and rig."""

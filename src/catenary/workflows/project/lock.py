@@ -60,9 +60,7 @@ class FolderLock:
     def check(self) -> None:
         """Refuse to go on without the lock's file: another process may have made, and locked, a new one."""
         try:
-            is_ours = self._descriptor is not None and os.path.samestat(
-                os.fstat(self._descriptor), self.path.lstat()
-            )
+            is_ours = self._descriptor is not None and os.path.samestat(os.fstat(self._descriptor), self.path.lstat())
         except OSError:
             is_ours = False
         if not is_ours:

@@ -41,9 +41,7 @@ def hold(folder: Path, outputs: Sequence[Path], described: Any) -> bool:
     if not isinstance(described, Mapping):
         return False
     there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
-    return there.keys() == described.keys() and all(
-        _holds(path, described[name]) for name, path in there.items()
-    )
+    return there.keys() == described.keys() and all(_holds(path, described[name]) for name, path in there.items())
 
 
 def contents(described: Mapping[str, Mapping[str, Any]], output: str) -> str:

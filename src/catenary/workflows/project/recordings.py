@@ -84,11 +84,7 @@ def write_bags(project: Project, name: str, kind: "BagKind") -> list[Path]:
     from catenary.recording.bag_reader import open_recording
     from catenary.recording.bag_writer import write_group_bags
 
-    step, recording, folder = (
-        f"bags {kind} {name}",
-        project.folder / "recordings" / name,
-        project.folder / "bags",
-    )
+    step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
     files = [project.folder / written for written in project.outputs_of(step) or {}]
     made_from = contents(describe(project.folder, [recording]), f"recordings/{name}")
 
@@ -101,9 +97,7 @@ def write_bags(project: Project, name: str, kind: "BagKind") -> list[Path]:
         whole.mkdir(exist_ok=True)
         there = [path for bag in bags if (path := whole / bag.name).is_file() or any(path.glob("*"))]
         if there:
-            raise InputError(
-                f"{there[0]}: exists already, and is never overwritten; delete it, and run this again"
-            )
+            raise InputError(f"{there[0]}: exists already, and is never overwritten; delete it, and run this again")
         for bag in bags:
             bag.rename(whole / bag.name)
         half.rmdir()

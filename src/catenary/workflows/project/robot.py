@@ -284,11 +284,7 @@ class RosRobot(ProjectRobot):
                 self._make_homed(client, project)
                 pause(client)  # nobody moves it now; one that homes by its own button is paused already
                 believed, encoders = client.measured_js().q, client.external_encoders()
-                found = {
-                    "joint_names": client.joint_names,
-                    "believed": believed,
-                    "external_encoders": encoders,
-                }
+                found = {"joint_names": client.joint_names, "believed": believed, "external_encoders": encoders}
                 write(path, {"simulated": self._simulated, **found})
 
         return project.run("home", _ros_settings(project), [path], work)
@@ -330,9 +326,7 @@ class RosRobot(ProjectRobot):
             raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
         kind = kind_of(project.settings)
         if not client.operating_state().is_homed:
-            self._have(
-                kind.encoders, lambda: self._no_encoders(kind)
-            )  # their readings count from the homing on
+            self._have(kind.encoders, lambda: self._no_encoders(kind))  # their readings count from the homing on
             home_client(client, self._guide, patience=self._homing_patience)
         if not self._comes(lambda: _not_registered(client, kind)):
             self._have(kind.encoders, lambda: _not_registered(client, kind))
@@ -340,9 +334,7 @@ class RosRobot(ProjectRobot):
     def _enable(self, client: CrtkClient) -> None:
         if client.operating_state().state == "ENABLED":
             return
-        if (
-            isinstance(self._guide, AnswerYes) or client.dialect == "crtk"
-        ):  # a dVRK has no pedal that enables it
+        if isinstance(self._guide, AnswerYes) or client.dialect == "crtk":  # a dVRK has no pedal that enables it
             client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
         pedal = "press the pedal, so that the robot is ENABLED"
         self._have(pedal, lambda: _not_enabled(client.operating_state()))
@@ -376,9 +368,7 @@ class RosRobot(ProjectRobot):
                 if tick % COLLECT_EVERY == 0:
                     recorder.collect()
 
-            run_trajectory(
-                client, take.trajectory, joints=kind.joints, observe=observe, progress=take.progress
-            )
+            run_trajectory(client, take.trajectory, joints=kind.joints, observe=observe, progress=take.progress)
             recorder.collect()
             refuse_missing(recorder.counts, [topic.name for topic in kind.required])
         for problem in recorder.problems():

@@ -98,15 +98,11 @@ def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
             )
         rate = ROWS_PER_SECOND if rows_per_second is None else rows_per_second
         note = f"{path.name}: no heading: taken as rad, rad, m, {rate:g} rows a second, as the published zig-zags"
-        return FollowedFile(
-            path.name, None, PUBLISHED_UNITS, np.arange(len(values)) / rate, frozen(values), (note,)
-        )
+        return FollowedFile(path.name, None, PUBLISHED_UNITS, np.arange(len(values)) / rate, frozen(values), (note,))
     heads = [_HEAD.match(cell.strip()) for cell in rows[0]]
     plain = [cell for cell, head in zip(rows[0], heads, strict=True) if head is None]
     if plain:
-        raise FileFormatError(
-            f'{path}: column "{plain[0]}" has no unit: expected NAME [UNIT], as in time [s]'
-        )
+        raise FileFormatError(f'{path}: column "{plain[0]}" has no unit: expected NAME [UNIT], as in time [s]')
     names = [head["name"] for head in heads if head]
     units = [head["unit"] for head in heads if head]
     if names[0] not in ("time", "t") or units[0] not in SECONDS:
@@ -166,7 +162,5 @@ def _numbers(path: Path, rows: list[list[str]], *, first: int, width: int | None
     wanted = len(rows[0]) if width is None and rows else width
     for k, row in enumerate(rows):
         if len(row) != wanted or not all(is_number(cell) for cell in row):
-            raise FileFormatError(
-                f"{path}: line {first + k}: expected {wanted} numbers, got {','.join(row)[:60]!r}"
-            )
+            raise FileFormatError(f"{path}: line {first + k}: expected {wanted} numbers, got {','.join(row)[:60]!r}")
     return np.array(rows, dtype=float).reshape(len(rows), wanted or 0)

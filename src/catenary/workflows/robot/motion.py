@@ -9,14 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.calibration.fit_options import Progress, silent
 from catenary.control.shutdown import FiniteTicks, attempt, leave_safe
-from catenary.errors import (
-    CatenaryError,
-    InputError,
-    LimitError,
-    NotFiniteError,
-    NotReadyError,
-    TransportError,
-)
+from catenary.errors import CatenaryError, InputError, LimitError, NotFiniteError, NotReadyError, TransportError
 from catenary.plant import Bounded, JointState, Plant, require_ready, state_in_words
 from catenary.trajectories.reference import Reference, Rest, Trajectory
 from catenary.trajectories.smoothed_path import go_to
@@ -220,11 +213,7 @@ def run_trajectory(
 
 
 def _stream(
-    plant: Plant,
-    trajectory: Trajectory,
-    moved: NDArray[np.int64],
-    observe: Observer | None,
-    progress: Progress,
+    plant: Plant, trajectory: Trajectory, moved: NDArray[np.int64], observe: Observer | None, progress: Progress
 ) -> None:
     """Send one setpoint a tick; the last one is the trajectory's end."""
     held = np.array(plant.setpoint_js().q)

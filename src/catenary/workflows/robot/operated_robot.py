@@ -28,9 +28,7 @@ class Truth(NamedTuple):
     """
 
     q: Floats  # (n,) [rad|m] of the joints themselves
-    encoders: (
-        Floats | None
-    )  # (n,) [rad|m] as external encoders tell it, where there are any; NaN before it homes
+    encoders: Floats | None  # (n,) [rad|m] as external encoders tell it, where there are any; NaN before it homes
 
 
 @dataclass(frozen=True)

@@ -23,13 +23,7 @@ from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import BLEND
 from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
-from catenary.workflows.robot.motion import (
-    GENTLE_VELOCITY,
-    at_rest_afterwards,
-    check_motion,
-    move_to,
-    run_trajectory,
-)
+from catenary.workflows.robot.motion import GENTLE_VELOCITY, at_rest_afterwards, check_motion, move_to, run_trajectory
 from catenary.workflows.robot.operated_robot import OperatedRobot, distance
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
@@ -58,9 +52,7 @@ class MotionSummary:
     ended_by: str | None  # Ctrl-C or a signal's name, before the motion's end: the robot holds where it is
     tip_name: str
     tip: Floats  # (3,) [m] of the tool in the base frame at the end, by reported joints
-    true_error: Floats | None = (
-        None  # (k,) [rad|m] reported less true, of the first k joints; None but in a simulation
-    )
+    true_error: Floats | None = None  # (k,) [rad|m] reported less true, of the first k joints; None but in a simulation
     true_frame: str = ""  # what those k joints place: the model's tip
     tip_error: float | None = None  # [m] between it by reported joints and where it really is
 
@@ -86,14 +78,7 @@ class MotionSummary:
             "tip": {"frame": self.tip_name, "position": self.tip.tolist()},
             "true_error": {"frame": self.true_frame, "distance": self.tip_error},
             "joints": [
-                {
-                    "name": name,
-                    "unit": unit,
-                    "q": q,
-                    "max_error": largest,
-                    "rms_error": rms,
-                    "true_error": error,
-                }
+                {"name": name, "unit": unit, "q": q, "max_error": largest, "rms_error": rms, "true_error": error}
                 for name, unit, q, largest, rms, error in zip(*columns, [*true_error, *unknown], strict=True)
             ],
         }
@@ -223,15 +208,11 @@ def follow(
 def _joints_of(file: FollowedFile, names: Sequence[str], plant: Plant) -> list[int]:
     """Return which joints a file moves; refuse those that the robot does not have, or has in another unit."""
     if len(names) != len(file.joint_units) or not set(names) <= set(plant.joint_names):
-        raise InputError(
-            f"{file.name}: moves {', '.join(names)}; the robot has {', '.join(plant.joint_names)}"
-        )
+        raise InputError(f"{file.name}: moves {', '.join(names)}; the robot has {', '.join(plant.joint_names)}")
     moved = [plant.joint_names.index(name) for name in names]
     for j, name, unit in zip(moved, names, file.joint_units, strict=True):
         if plant.joint_units[j] != unit:
-            raise InputError(
-                f'{file.name}: joint "{name}" is in {unit}; the robot\'s is in {plant.joint_units[j]}'
-            )
+            raise InputError(f'{file.name}: joint "{name}" is in {unit}; the robot\'s is in {plant.joint_units[j]}')
     return moved
 
 

@@ -249,11 +249,7 @@ class _CalibratedLog:
         Raises:
             InputError: It lacks a joint or an input of the model, or its rate does not fit the model's history.
         """
-        self._corrector, self._log, self._starts = (
-            Corrector(model, rate_hz=rate_hz),
-            log,
-            frozenset(log.starts),
-        )
+        self._corrector, self._log, self._starts = (Corrector(model, rate_hz=rate_hz), log, frozenset(log.starts))
         whose = f'recording "{log.name}"'
         self._places = places_of(model, log, whose=whose, of="the model is for")
         self._signals, n = model.features.signal_rows(log), len(self._places)

@@ -84,9 +84,7 @@ class TopicRecorder:
             about: What the recording is of.
             max_bytes: Of a file, before the next one begins.
         """
-        self.journal = JournalWriter(
-            folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes
-        )
+        self.journal = JournalWriter(folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes)
         self._kept: list[_Kept] = []
         self._transport, self._begin = transport, transport.steady()
         self._set = transport.clock.set_by()  # [ns]
@@ -251,9 +249,7 @@ COLLECT = 0.02  # [s] between two looks at what came over the wire
 class BesideRecorder:
     """Records a RAVEN-II's topics into a folder; what fails ends the recording and nothing else."""
 
-    def __init__(
-        self, robot: OperatedRobot, folder: Path, *, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, robot: OperatedRobot, folder: Path, *, clock: Callable[[], float] = time.monotonic) -> None:
         """Begin a recording.
 
         Args:
@@ -331,8 +327,4 @@ class BesideRecorder:
         columns |= {name: telemetry[name] for name in _ENCODERS}
         columns |= dict(zip(_MEASURED, (state.q, state.qd, state.tau), strict=True))
         running = 3.0 if plant.operating_state().state == "ENABLED" else 2.0  # pedal down, pedal up
-        return columns | {
-            "runlevel": np.array([running]),
-            "type": np.zeros(2),
-            "dt": np.array([plant.period]),
-        }
+        return columns | {"runlevel": np.array([running]), "type": np.zeros(2), "dt": np.array([plant.period])}
