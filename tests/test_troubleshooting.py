@@ -40,7 +40,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write("swapped.npz", q, seen[:, [1, 0, 2]])
     write("degrees.npz", np.rad2deg(q), np.rad2deg(seen))
     write("four.npz", q[:, [0, 1, 2, 0]], seen[:, [0, 1, 2, 0]])
-    write("nan.npz", q, hole)
     write("short.npz", q[:20], seen[:20])
     (path / "notes.csv").write_text("hello\nworld\n")
     (path / "arm.toml").write_text('name = "a"\nconvention = "modified"\nsource = ["x"]\n')

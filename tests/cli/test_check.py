@@ -40,7 +40,7 @@ def test_a_faulty_recording_ends_with_1(tmp_path: Path) -> None:
     path = simulated_arm.write(tmp_path / "run.npz", t=np.arange(400) // 200 * 100.0)
     outcome, plain = catenary("check", path), catenary("check", path, "--json")
     assert outcome.code == plain.code == 1
-    for words in ("WRONG:", "398 repeated time stamps", "1 fault(s) found"):
+    for words in ("WRONG:", "398 repeated stamps were dropped", "1 fault(s) found"):
         assert words in outcome.out
     assert plain.json["kind"] == "recording"
     (found,) = plain.json["findings"]

@@ -138,11 +138,11 @@ RUN = recorded(ARM, 0, seconds=4.0)
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"q": np.full((800, 3), np.nan)}, ": q is nan at row 0"),
-        ({"tau": np.full((800, 3), np.inf)}, "tau is inf at row 0"),
+        ({"q": np.full((800, 3), np.nan)}, "no row has all of q_nominal, qd, tau; 800 of 800 rows without q_nominal"),
+        ({"tau": np.full((800, 3), np.inf)}, "800 of 800 rows without tau"),
         ({"q": None}, "expected arrays q (N, n) and tau (N, n)"),
         ({"t": None}, "full dynamics need `fs` [Hz] or `t` [s]"),
-        ({"t": None, "fs": 0.0}, "expected a rate above zero"),
+        ({"t": None, "fs": 0.0}, "rate 0: expected 0.001 to 1,000,000 Hz"),
         ({"tau": np.zeros((5, 3))}, "tau: expected shape (800, 3), got (5, 3)"),
         ({"tau": None, "effort": np.zeros((800, 3))}, "gives no effort_scale"),
         ({"q": np.rad2deg(RUN.q_nominal)}, "is it in degrees"),

@@ -9,10 +9,19 @@ import pytest
 
 import simulated_arm
 from catenary.cli.commands import Commands
-from catenary.cli.out_files import EXCITATION, GRAPH, HEADER, LOG, MOUNTING, PAGE, URDF, refuse_outputs
-from catenary.dynamics.torque_regressor import PARAMETERS
+from catenary.cli.out_files import (
+    EXCITATION,
+    GRAPH,
+    HEADER,
+    LOG,
+    MODEL,
+    MOUNTING,
+    PAGE,
+    PARAMETERS,
+    URDF,
+    refuse_outputs,
+)
 from catenary.files import card_path
-from catenary.reports.joint_errors import MODEL
 from command_line import catenary, refusal
 
 # a line that writes a file, up to the file's name; an ending of another kind of file; its own kind

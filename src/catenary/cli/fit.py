@@ -20,11 +20,10 @@ from catenary.cli.options import (
     robots_beginning,
     words,
 )
-from catenary.cli.out_files import NAMED_AS_TYPED
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_json, print_notes, progress_bar
 from catenary.files import card_path
-from catenary.reports.joint_errors import MODEL
 
 if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation

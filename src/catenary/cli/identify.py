@@ -8,10 +8,9 @@ import typer
 
 from catenary.cli.gravity_options import IMU_READING, gravity_of_reading
 from catenary.cli.options import REPORT, REQUIRED, TABLES_AS_JSON, Names, Triple, argument, option, robots_beginning
-from catenary.cli.out_files import NAMED_AS_TYPED, URDF
+from catenary.cli.out_files import NAMED_AS_TYPED, PARAMETERS, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_json, print_notes
-from catenary.dynamics.torque_regressor import PARAMETERS
 from catenary.errors import InputError
 from catenary.files import card_path
 

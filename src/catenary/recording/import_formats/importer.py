@@ -166,7 +166,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
             del rows[key]
     whole = _whole_rows({**rows, **further}, notes)
     if not whole.any():
-        raise InputError(f"{where}: no row has all of {', '.join([*rows, *further])}; {'; '.join(notes)}")
+        raise InputError("; ".join([f"{where}: no row has all of {', '.join([*rows, *further])}", *notes]))
     ok = np.ones(len(whole), dtype=bool)
     if tracked is not None and model is not None:
         rows["q_encoder"] = _tracked(clock, tracked, model, scaled["q_nominal"], names, notes)
@@ -180,7 +180,9 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     if valid:
         ok &= (clock.rows("ok") > 0.5).all(axis=1)
     if "q_encoder" in rows and not ok.any():
-        raise InputError(f"{where}: q_encoder is measured on no row of q_nominal; {'; '.join(clock.notes)}")
+        is_there = measured is not None and np.isfinite(measured).all(axis=1).any()
+        why = "ok is set on none that has q_encoder" if is_there else "q_encoder is measured on none"
+        raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))
     notes += [f"{int((~ok[whole]).sum())} of {int(whole.sum())} rows have no q_encoder"] * bool((~ok[whole]).any())
     signal_columns, signal_units = _signals(further, mapping, whole)
     time, began = clock.time(whole)
@@ -231,6 +233,9 @@ def _with_texts(
             )
         return found
 
+    for given, what in ((mapping.joint_units, "units"), (mapping.joint_names, "joint names")):
+        if given and len(given) != n:
+            raise InputError(f"{where}: has {n} joints, but {len(given)} {what} were given ({', '.join(given)})")
     names, units = own(mapping.names_in), own(mapping.units_in)
     if not names and not units:
         return mapping, False

@@ -235,6 +235,7 @@ def read_commands(
                 f'{path}: array "{key}" is missing; a command log has q_des (N, n), q_act (N, n) and ok (N,); '
                 f"{content_in_words(content)}"
             )
+    _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("command_log")
     given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
     return import_sources(Sources([path], rows_first=True), mapping.model_copy(update=given))
@@ -248,6 +249,7 @@ def read_torques(path: Path, model: RobotModel) -> MotionLog:
             f"{path}: expected arrays q (N, n) and tau (N, n), and dq, fs or t where the robot moves; "
             f"{content_in_words(content)}"
         )
+    _require_rows(path, content, ("q", "tau", "effort", "dq"), ("t",))
     sources = Sources([path], rows_first=True)
     mapping = layout_mapping("torque_log", torque="tau" if "tau" in content else "effort")
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
@@ -267,3 +269,20 @@ def read_torques(path: Path, model: RobotModel) -> MotionLog:
         )
     assert log.tau is not None  # for the type checker
     return replace(log, tau=log.tau * scale, notes=(*log.notes, "raw efforts times the robot's effort_scale"))
+
+
+def _require_rows(path: Path, content: Mapping[str, Any], per_joint: Sequence[str], per_row: Sequence[str]) -> None:
+    """Refuse arrays of a layout that do not have a row for each of its first one's, and in it a number a joint."""
+    first = content[per_joint[0]].shape
+    if len(first) != 2:
+        raise FileFormatError(f"{path}: {per_joint[0]}: expected shape (N, n), got {first}")
+    if 0 in first:
+        raise FileFormatError(f"{path}: {per_joint[0]} is empty: {first}")
+    wanted = dict.fromkeys(per_joint, first) | dict.fromkeys(per_row, first[:1])
+    for name, shape in wanted.items():
+        if name not in content:
+            continue
+        if content[name].dtype.kind not in "biuf":
+            raise FileFormatError(f"{path}: {name}: expected numbers, got {content[name].dtype}")
+        if content[name].shape != shape:
+            raise FileFormatError(f"{path}: {name}: expected shape {shape}, got {content[name].shape}")
