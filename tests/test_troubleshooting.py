@@ -33,8 +33,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         rows = len(q_des)
         np.savez(path / name, q_des=q_des, q_act=q_act, ok=np.ones(rows, dtype=bool), t=t[:rows])
 
-    hole = seen.copy()
-    hole[3, 0] = np.nan
     write("good.npz", q, seen)
     write("far.npz", 1.8 * q, 1.8 * seen)
     write("swapped.npz", q, seen[:, [1, 0, 2]])

@@ -244,6 +244,7 @@ class MotionLog:
     simulated: bool = False
     sha256: str | None = None  # of the file that it was read from
     units_assumed: bool = False  # the file states no units and nobody else did
+    repeated: int = 0  # rows that its reader left out, since their time stamp was there before
     # options by which it was mended, by step and array ("shift", "sign:q_encoder"); none where the file states it
     settled: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # what the reader had to decide

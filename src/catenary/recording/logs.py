@@ -155,6 +155,7 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         "joint_names": log.joint_names,
         "joint_units": log.joint_units,
         "units_assumed": log.units_assumed,
+        "repeated": log.repeated,
         "robot": log.robot,
         "simulated": log.simulated,
         "notes": log.notes,
@@ -228,6 +229,7 @@ def read_parquet(path: Path) -> MotionLog:
         simulated=about.get("simulated", False),
         sha256=sha256_of(path),
         units_assumed=about.get("units_assumed", False),
+        repeated=about.get("repeated", 0),
         notes=tuple(about.get("notes", ())),
         settled={"units": (), "time_unit": ()} | {key: tuple(texts) for key, texts in about["settled"].items()},
     )
@@ -251,6 +253,8 @@ def _about(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, Any]:
     for key in ("simulated", "units_assumed"):
         if not isinstance(about.get(key, False), bool):
             raise FileFormatError(f"{path}: schema: {key}: expected true or false, got {shortened(about[key])}")
+    if not isinstance(about.get("repeated", 0), int):
+        raise FileFormatError(f"{path}: schema: repeated: expected a count, got {shortened(about['repeated'])}")
     if not isinstance(about.get("began", 0.0), int | float):
         raise FileFormatError(f"{path}: schema: began: expected a number, got {shortened(about['began'])}")
     settled = about.setdefault("settled", {})

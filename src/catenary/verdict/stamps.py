@@ -11,6 +11,7 @@ SLOWEST = 600.0  # [s] for the fastest joint to cross its range at its median sp
 LONGEST_STEP = 60.0  # [s] a median step that no recording has
 FASTEST = {"rad": 3000.0, "m": 10000.0}  # [deg/s, mm/s] that no arm reaches; RAVEN-II's tool turns at 500
 FEWEST_ROWS = 20  # median length of the parts between stamps that go back: joined recordings are longer
+REPEATED = 0.01  # share of rows with a stamp that was there before: messages that came twice are fewer
 FEWEST_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or twice
 
 
@@ -21,14 +22,16 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
         log: The recording.
         in_si: Positions are in rad and m, so that speeds mean something.
     """
-    if log.time is None or len(log) < 3:
+    if log.time is None:
         return []
     findings = []
     steps = np.diff(log.time)
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
-    if repeated:
-        at = int(np.flatnonzero(steps == 0.0)[0]) + 1
-        says = f"{repeated} repeated time stamps, the first at row {at}; expected every row at a time of its own"
+    if repeated or log.repeated > REPEATED * (len(log) + log.repeated):
+        says = (
+            f"{repeated + log.repeated} repeated time stamps in {len(log) + log.repeated} rows; expected every row at "
+            "a time of its own"
+        )
         culprit = "rows written twice, a sensor slower than the recorder, or a clock of coarse steps"
         findings.append(Finding("stamps", (), says, culprit))
     if back >= FEWEST_STEPS_BACK:

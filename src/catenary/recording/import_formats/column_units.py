@@ -156,8 +156,8 @@ def joint_units_of(
                 [f"units not stated: took {','.join(units)} (order of RAVEN-II and da Vinci PSM)"],
             )
     raise InputError(
-        f"{one.stream.name}: the units of its {n} joints are not stated, and not clear; give one of rad, deg, m, mm for "
-        f"each of {', '.join(names)}, for example --units {','.join(told)}, or the robot"
+        f"{one.stream.name}: the units of its {n} joints are not stated, and not clear; give one of rad, deg, m, mm "
+        f"for each of {', '.join(names)}, for example --units {','.join(told)}, or the robot"
     )
 
 

@@ -206,6 +206,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         simulated=sources.about is not None and sources.about.simulated,
         sha256=_sha256(sources.paths),
         units_assumed=assumed,
+        repeated=clock.repeated,
         settled=_settled(mapping, joints, in_file=in_file),
         notes=(
             *([] if mapping.name else [f"imported from {where}: {_told(mapping, joints)}"]),

@@ -74,6 +74,7 @@ class OneClock:
             stamps.notes.append("arrival times were taken, as asked")
         self._series = found
         series = found[self.base, ""]
+        self.repeated = series.report.repeated
         table = stamps.table.get(self.base)
         self._at: dict[tuple[str, str], Floats] = {}
         self.stamp = series.stamp
