@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from catenary import RobotModel, compact_regressor, gravity_regressor, load_robot
-from catenary.gravity.compact_regressor import CompactRegressor
+from catenary.gravity.compact_regressor import DOWN, CompactRegressor
 from catenary.gravity.gravity_regressor import carried_links, gravity_parameters
 from catenary.gravity.symbols import expression_text, mass_expression, moment_expression
 from catenary.gravity.written_terms import SHORT, full_entry, terms_text
-from catenary.spatial import LEVEL
 from papers.experiment import Result, run
 
 ZERO, NO_EFFECT = 0, -1  # in place of a parameter's number, from 1
@@ -57,7 +56,7 @@ def block_texts(model: RobotModel, joint: int) -> list[str]:
     row = int(np.flatnonzero(model.coupling[joint])[0])
     for frame in range(-1, len(model.link_names)):
         for along in range(3):
-            terms = full_entry(model, joint, frame, np.eye(3)[along], LEVEL, row)
+            terms = full_entry(model, joint, frame, np.eye(3)[along], DOWN, row)
             short = terms is not None and len(terms) <= SHORT
             name = f"Z{joint + 1},{3 * (frame + 1) + along + 1}"
             texts.append(terms_text(terms or {}) if short else name)
@@ -75,7 +74,7 @@ def decomposition(robot: str) -> Result:
     full, s = gravity_regressor(model, q, gravity), gravity_parameters(bodies).values
     compact = regressor.Z(q, gravity)
     difference = np.abs(full @ s - compact @ regressor.parameters(bodies)).max()
-    on_level, compact_on_level = gravity_regressor(model, q, LEVEL), regressor.Z(q, LEVEL)
+    on_level, compact_on_level = gravity_regressor(model, q, DOWN), regressor.Z(q, DOWN)
     n = len(model.link_names)
     own = groups(regressor)
     written = n <= WRITTEN

@@ -254,9 +254,9 @@ def test_raw_efforts_are_scaled_by_the_robots_file(read):
     [
         ({"tau": Q}, FileFormatError, "expected arrays q (N, n) and tau (N, n)"),
         ({"q": Q}, FileFormatError, "it holds q"),
-        ({"q": Q[:, 0], "tau": Q}, InputError, "tau has 2 columns, q_nominal 1"),
+        ({"q": Q[:, 0], "tau": Q}, FileFormatError, "q: expected shape (N, n), got (6,)"),
         ({"q": Q, "tau": Q, "fs": -1.0}, InputError, "rate -1: expected 0.001 to"),
-        ({"q": Q, "tau": Q[:3]}, InputError, "streams with clocks of their own cannot be put together"),
+        ({"q": Q, "tau": Q[:3]}, FileFormatError, "tau: expected shape (6, 2), got (3, 2)"),
         ({"q": Q, "tau": Q * np.nan}, InputError, "no row has all of q_nominal, tau"),
         ({"q": Q, "effort": Q}, InputError, "gives no effort_scale"),
         ({"q": Q, "tau": Q, "t": np.full(6, np.inf)}, InputError, "no row has a time"),

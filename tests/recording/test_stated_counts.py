@@ -60,8 +60,8 @@ def seconds_as_stamps(path: Path, width: int) -> Path:
 
 
 FILES = {
-    "commands": (command_log, "has 8388608 columns, expected 5000 at most"),
-    "torques": (torque_log, "has 8388608 columns, expected 5000 at most"),
+    "commands": (command_log, "q_des is empty: (0, 8388608)"),
+    "torques": (torque_log, "holds no array of numbers"),
     "schema": (parquet_without_rows, "20000 columns, expected 5000 at most"),
     "cells": (cells, "an array of shape (32768, 32768)"),
     "seconds": (seconds_as_stamps, "is time in ms, us or ns?"),

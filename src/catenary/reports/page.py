@@ -48,6 +48,8 @@ class Table:
     @property
     def rows(self) -> list[list[str]]:
         """The cells, as text."""
+        if all(isinstance(column, str) for column in self.columns):
+            return [[str(cell) for cell in record] for record in self.records]
         return [[_cell(column, record, place) for place, column in enumerate(self.columns)] for record in self.records]
 
     def text(self) -> str:

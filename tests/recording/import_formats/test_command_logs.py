@@ -56,12 +56,12 @@ EMPTY = {"q_des": np.zeros((0, 6)), "q_act": np.zeros((0, 6)), "ok": np.zeros(0,
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"q_act": np.zeros((ROWS, 5))}, "q_encoder has 5 columns, q_nominal 6"),
-        ({"q_act": np.zeros((ROWS - 1, 6))}, "streams with clocks of their own cannot be put together"),
-        ({"tau": np.zeros((ROWS, 2))}, "tau has 2 columns, q_nominal 6"),
-        ({"q_act": np.zeros((ROWS, 6, 1))}, 'no column "q_act"'),
-        ({"q_des": np.ones((ROWS, 6)).astype(str)}, 'no column "q_des"'),
-        (EMPTY, "holds no array of numbers"),
+        ({"q_act": np.zeros((ROWS, 5))}, r"q_act: expected shape \(5, 6\), got \(5, 5\)"),
+        ({"q_act": np.zeros((ROWS - 1, 6))}, r"q_act: expected shape \(5, 6\), got \(4, 6\)"),
+        ({"tau": np.zeros((ROWS, 2))}, r"tau: expected shape \(5, 6\), got \(5, 2\)"),
+        ({"q_act": np.zeros((ROWS, 6, 1))}, r"q_act: expected shape \(5, 6\), got \(5, 6, 1\)"),
+        ({"q_des": np.ones((ROWS, 6)).astype(str)}, "q_des: expected numbers, got <U32"),
+        (EMPTY, "q_des is empty"),
     ],
 )
 def test_an_array_that_is_not_as_it_should_be_is_refused(tmp_path: Path, changes: Any, said: str) -> None:
@@ -120,10 +120,10 @@ STATED = {"units": np.array(["m", "rad", "rad"])}
 @pytest.mark.parametrize(
     ("n", "stated", "given", "said"),
     [
-        *[(n, {}, {}, "units of q_nominal are not stated") for n in (1, 2, 4, 5, 7)],
+        *[(n, {}, {}, "joints are not stated, and not clear") for n in (1, 2, 4, 5, 7)],
         (3, {}, {"units": ("deg", "deg", "mm")}, "each rad or m"),
-        (3, {}, {"units": ("rad", "rad")}, "joint_units: 2 for 3 joints"),
-        (3, {}, {"joint_names": ("a", "b", "c", "d")}, "joint_names: 4 for 3 columns"),
+        (3, {}, {"units": ("rad", "rad")}, "has 3 joints, but 2 units were given"),
+        (3, {}, {"joint_names": ("a", "b", "c", "d")}, "has 3 joints, but 4 joint names were given"),
         (3, STATED, {"units": ("rad",) * 3}, "states the units m,rad,rad, but rad,rad,rad were given"),
     ],
 )

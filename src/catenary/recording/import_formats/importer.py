@@ -234,9 +234,9 @@ def _with_texts(
             )
         return found
 
-    for given, what in ((mapping.joint_units, "units"), (mapping.joint_names, "joint names")):
+    for given, what in ((mapping.joint_names, "joint names"), (mapping.joint_units, "units")):
         if given and len(given) != n:
-            raise InputError(f"{where}: has {n} joints, but {len(given)} {what} were given ({', '.join(given)})")
+            raise InputError(f"{where}: has {n} joints, but {len(given)} {what} were given ({','.join(given)})")
     names, units = own(mapping.names_in), own(mapping.units_in)
     if not names and not units:
         return mapping, False
