@@ -1,4 +1,4 @@
-"""What every room shares about a robot in motion: the verbs it obeys, its state, the one log type."""
+"""What every room shares about a robot in motion: the verbs it obeys, its CRTK states, the one log type."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,6 @@
-"""Rotations, poses, and gravity on a level base. `R_a_b` takes vectors in b to a; quaternions are (w, x, y, z).
+"""Rotations, poses, and gravity on a level base, (0, 0, -9.81).
 
+`R_a_b` takes vectors in b to a; quaternions are (w, x, y, z).
 scipy is imported where it is used: it takes as long as numba to import, and most robots load without it. Conversions
 that a served robot's tick makes are plain arithmetic, in a tenth of scipy's time.
 """

@@ -1,7 +1,16 @@
-"""Units of joints and their torques: SI inside, degrees and millimetres where people read."""
+"""Conversion of units of joints and torques: to SI where something is read, to degrees and millimetres where shown."""
 
 import math
 
+# units of files and options: the SI unit, and how many of it one of them is
+TO_SI = {
+    "rad": ("rad", 1.0),
+    "deg": ("rad", math.pi / 180.0),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "mdeg": ("m", math.pi / 180.0),  # metres times 180/pi, as RAVEN-II's firmware writes every joint
+}
 # what people read: the unit, and how many of it make one SI unit
 DISPLAY = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1000.0)}
 TORQUE_UNIT = {"rad": "Nm", "m": "N"}

@@ -1,4 +1,4 @@
-"""Calibration models on disk: a NumPy archive that executes nothing, with its card inside and beside it.
+"""Calibration models on disk: a versioned NumPy archive that executes nothing, with its card inside and beside it.
 
 A model is its own schema: the archive holds its plain data as JSON (`structure`), in which arrays stand by their names.
 """

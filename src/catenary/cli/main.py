@@ -1,4 +1,4 @@
-"""The catenary command: reads arguments, calls one job, prints."""
+"""The catenary command: reads arguments, calls one job, prints, ends with an exit code."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""SIGTERM and SIGHUP end a command as Ctrl-C does, so that it cleans up: a robot holds and is paused."""
+"""SIGTERM and SIGHUP end a command as Ctrl-C does, with exit code 128 and more: a robot holds and is paused."""
 
 import signal
 import threading

@@ -11,10 +11,9 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.units import TO_SI
 
 ARRAYS = ("q_nominal", "q_encoder", "qd", "tau")  # that an option may name: "tau:J2,J3"
-TO_SI = {"rad": 1.0, "deg": np.pi / 180.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "mdeg": np.pi / 180.0}
-SI = {"rad": "rad", "deg": "rad", "m": "m", "mm": "m", "cm": "m", "mdeg": "m"}
 _NEEDS = {"shift": "q_encoder", "time_unit": "time"}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
 MENDS = r"^(shift|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|qd|tau))?)$"
@@ -106,10 +105,10 @@ def _default(log: MotionLog) -> str:
 
 def si_units(units: Sequence[str]) -> tuple[str, ...]:
     """Return rad or m for each unit that positions may be in."""
-    unknown = [unit for unit in units if unit not in SI]
+    unknown = [unit for unit in units if unit not in TO_SI]
     if unknown:
-        raise InputError(f"units: unknown {', '.join(unknown)}; choices: {', '.join(SI)}")
-    return tuple(SI[unit] for unit in units)
+        raise InputError(f"units: unknown {', '.join(unknown)}; choices: {', '.join(TO_SI)}")
+    return tuple(TO_SI[unit][0] for unit in units)
 
 
 def units_of(text: str) -> tuple[str | None, tuple[str, ...]]:
@@ -151,7 +150,7 @@ def _units(log: MotionLog, text: str) -> MotionLog:
             f'recording "{log.name}": --units: expected one per joint, angles or lengths as its '
             f"{', '.join(f'{n} [{u}]' for n, u in zip(log.joint_names, log.joint_units, strict=True))}; got {text}"
         )
-    factor = np.array([TO_SI[unit] for unit in units])
+    factor = np.array([TO_SI[unit][1] for unit in units])
     if (factor == 1.0).all():
         return log
     keys = [array] if array else [key for key in ("q_nominal", "q_encoder", "qd") if getattr(log, key) is not None]

@@ -1,4 +1,4 @@
-"""The messages that robots publish: what is in them, the sums by which ROS 1 tells versions apart, their bytes.
+"""The messages that robots publish: what is in them, the sums by which ROS 1 tells versions apart.
 
 Field lists: raven_2 from uw-biorobotics/raven2 (msg/), crtk_msgs from collaborative-robotics/crtk_msgs, the rest from
 ROS's common messages. The md5 sums that follow from them are the published ones.

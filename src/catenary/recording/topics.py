@@ -21,6 +21,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.plant import UNUSED
 from catenary.recording.bag_chunks import Block
 from catenary.recording.layout import COUNT, Encoding, blank_messages, read_messages
+from catenary.units import TO_SI
 
 Arm = Literal["gold", "green"]
 # of 8 channels of an arm
@@ -28,7 +29,7 @@ AXES = ("shoulder", "elbow", "insertion", UNUSED, "roll", "wrist", "jaw1", "jaw2
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")  # of measured_js
 MEASURED_JS: Mapping[Arm, str] = {"gold": "/arm2/measured_js", "green": "/arm1/measured_js"}
 SECOND = 1_000_000_000  # [ns]
-_DEGREES = np.pi / 180.0  # to SI
+_DEGREES = TO_SI["deg"][1]
 _INT32 = np.iinfo(np.int32)
 
 

@@ -1,4 +1,4 @@
-"""Gravity in place of a measured one that is missing, and a transfer from one to the other without a jolt."""
+"""Fallbacks: gravity in place of a measured one that is missing, and transfers without a jolt."""
 
 from typing import Literal, get_args
 

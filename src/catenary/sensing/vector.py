@@ -1,4 +1,4 @@
-"""The gravity vector in the base frame: a sensor's samples on their way to the tick, readings, and tilt."""
+"""The gravity vector in the base frame, and its sign: samples on their way to the tick, readings, tilt."""
 
 import logging
 from collections import deque

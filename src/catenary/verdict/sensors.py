@@ -1,4 +1,4 @@
-"""Did the sensors measure? Encoders that stand still, rows of zeros, single wild measurements."""
+"""Did the sensors measure? Stuck encoders, rows of zeros, single wild measurements."""
 
 import numpy as np
 from numpy.typing import NDArray

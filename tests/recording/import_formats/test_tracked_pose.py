@@ -118,7 +118,7 @@ def test_an_arm_that_reaches_no_measured_pose_is_taken_at_its_nearest(tmp_path: 
     few = import_recording(path, mapping("planar_3r", match="pose", within_mm=0.2))
     assert 0 < few.ok.sum() < 0.9 * len(q)
     assert any("beyond 0.2 mm and 1 deg from all that the robot reaches" in note for note in few.notes)
-    with pytest.raises(InputError, match="measured on no row"):
+    with pytest.raises(InputError, match="q_encoder is measured on none"):
         import_recording(tracked(tmp_path / "far.csv", "planar_3r", q, q, 50.0), mapping("planar_3r", match="pose"))
 
 

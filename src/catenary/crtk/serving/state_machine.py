@@ -1,4 +1,4 @@
-"""Operating states and who may change them, in both dialects.
+"""Changes of operating state, and who may ask for them, in both dialects.
 
 `crtk`: enable DISABLED, FAULT -> ENABLED; disable any -> DISABLED; pause ENABLED -> PAUSED; resume PAUSED -> ENABLED;
 home and unhome touch is_homed only. [collaborative-robotics.github.io, robot operating state]

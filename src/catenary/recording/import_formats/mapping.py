@@ -1,6 +1,5 @@
 """A mapping: which columns of a recording are which quantity, and in which units; TOML, or options of a command."""
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,9 +13,10 @@ from catenary.documents import cut
 from catenary.errors import ConfigError
 from catenary.recording.import_formats.table_time import TimeUnit
 from catenary.spatial import Pose, as_rotation, rotation_from_quaternion
+from catenary.units import TO_SI
 
 Unit = Literal["rad", "deg", "m", "mm", "counts"]
-SI = {"rad": ("rad", 1.0), "deg": ("rad", math.pi / 180.0), "m": ("m", 1.0), "mm": ("m", 0.001)}
+SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "mm")}
 JOINT_QUANTITIES = ("q_nominal", "q_encoder", "qd", "tau")
 _OPTION = re.compile(r"(?P<quantity>[a-z_]+)(?::(?P<signal>[^=]+))?=(?P<columns>.+)\Z", re.DOTALL)
 

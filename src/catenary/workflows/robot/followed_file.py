@@ -17,8 +17,9 @@ from catenary.recording.import_formats.csv_files import is_number
 from catenary.recording.logs import read_parquet
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
+from catenary.units import TO_SI
 
-SCALE = {"rad": ("rad", 1.0), "m": ("m", 1.0), "deg": ("rad", np.pi / 180.0), "mm": ("m", 1e-3)}
+SCALE = {unit: TO_SI[unit] for unit in ("rad", "m", "deg", "mm")}
 SECONDS = {"s": 1.0, "ms": 1e-3}
 PUBLISHED_UNITS = ("rad", "rad", "m")  # of the zig-zags that RAVEN-II's group published
 _HEAD = re.compile(r"^(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]+)\]$")
