@@ -21,6 +21,8 @@ if TYPE_CHECKING:  # nothing of catenary may be imported before pytest_configure
 
 ROOT = Path(__file__).parents[1]
 MEMORY = 8 * 2**30  # [B] of a process: a test that takes ever more fails, and does not end those beside it
+# robots served to several programs; side by side they are late
+IN_REAL_TIME = ("test_ros_robot", "test_side_by_side", "test_tools", "test_stalls", "test_signals_ros1")
 LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream
 
 
@@ -43,6 +45,13 @@ def pytest_configure() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     if "PYTEST_XDIST_WORKER" in os.environ:
         _compile_one_at_a_time(Path(numba.config.CACHE_DIR))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give a file to one worker, and all programs that run in real time to one together: each wants a processor."""
+    for item in items:
+        in_real_time = item.path.stem in IN_REAL_TIME and item.get_closest_marker("slow") is not None
+        item.add_marker(pytest.mark.xdist_group("real time" if in_real_time else str(item.path.relative_to(ROOT))))
 
 
 def _compile_one_at_a_time(folder: Path) -> None:
