@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from catenary.cli.gravity_options import GravityOptions
 from catenary.cli.options import option
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_choice import RECORD, WatchedRobot, open_robot, recorded
+from catenary.cli.robot_choice import RECORD, WatchedRobot, chosen_robot, recorded
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -68,7 +68,7 @@ def monitor(
             from catenary.workflows.robot.snapshots import watch_robot
 
             announce("preparing the robot ...")
-            opened = stack.enter_context(open_robot(robot, "monitor", moves=False, imu=source))
+            opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, imu=source))
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name
             observe = stack.enter_context(recorded(opened, record))

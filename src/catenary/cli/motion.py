@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option, require_one
-from catenary.cli.robot_choice import RECORD, MovedRobot, PacedRobot, open_robot, recorded
+from catenary.cli.robot_choice import RECORD, MovedRobot, PacedRobot, chosen_robot, recorded
 from catenary.cli.robot_options import some_joint_values
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_json, print_notes, progress_bar
@@ -45,7 +45,7 @@ def goto(
 
     require_one(q_deg=q_deg, q=q, position_mm=position_mm)
     place = None if position_mm is None else np.array(position_mm) / 1000.0
-    with open_robot(robot, "goto") as opened:
+    with chosen_robot(robot, "goto") as opened:
         names = joints
         if place is not None:
             goal = joints_at(opened, place, rng=np.random.default_rng(0))
@@ -76,7 +76,7 @@ def random(
 
     from catenary.workflows.robot.operator_motion import run_random
 
-    with open_robot(robot, "random") as opened, progress_bar("random") as tell:
+    with chosen_robot(robot, "random") as opened, progress_bar("random") as tell:
         summary = run_random(opened, seconds, rng=np.random.default_rng(seed), progress=tell)
     _say(summary, as_json, "done")
 
@@ -112,7 +112,7 @@ def follow(
     away = motion.leaves_rows(motion.trajectory(blend), blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
-    with open_robot(robot, "follow") as opened, progress_bar("follow") as tell:
+    with chosen_robot(robot, "follow") as opened, progress_bar("follow") as tell:
         summary = follow_file(opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell)
     _say(summary, as_json, "followed to its end")
 
@@ -134,7 +134,7 @@ def teleop(
 
     terminal = RawTerminal()
     announce("preparing the robot ...")
-    with open_robot(robot, "teleop", homed=not not_homed) as opened:
+    with chosen_robot(robot, "teleop", homed=not not_homed) as opened:
         with recorded(opened, record) as observe, terminal:
             session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
             why = session.run(time.monotonic)

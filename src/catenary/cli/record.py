@@ -23,7 +23,7 @@ from catenary.cli.projects import (
     say_step,
     step_progress,
 )
-from catenary.cli.robot_choice import PacedRobot, TerminalGuide, open_robot, ros_transport
+from catenary.cli.robot_choice import PacedRobot, TerminalGuide, chosen_robot, ros_transport
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import announce, print_json, print_notes
 from catenary.errors import InputError
@@ -83,7 +83,7 @@ def home(
         yes=access.yes,
         fast=access.ros is None,
     )
-    with open_robot(chosen, "home", moves=False, homed=False) as moved:
+    with chosen_robot(chosen, "home", moves=False, homed=False) as moved:
         guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
         announce("homing ...")
         found = home_operated(moved, guide)

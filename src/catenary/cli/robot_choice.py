@@ -91,7 +91,7 @@ def ros_transport(version: int, name: str) -> "Iterator[Transport]":
 
 
 @contextmanager
-def open_robot(
+def chosen_robot(
     chosen: WatchedRobot, command: str, *, moves: bool = True, homed: bool = True, imu: "ImuTopic | None" = None
 ) -> "Iterator[OperatedRobot]":
     """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from catenary.cli.gravity_options import GravityOptions
 from catenary.cli.options import argument, option, robots_beginning
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_choice import NODE_NAME, MovedRobot, WatchedRobot, open_robot
+from catenary.cli.robot_choice import NODE_NAME, MovedRobot, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -136,7 +136,7 @@ def _beside(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
     from catenary.view.watched import WatchedArm
 
     source, moved = gravity.source(), isinstance(robot, MovedRobot)
-    opened = stack.enter_context(open_robot(robot, "view", moves=moved, imu=source))
+    opened = stack.enter_context(chosen_robot(robot, "view", moves=moved, imu=source))
     arm = (ControlledArm if moved else WatchedArm)(opened, shapes_of(robot.robot, opened.model)[0], model)
     return _Titled(robot.robot, arm)
 

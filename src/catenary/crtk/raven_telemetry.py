@@ -1,4 +1,4 @@
-"""What a RAVEN-II publishes beside its joint states: `raven_state` in SI, external encoders, its registration.
+"""What a RAVEN-II publishes beside its joint states: `raven_state` in SI, external encoders.
 
 The traps of raven_state, by the one table of `recording.topics`: every position and velocity is multiplied by 180/pi,
 metres of insertion too; `pos` is in whole micrometres; `tau` is what was commanded. Arms come as 8 channels each, gold
@@ -6,7 +6,6 @@ first.
 """
 
 from collections.abc import Mapping
-from typing import Protocol, cast
 
 import numpy as np
 
@@ -14,9 +13,9 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message
 from catenary.crtk.transport import Latest, Transport
-from catenary.errors import InputError, TransportError
-from catenary.plant import Column, OperatingState, Plant
-from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE, RATIO, shift_of
+from catenary.errors import InputError
+from catenary.plant import Column, OperatingState
+from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE
 from catenary.recording.topics import EXT_JPOS, JOINT_ENC, JOINTS, RAVENSTATE, RAVENSTATE_100HZ, Arm, TopicColumn
 from catenary.transmission.cable_coupling import joint_forces
 
@@ -123,35 +122,3 @@ class RavenTelemetry:
 def _unit(column: TopicColumn) -> str:
     """Return the units of a column's numbers, in their order; 1 where none is stated."""
     return "|".join(dict.fromkeys(unit for unit in column.units if unit)) or "1"
-
-
-COLUMN = "encoffsets"
-BOTH_ARMS = 16  # channels of raven_state
-
-
-class CrtkArm(Protocol):
-    """An arm behind topics."""
-
-    arm: Arm
-
-
-def registration_of(plant: Plant) -> Floats | None:
-    """Return `shift_of` of a robot's encoder offsets, (3,) [rad, rad, m]; None of one that tells none, or of NaN.
-
-    Args:
-        plant: A simulated arm, whose telemetry has seven axes, or one behind topics, which has both arms' channels.
-    """
-    offsets = plant.telemetry().get(COLUMN)
-    if offsets is None:
-        return None
-    own = arm_channels(offsets, cast(CrtkArm, plant).arm) if len(offsets) == BOTH_ARMS else offsets
-    shift = shift_of(own[: len(RATIO)])
-    return shift if np.isfinite(shift).all() else None
-
-
-def registration_heard(plant: Plant) -> Floats | None:
-    """Return `registration_of` of a robot; None also while its raven_state has not come yet."""
-    try:
-        return registration_of(plant)
-    except TransportError:
-        return None

@@ -35,7 +35,7 @@ class Table:
     Texts in place of columns are headings of records that are rows of cells. None and NaN are dashes.
     """
 
-    columns: Sequence[TableColumn | str]
+    columns: Sequence[TableColumn] | Sequence[str]
     records: Sequence[Any]
     title: str = ""
     left: int = 1  # columns that stand to the left; the others to the right
@@ -48,9 +48,10 @@ class Table:
     @property
     def rows(self) -> list[list[str]]:
         """The cells, as text."""
-        if all(isinstance(column, str) for column in self.columns):
+        columns = [column for column in self.columns if isinstance(column, TableColumn)]
+        if not columns:
             return [[str(cell) for cell in record] for record in self.records]
-        return [[_cell(column, record, place) for place, column in enumerate(self.columns)] for record in self.records]
+        return [[_cell(column, record, place) for place, column in enumerate(columns)] for record in self.records]
 
     def text(self) -> str:
         """Return the table for a terminal, its title above.
@@ -81,9 +82,7 @@ def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int],
     return [column(k, *joint) for k, joint in enumerate(joints)]
 
 
-def _cell(column: TableColumn | str, record: Any, place: int) -> str:
-    if isinstance(column, str):
-        return str(record[place])
+def _cell(column: TableColumn, record: Any, place: int) -> str:
     value = _value(record, place if column.value is None else column.value)
     if value is None or value != value:  # NaN
         return "-"

@@ -17,7 +17,6 @@ from catenary.errors import TransportError
 
 DEFAULT_URI = "http://localhost:11311"
 PATIENCE = 2.0  # [s] for an answer
-_NO_SUCH = -1  # the master's code for "I know no such name"
 
 
 class Refused(Exception):

@@ -11,6 +11,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from catenary.archives import content_in_words, read_arrays
 from catenary.config import parse_settings
 from catenary.errors import FileFormatError, InputError
@@ -22,6 +24,7 @@ from catenary.recording.import_formats.importer import Synchronisation, import_s
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.import_formats.raven_columns import raven_columns, raven_table
 from catenary.recording.import_formats.sources import Sources, is_bag
+from catenary.recording.import_formats.table_files import streams_of_arrays
 from catenary.recording.parquet_files import open_parquet
 from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE
 from catenary.recording.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, Arm, measured_topic, psm_topic
@@ -238,7 +241,7 @@ def read_commands(
     _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("command_log")
     given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
-    return import_sources(Sources([path], rows_first=True), mapping.model_copy(update=given))
+    return import_sources(_sources(path, content), mapping.model_copy(update=given))
 
 
 def read_torques(path: Path, model: RobotModel) -> MotionLog:
@@ -250,7 +253,7 @@ def read_torques(path: Path, model: RobotModel) -> MotionLog:
             f"{content_in_words(content)}"
         )
     _require_rows(path, content, ("q", "tau", "effort", "dq"), ("t",))
-    sources = Sources([path], rows_first=True)
+    sources = _sources(path, content)
     mapping = layout_mapping("torque_log", torque="tau" if "tau" in content else "effort")
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
     names = sources.streams[0].texts.get("joint_names") or (model.joint_names if n == model.n else nameless(n))
@@ -271,7 +274,14 @@ def read_torques(path: Path, model: RobotModel) -> MotionLog:
     return replace(log, tau=log.tau * scale, notes=(*log.notes, "raw efforts times the robot's effort_scale"))
 
 
-def _require_rows(path: Path, content: Mapping[str, Any], per_joint: Sequence[str], per_row: Sequence[str]) -> None:
+def _sources(path: Path, content: Mapping[str, NDArray[Any]]) -> Sources:
+    """Return the arrays that were read of a `.npz`, whose rows come first."""
+    return Sources.of([path], streams_of_arrays(path, content, rows_first=True))
+
+
+def _require_rows(
+    path: Path, content: Mapping[str, NDArray[Any]], per_joint: Sequence[str], per_row: Sequence[str]
+) -> None:
     """Refuse arrays of a layout that do not have a row for each of its first one's, and in it a number a joint."""
     first = content[per_joint[0]].shape
     if len(first) != 2:

@@ -72,12 +72,11 @@ class ExtractedTopics:
 class Sources:
     """Bags and tables of one recording."""
 
-    def __init__(self, paths: Sequence[Path], *, rows_first: bool = False) -> None:
+    def __init__(self, paths: Sequence[Path]) -> None:
         """Open them: a sample of each bag's topics, tables whole.
 
         Args:
             paths: Bags, tables, journals, extractions, or folders of bags.
-            rows_first: Arrays of tables are (rows, columns), and never turned.
         """
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
@@ -94,7 +93,7 @@ class Sources:
             elif is_bag(path):
                 bags += [Bag(part) for part in bags_in(path)]
             else:
-                streams += read_table_file(path, rows_first=rows_first)
+                streams += read_table_file(path)
         bags.sort(key=lambda bag: bag.first_arrival)
         self._bags += bags
         self.about: About | None = same_origin([bag.about for bag in self._bags])

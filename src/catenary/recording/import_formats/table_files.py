@@ -28,14 +28,10 @@ _HEAD = 128  # [B] before the elements of a file of version 5
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
-def read_table_file(path: Path, *, rows_first: bool = False) -> list[Stream]:
+def read_table_file(path: Path) -> list[Stream]:
     """Read a file as streams without stamps: which column holds the time is for the mapping to say.
 
     Arrays of another number of rows are streams of their own, called `FILE#ROWS`.
-
-    Args:
-        path: The file.
-        rows_first: Arrays are (rows, columns), and never turned.
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
@@ -46,11 +42,11 @@ def read_table_file(path: Path, *, rows_first: bool = False) -> list[Stream]:
     if ending == ".parquet":
         return [_parquet(path)]
     if ending == ".npz":
-        return _of_arrays(path, read_arrays(path), rows_first=rows_first)
+        return streams_of_arrays(path, read_arrays(path))
     if ending == ".npy":
-        return _of_arrays(path, {"data": read_array(path)})
+        return streams_of_arrays(path, {"data": read_array(path)})
     if ending == ".mat":
-        return _of_arrays(path, read_matlab(path))
+        return streams_of_arrays(path, read_matlab(path))
     raise FileFormatError(
         f'{path}: ending "{path.suffix}": expected a bag (.bag, .mcap, the folder of a ROS 2 bag) or a table '
         f"({', '.join(ENDINGS)})"
@@ -72,8 +68,11 @@ def _table(path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[s
     return Stream(path.stem, "table", numbers, rows, constants=constants, notes=tuple(notes))
 
 
-def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bool = False) -> list[Stream]:
-    """Return arrays by their number of rows, that of most numbers first; wide ones as `name[0]`, `name[1]`, ..."""
+def streams_of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, rows_first: bool = False) -> list[Stream]:
+    """Return arrays by their number of rows, that of most numbers first; wide ones as `name[0]`, `name[1]`, ...
+
+    With `rows_first`, arrays are (rows, columns) and never turned.
+    """
     for name, a in arrays.items():
         width = 0 if a.ndim != 2 else a.shape[1] if rows_first else min(a.shape)
         if width > MOST_COLUMNS:  # before as many names are made
