@@ -55,6 +55,14 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Synchronisation:
     return _synchronised(tmp_path_factory.mktemp("plain"), RIG_TIME, raven_recording.encoder(RIG_TIME))
 
 
+def test_simulated_time_begins_at_zero_and_its_first_stamp_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(raven_recording, "START_NS", 0)
+    log = _synchronised(tmp_path, RIG_TIME, raven_recording.encoder(RIG_TIME)).log
+    assert [note for note in log.notes if "no stamp" in note] == []
+
+
 def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_path: Path) -> None:
     raven_recording.record(tmp_path / "r", 20.0)
     extract([tmp_path / "r"], tmp_path / "x")

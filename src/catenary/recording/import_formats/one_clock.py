@@ -261,12 +261,13 @@ def _stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping, *, alon
         found.stamp[name], found.arrival[name] = own, came
         if came is None:
             continue
-        missing = own == 0
-        if missing.all() or mapping.stamps == "arrival":
+        unset = own == 0
+        if unset.all() or mapping.stamps == "arrival":
             if mapping.stamps == "header":
                 raise InputError(f'{name}: its messages carry no stamps; give stamps = "arrival"')
             found.stamp[name] = np.zeros_like(came) if mapping.stamps == "auto" else came
             continue
+        missing = unset & (came != 0)  # simulated time begins at zero, and what arrives then says so
         if missing.any():
             found.stamp[name] = np.where(missing, came, own)
             found.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
