@@ -47,6 +47,7 @@ def pytest_configure() -> None:
         _compile_one_at_a_time(Path(numba.config.CACHE_DIR))
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist, which reads the marks in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give a file to one worker, and all programs that run in real time to one together: each wants a processor."""
     for item in items:
