@@ -12,7 +12,7 @@ from catenary.crtk.serving.server import Server
 from catenary.crtk.topic_names import DialectName, find_topic
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import Plant
-from catenary.recording.topics import Arm
+from catenary.raven2.topics import Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS
 from oracles.cable_arms import homed_plant
 from oracles.ideal_plant import IdealPlant

@@ -8,12 +8,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.crtk.loopback import Loopback
+from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import CatenaryError, FileFormatError, InputError, NotReadyError, UnsupportedModelError
 from catenary.nodes.calibrated_topics import reader_of
 from catenary.nodes.serve import Serving
 from catenary.open_robot import KINDS, OverTopics, Simulated, open_robot, tilted_base
 from catenary.plant import require_ready
-from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.sensing.vector import tilted_gravity
 from catenary.simulation.joint_hardware import JointHardware

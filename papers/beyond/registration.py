@@ -11,7 +11,7 @@ import numpy as np
 
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats, frozen
-from catenary.recording import raven_transmission as transmission
+from catenary.raven2 import transmission
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.firmware import FOUND
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER

@@ -7,7 +7,7 @@ Here they are the other arm's joint positions and torques: constants, as that ar
 tell nothing. The robot's `dt` stands in the stamp's place, which is beyond all training in every test.
 """
 
-from catenary.recording.topics import AXES
+from catenary.raven2.topics import AXES
 
 SIXTEEN = ("q", "tau")  # groups: all joints, tool and unused channel included
 

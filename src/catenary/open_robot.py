@@ -18,9 +18,10 @@ from catenary.crtk.gravity_topic import ImuTopic
 from catenary.crtk.reader import CrtkReader, model_joints
 from catenary.crtk.topic_names import DIALECTS, DialectName
 from catenary.crtk.transport import Transport
+from catenary.dvrk_psm import PSM_JOINTS, psm_topic
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.gravity.payload import Payload
-from catenary.recording.topics import JOINTS, PSM_JOINTS, Arm, psm_topic
+from catenary.raven2.topics import JOINTS, Arm
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import FixedBase, MovingBase

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag1 import Writer
 
+from catenary.raven2.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE_100HZ
 from catenary.recording.messages import ros2_name, typestore
-from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE_100HZ, encode
+from catenary.recording.topic_samples import encode
 from oracles.raven_recording import START_NS, telemetry
 from tests.benchmarks.measure import Tables, report
 
@@ -46,7 +47,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from rosbags.highlevel import AnyReader
-from catenary.recording.topics import topic_named
+from catenary.recording.topic_samples import topic_named
 wall, cpu, count = time.perf_counter(), time.process_time(), 0
 stamps, values = {}, {}
 with AnyReader([Path(sys.argv[1])]) as reader:

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from catenary.raven2.topics import raven_topics
 from catenary.recording.extract import extract
-from catenary.recording.import_formats.known_layouts import read_raven
+from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.recorder import Recorder
-from catenary.recording.topics import encode, raven_topics
+from catenary.recording.topic_samples import encode
 from tests.benchmarks.measure import Tables, cpu_time, report
 from tests.oracles.raven_recording import record_minutes, telemetry, write_bag
 

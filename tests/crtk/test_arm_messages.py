@@ -12,7 +12,7 @@ from catenary.crtk.message_values import pose_of
 from catenary.crtk.serving.arm_messages import FORWARD, INVERSE
 from catenary.dynamics.kinematics import forward_kinematics, relative_pose
 from catenary.nodes.serve import Serving, make_server
-from catenary.recording.topics import Arm
+from catenary.raven2.topics import Arm
 from catenary.robots.catalog import load_robot
 from oracles.cable_arms import homed_plant
 from served_robot import ServedRobot

@@ -13,7 +13,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.reader import RobotJoints
 from catenary.errors import InputError, NotReadyError, TransportError
-from catenary.recording.topics import JOINTS
+from catenary.raven2.topics import JOINTS
 from catenary.sensing.bases import rules_for
 from catenary.sensing.mounting import Mounting
 from catenary.simulation.cable_plant import UNITS, CablePlant

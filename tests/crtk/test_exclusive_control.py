@@ -12,7 +12,7 @@ from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.reader import CrtkReader
 from catenary.errors import NotReadyError, RobotHeldError
-from catenary.recording.topics import JOINTS
+from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
 from catenary.workflows.robot.motion import at_rest_afterwards, move_to
 from oracles.crtk_robot import RobotOnLoopback

@@ -14,7 +14,7 @@ from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, DIAGNOSTICS, DIAGNOST
 from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
 from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import OperatingState
-from catenary.recording.topics import EXT_JPOS, JOINT_ENC
+from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN, SetClock

@@ -7,7 +7,7 @@ from catenary.crtk.message import message_class
 from catenary.crtk.topic_names import NAMESPACES, RAVEN, crtk_topics, find_topic, topic_name, topics
 from catenary.crtk.transport import absolute
 from catenary.errors import InputError
-from catenary.recording.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
+from catenary.raven2.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
 
 PAGE = Path(__file__).parents[2] / "docs" / "crtk.md"
 

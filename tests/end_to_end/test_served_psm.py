@@ -13,12 +13,12 @@ from catenary.crtk.message import message_class
 from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.crtk.reader import model_joints
 from catenary.crtk.topic_names import crtk_topics
+from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import InputError, NotReadyError
 from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 from catenary.nodes.serve import Serving, make_server
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
-from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import Pose

@@ -18,7 +18,7 @@ from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.nodes.calibrated_topics import LATE, CalibratedTopics
 from catenary.plant import MotionLog
-from catenary.recording.topics import JOINTS
+from catenary.raven2.topics import JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import UNITS
 from oracles.crtk_robot import RobotOnLoopback

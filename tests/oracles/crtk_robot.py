@@ -8,14 +8,13 @@ import numpy as np
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message, joint_values, operating_state_message
-from catenary.crtk.raven_telemetry import CHANNELS
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE, NAMESPACES, DialectName, crtk_topics, find_topic
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.open_robot import OverTopics
 from catenary.plant import Plant
-from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Arm
+from catenary.raven2.topics import CHANNELS, EXT_JPOS, JOINT_ENC, Arm
 from catenary.workflows.robot.operated_robot import OperatedRobot, operated_robot
 from oracles.ticking_clock import TickingClock
 

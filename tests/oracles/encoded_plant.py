@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from catenary.plant import Column
-from catenary.recording.topics import JOINTS
+from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
 from oracles.ideal_plant import Floats, IdealPlant
 

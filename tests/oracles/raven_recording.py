@@ -9,11 +9,13 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
+from catenary.raven2.topics import RAVENSTATE, raven_topics
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import ros2_name, typestore
 from catenary.recording.recorder import Recorder
-from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, RAVENSTATE, Topic, encode, raven_topics
+from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE, encode
+from catenary.topics import Topic
 
 START_NS = 1_600_000_000_000_000_000
 CENTRE, AMPLITUDE, RATE = (0.7, 1.4, 0.37), (0.3, 0.4, 0.04), (0.2, 0.31, 0.25)  # rad|m, rad|m, rad/s

@@ -17,7 +17,7 @@ from catenary.recording.bag_stream import BagStream
 from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import full_definition, md5_sum, typestore
-from catenary.recording.topics import ABOUT_TOPIC
+from catenary.recording.topic_samples import ABOUT_TOPIC
 from oracles.raven_recording import ABOUT, record, write_bag
 
 Message = tuple[str, int, bytes]

@@ -9,14 +9,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
+from catenary.raven2.topics import EXT_JPOS, GREEN_MEASURED_JS, raven_topics
 from catenary.recording import bag_reader
 from catenary.recording import extract as extract_module
 from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
-from catenary.recording.import_formats.raven_columns import write_raven_csv
+from catenary.recording.import_formats.raven_recordings import write_raven_csv
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, raven_topics
 from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, write_bag
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import extract
-from catenary.recording.import_formats.known_layouts import read_raven
+from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.recording.journal_reader import JournalReader
 from oracles.raven_recording import record_minutes
 

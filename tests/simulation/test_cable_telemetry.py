@@ -4,9 +4,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.recording.topics import raven_topics
+from catenary.raven2.topics import CHANNELS, raven_topics
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.cable_telemetry import CHANNELS, COLUMNS, PER_AXIS, telemetry_of
+from catenary.simulation.cable_telemetry import COLUMNS, PER_AXIS, telemetry_of
 from catenary.simulation.firmware import TickLog
 from oracles.cable_arms import homed_plant, smooth_motion
 
@@ -31,9 +31,9 @@ def test_columns_are_those_that_are_declared_and_fit_the_topics(run) -> None:
 
 def test_an_arms_channels_are_its_own_and_the_parked_arms_are_zero(run) -> None:
     plant, log, telemetry = run
-    first, parked = (0, slice(8, 16)) if plant.side == "left" else (8, slice(0, 8))
+    arm, parked = ("gold", slice(8, 16)) if plant.side == "left" else ("green", slice(0, 8))
     for name, field in PER_AXIS.items():
-        assert_array_equal(telemetry[name][:, CHANNELS + first], getattr(log, field))
+        assert_array_equal(telemetry[name][:, list(CHANNELS[arm])], getattr(log, field))
         assert (telemetry[name][:, parked] == 0.0).all()
 
 

@@ -6,10 +6,10 @@ from numpy.testing import assert_allclose
 
 from catenary.calibration import calibration
 from catenary.calibration.model_file import load_model
+from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import ConfigError, InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import MotionLog
-from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
 from catenary.view.replay import RecordedArm, Replay, recorded_arm, shown_project

@@ -15,7 +15,7 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.raven_transmission import OFFSETS
+from catenary.raven2.transmission import OFFSETS
 
 BEYOND = 2.0  # times the error that the card tells, where a model has no interval
 

@@ -45,7 +45,7 @@ def extract(
     Writes a motion log NAME.parquet for each, and a report beside it. Of a recording that was interrupted it takes
     what is whole, and says what is lost.
     """
-    from catenary.recording.import_formats.raven_columns import write_raven_csv
+    from catenary.recording.import_formats.raven_recordings import write_raven_csv
     from catenary.reports.page import Table, TableColumn
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
     from catenary.workflows.project.robot import arm_of

@@ -7,7 +7,7 @@ from catenary.crtk.inbox import Subscription
 from catenary.crtk.topic_names import COMMAND, WARNING, DialectName, topics_of
 from catenary.crtk.transport import Transport
 from catenary.errors import RobotHeldError
-from catenary.recording.topics import Arm
+from catenary.raven2.topics import Arm
 
 UNDER_WAY = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm
 LISTEN = 0.35  # [s] that a client listens before it begins

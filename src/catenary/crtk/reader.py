@@ -20,12 +20,13 @@ from catenary.crtk.gravity_topic import ImuTopic, MeasuredGravity
 from catenary.crtk.message import Message
 from catenary.crtk.message_values import joint_state, joint_values
 from catenary.crtk.message_values import operating_state as operating_state_of
-from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
+from catenary.crtk.raven_telemetry import RavenTelemetry
 from catenary.crtk.topic_names import DIAGNOSTICS, DIAGNOSTICS_TYPE, JOINT_STATE, DialectName, find_topic
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError, TransportError, UnsupportedCommandError
 from catenary.plant import JOINT_UNITS, Column, JointState, OperatingState, StateCommand
-from catenary.recording.topics import JOINTS, Arm
+from catenary.raven2.topics import JOINTS, Arm
+from catenary.raven2.transmission import joint_torques
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL

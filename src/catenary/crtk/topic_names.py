@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from catenary.errors import InputError
-from catenary.recording.topics import MEASURED_JS, Arm
+from catenary.raven2.topics import MEASURED_JS, Arm
 
 DialectName = Literal["raven", "crtk"]
 DIALECTS: tuple[DialectName, ...] = ("raven", "crtk")

@@ -12,7 +12,7 @@ from catenary.crtk.topic_names import JOINT_STATE, topic_name
 from catenary.crtk.transport import Transport
 from catenary.devices.encoder_board import EncoderBoard, EncoderReading
 from catenary.errors import InputError
-from catenary.recording.topics import EXT_JPOS, JOINT_ENC
+from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 
 STATE_TOPIC = topic_name("raven", "operating_state", "gold")
 _STEP = 0.005  # [s] between looks at the board, which sends on its own

@@ -21,11 +21,11 @@ from catenary.crtk.serving.server import ServedEncoders, Server, has_encoders
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName, crtk_topics
 from catenary.crtk.transport import Transport
+from catenary.dvrk_psm import psm_topic, psm_topics
 from catenary.errors import InputError, UnsupportedCommandError
 from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
 from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
-from catenary.recording.topics import psm_topic, psm_topics
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.psm_parameters import load_psm

@@ -29,7 +29,7 @@ from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
 from catenary.recording.messages import MESSAGES, check_type, current_name
-from catenary.recording.topics import ABOUT_TOPIC, require_topics
+from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
 METADATA = "metadata.yaml"
 AT_ONCE = 8192  # messages of a topic that are in memory at once

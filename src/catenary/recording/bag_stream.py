@@ -43,7 +43,7 @@ from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, About, Journ
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
 from catenary.recording.messages import check_ros1_type, check_type, current_name
-from catenary.recording.topics import ABOUT_TOPIC, require_topics
+from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"

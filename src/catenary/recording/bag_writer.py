@@ -20,7 +20,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.recording.bag_reader import Source
 from catenary.recording.layout import Encoding, blank_messages
 from catenary.recording.messages import MESSAGES, current_name, ros2_name, typestore
-from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, topic_named
+from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE, topic_named
 
 log = logging.getLogger(__name__)
 BagKind = Literal["ros1", "mcap"]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from catenary.documents import json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
+from catenary.raven2.topics import RAVEN_TOPICS
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_reader import Source, blocks_of, open_recordings
 from catenary.recording.journal import About, same_origin
@@ -22,7 +23,8 @@ from catenary.recording.layout import Encoding
 from catenary.recording.losses import Rescue
 from catenary.recording.messages import current_name, md5_sum
 from catenary.recording.parquet_files import open_parquet, read_table
-from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
+from catenary.recording.topic_samples import decode, require_topics, topic_named
+from catenary.topics import Topic
 
 FORMAT = "catenary.topic.1"
 ROW_GROUP = 8192  # messages that are in memory at once, per topic
@@ -234,7 +236,7 @@ def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[di
         wanted[name] = topic
     if not wanted:
         raise FileFormatError(
-            f"recording: has none of the topics {', '.join(t.name for t in TOPICS)}; "
+            f"recording: has none of the topics {', '.join(t.name for t in RAVEN_TOPICS)}; "
             f"it has {', '.join(there) or 'none'}"
         )
     return wanted, problems

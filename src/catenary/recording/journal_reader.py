@@ -15,7 +15,7 @@ from catenary.recording.bag_stream import BagConnection, BagStream
 from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
-from catenary.recording.topics import require_topics
+from catenary.recording.topic_samples import require_topics
 
 
 @dataclass

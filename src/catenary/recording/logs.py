@@ -59,7 +59,7 @@ def read_log(
 
         log = read_commands(path, units=units, joint_names=joint_names)
     elif ending == ".csv":
-        from catenary.recording.import_formats.known_layouts import read_raven
+        from catenary.recording.import_formats.raven_recordings import read_raven
 
         log = replace(read_raven([path]).log, settled={"units": ()})
     else:

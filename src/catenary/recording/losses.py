@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.recording.topics import SECOND
+from catenary.topics import SECOND
 
 # [ns] arrivals of the last message before what could not be read and of the first behind it; None at an end
 Hole = tuple[int | None, int | None]

@@ -1,9 +1,8 @@
 """Turns a robot's telemetry into the messages it would publish, at each topic's rate, and writes the journal.
 
-Telemetry is a mapping from column name to numbers in SI; the names are those of `topics.py`: raven_state's fields
-(jpos and tau at least; what else is missing is published as zero), `ext_jpos` (3,), `joint_enc` (3,) and
-`measured_js` (7,), with `_velocity` and `_effort` where known. Degrees, micrometres and counts appear when the
-message is made, not before. A topic whose columns a robot lacks altogether is left out, and `left_out` names it.
+Telemetry is a mapping from the names of the topics' columns to numbers in SI: of a RAVEN-II raven_state's fields (jpos
+and tau at least; what else is missing is published as zero), `ext_jpos` (3,), `joint_enc` (3,) and `measured_js` (7,),
+with `_velocity` and `_effort` where known. Degrees, micrometres and counts appear when the message is made, not before. A topic whose columns a robot lacks altogether is left out, and `left_out` names it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
-from catenary.recording.topics import SECOND, Topic, encode
+from catenary.recording.topic_samples import encode
+from catenary.topics import SECOND, Topic
 
 JITTER = 0.05  # of a topic's period, standard deviation; simulated recordings only
 SHORTEST = 0.25  # of a topic's period between two messages

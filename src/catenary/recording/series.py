@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.recording.topics import SECOND
+from catenary.topics import SECOND
 
 WIDE = 3.0  # intervals that a gap is long, at least; a slow topic has no gaps merely for being slow
 OFFSET = 0.005  # [s] of a clock against the arrival of messages that is worth a note

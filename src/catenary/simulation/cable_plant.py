@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.plant import Column
+from catenary.raven2.topics import JOINTS, UNITS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseSamples, MovingBase
@@ -41,8 +42,6 @@ REPORTED = {  # name in telemetry: field of the firmware's state, unit
     "dac_val": ("dac", "DAC"),
     "encoffsets": ("offset", "counts"),
 }
-JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
-UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 # between which an arm stands at power-on [rad, rad, m]
 STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist

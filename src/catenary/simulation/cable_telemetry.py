@@ -1,17 +1,13 @@
-"""A simulated arm's ticks as a RAVEN-II reports them: the fields of raven_state, in SI, for both arms' channels.
-
-Channels of an arm: shoulder, elbow, insertion, one unused, roll, wrist, two jaws; gold first, green eight later. The
-parked arm's channels stay zero.
-"""
+"""A simulated RAVEN-II arm's ticks as the robot reports them: raven_state's fields in SI; the parked arm's are zero."""
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
+from catenary.raven2.topics import Arm, in_channels
 from catenary.simulation.cable_plant import REPORTED, CablePlant
 from catenary.simulation.firmware import TickLog, joint_torques
 
-CHANNELS = np.array([0, 1, 2, 4, 5, 6, 7])
 RUNNING = 3  # run level: pedal down
 # name in telemetry: field of a tick's log, which has no offsets of the encoders
 PER_AXIS = {name: field for name, (field, _) in REPORTED.items() if name != "encoffsets"}
@@ -37,17 +33,13 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     `pos` and `ori` are the tool's pose in the arm's frame 0, as the robot believes it from its motors.
     """
     ticks = len(log.joint)
-    shift = 0 if plant.side == "left" else 8
-    columns: dict[str, Floats] = {}
-    for name, field in PER_AXIS.items():
-        columns[name] = np.zeros((ticks, 16))
-        columns[name][:, CHANNELS + shift] = getattr(log, field)
-    columns["encoffsets"] = np.zeros((ticks, 16))
-    columns["encoffsets"][:, CHANNELS + shift] = plant.control.offset
+    side: Arm = "gold" if plant.side == "left" else "green"
+    columns = {name: in_channels(side, getattr(log, field)) for name, field in PER_AXIS.items()}
+    columns["encoffsets"] = in_channels(side, np.tile(plant.control.offset, (ticks, 1)))
     columns["runlevel"] = np.full((ticks, 1), float(RUNNING))
     columns["type"] = np.zeros((ticks, 2))
     columns["dt"] = np.full((ticks, 1), plant.period)
-    arm = 0 if plant.side == "left" else 1
+    arm = ("gold", "green").index(side)
     rotation, position = _tool_poses(plant, log.joint)
     positions, rotations = np.zeros((ticks, 2, 3)), np.zeros((ticks, 2, 3, 3))  # of both arms
     positions[:, arm], rotations[:, arm] = position, rotation

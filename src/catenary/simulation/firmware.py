@@ -20,7 +20,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.recursion import gravity_recursion, place_joints
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
-from catenary.recording.raven_transmission import COUNTS_PER_RADIAN
+from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, Firmware
 from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
+from catenary.dvrk_psm import PSM_JOINTS
 from catenary.plant import Column
-from catenary.recording.topics import PSM_JOINTS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, MovingBase

@@ -20,7 +20,7 @@ from catenary.recording.journal import JournalWriter
 from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.layout import blank_messages
 from catenary.recording.losses import Rescue
-from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE
+from catenary.recording.topic_samples import ABOUT_TOPIC, ABOUT_TYPE
 
 UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
 

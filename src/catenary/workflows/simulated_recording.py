@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.plant import UNUSED, MotionLog
-from catenary.recording.import_formats.known_layouts import further_columns
-from catenary.recording.topics import RAVENSTATE
-from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+from catenary.raven2.topics import JOINTS, RAVENSTATE, UNITS, further_columns
+from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.cable_telemetry import telemetry_of
 from catenary.simulation.firmware import TickLog, joint_torques
 from catenary.simulation.firmware_plant import FirmwarePlant, Log
@@ -101,8 +100,7 @@ def _state_signals(
     state: dict[str, Floats] = {}
     for column in RAVENSTATE.columns:
         values = told.get(column.name, np.zeros((len(rows), column.width))).reshape(len(rows), column.width)
-        paths = [f"{column.path}[{label}]" if label else column.path for label in column.labels]
-        state |= dict(zip(paths, values.T.astype(np.float64), strict=True))
+        state |= dict(zip(column.paths, values.T.astype(np.float64), strict=True))
     further = further_columns(columns, "gold" if plant.side == "left" else "green")
     signals = {name: state[path] for name, (path, _) in further.items()}
     return signals, {name: unit for name, (_, unit) in further.items()}

@@ -207,7 +207,7 @@ def _parquet(checked: bool) -> bytes:
     """A motion log; without checksums of its pages, damage reaches behind them."""
     import pyarrow.parquet as pq
 
-    from catenary.recording.import_formats.known_layouts import read_raven
+    from catenary.recording.import_formats.raven_recordings import read_raven
     from catenary.recording.logs import write_parquet
 
     path = sample("log.parquet")
@@ -242,8 +242,8 @@ def parquet_case(seed: int, folder: Path) -> None:
 
 def topic_case(seed: int, folder: Path) -> None:
     """An extracted topic."""
+    from catenary.raven2.topics import EXT_JPOS
     from catenary.recording.extract import topic_file
-    from catenary.recording.topics import EXT_JPOS
 
     rng = random.Random(seed)
     whole = (_extraction() / f"{EXT_JPOS.stem}.parquet").read_bytes()
@@ -254,7 +254,7 @@ def topic_case(seed: int, folder: Path) -> None:
 
 @cache
 def _csv_file() -> Path:
-    from catenary.recording.import_formats.raven_columns import write_raven_csv
+    from catenary.recording.import_formats.raven_recordings import write_raven_csv
 
     path = sample("raven.csv")
     write_raven_csv(_extraction(), path)

@@ -63,9 +63,9 @@ def _monotonic(stamp: "np.ndarray") -> "np.ndarray":
 
 def recorder(seed: int, folder: Path) -> None:
     """Set the machine's clock while its recorder runs, as often as one likes; extract and synchronise what it kept."""
+    from catenary.raven2.topics import raven_topics
     from catenary.recording.extract import extract
-    from catenary.recording.import_formats.known_layouts import read_raven
-    from catenary.recording.topics import raven_topics
+    from catenary.recording.import_formats.raven_recordings import read_raven
     from catenary.workflows.robot.topic_recorder import TopicRecorder
     from oracles.cable_arms import homed_plant
     from oracles.crtk_robot import RobotOnLoopback

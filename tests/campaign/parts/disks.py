@@ -129,7 +129,7 @@ def pipeline(seed: int, folder: Path) -> None:
     import warnings
 
     from catenary.calibration.fit_options import FitOptions, FitRun
-    from catenary.recording.import_formats.raven_columns import write_raven_csv
+    from catenary.recording.import_formats.raven_recordings import write_raven_csv
     from catenary.workflows.project import calibrate
     from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags

@@ -26,7 +26,8 @@ import mmap, os, sys, time
 from pathlib import Path
 import numpy as np
 from catenary.recording.journal import JournalTopic, JournalWriter
-from catenary.recording.topics import encode, raven_topics
+from catenary.raven2.topics import raven_topics
+from catenary.recording.topic_samples import encode
 from oracles.raven_recording import telemetry
 os.fsync = lambda descriptor: None  # a program that is killed needs no disk, which may be busy
 appended = mmap.mmap(os.open(sys.argv[2], os.O_RDWR), 8)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from catenary import JointState, MotionLog, Reference, gravity_torque, load_robot, potential_energy, random_sinusoids
 from catenary.calibration.fit_options import FitOptions
 from catenary.plant import AT_REST
-from catenary.recording.raven_transmission import COUNTS_PER_RADIAN
+from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import FASTEST, SLOWEST

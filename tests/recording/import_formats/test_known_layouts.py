@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import FileFormatError
 from catenary.recording.extract import extract
-from catenary.recording.import_formats.known_layouts import read_raven
-from catenary.recording.import_formats.raven_columns import write_raven_csv
+from catenary.recording.import_formats.raven_recordings import read_raven, write_raven_csv
 from catenary.recording.logs import read_log, write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.workflows.import_recording import import_recording, known_layout

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.dvrk_psm import PSM as ROBOT
+from catenary.dvrk_psm import PSM_JOINTS, PSM_TOPICS, psm_topic, psm_topics
 from catenary.errors import InputError
 from catenary.recording.extract import extract
-from catenary.recording.import_formats.known_layouts import PSM as ROBOT
 from catenary.recording.import_formats.known_layouts import read_psm
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
-from catenary.recording.topics import PSM_JOINTS, PSM_TOPICS, psm_topic, psm_topics, topic_named
+from catenary.recording.topic_samples import topic_named
 from catenary.verdict.check import findings_of
 
 TIME = np.arange(4000) * 1e-3

@@ -5,21 +5,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
+from catenary.raven2.topics import AXES, EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
 from catenary.recording.extract import extract
 from catenary.recording.import_formats.importer import Synchronisation
-from catenary.recording.import_formats.known_layouts import read_raven
-from catenary.recording.import_formats.raven_columns import write_raven_csv
+from catenary.recording.import_formats.raven_recordings import read_raven, write_raven_csv
 from catenary.recording.journal import JournalTopic, JournalWriter
-from catenary.recording.topics import (
-    AXES,
-    EXT_JPOS,
-    GOLD_MEASURED_JS,
-    RAVENSTATE,
-    RAVENSTATE_100HZ,
-    SECOND,
-    encode,
-    raven_topics,
-)
+from catenary.recording.topic_samples import encode
+from catenary.topics import SECOND
 from catenary.verdict.check import findings_of
 from oracles import raven_recording
 

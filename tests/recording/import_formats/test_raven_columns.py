@@ -9,8 +9,7 @@ from rosbags.highlevel import AnyReader
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import extract
-from catenary.recording.import_formats.known_layouts import read_raven
-from catenary.recording.import_formats.raven_columns import write_raven_csv
+from catenary.recording.import_formats.raven_recordings import read_raven, write_raven_csv
 from catenary.recording.logs import read_log
 from oracles.raven_recording import START_NS, record, write_bag
 

@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.calibration.fit_options import FitOptions
+from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import InputError
 from catenary.recording.logs import read_log
-from catenary.recording.topics import PSM_JOINTS
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.workflows.project import calibrate

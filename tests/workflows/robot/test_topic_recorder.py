@@ -13,12 +13,13 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message_values import joint_state_message
 from catenary.errors import InputError, RecordingError, TransportError
+from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import extract, topic_file
-from catenary.recording.import_formats.known_layouts import read_raven
+from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.recording.journal import About
-from catenary.recording.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics, topic_named
+from catenary.recording.topic_samples import topic_named
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.workflows.robot import topic_recorder

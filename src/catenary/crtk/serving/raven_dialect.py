@@ -9,7 +9,6 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
-from catenary.crtk.raven_telemetry import CHANNELS, joint_torques
 from catenary.crtk.serving import arm_messages, moves
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
 from catenary.crtk.serving.served_arm import JAWS, ServedArm
@@ -17,19 +16,20 @@ from catenary.crtk.serving.state_machine import robot_state
 from catenary.crtk.topic_names import GRAV_DIR, RAVEN, CrtkTopic
 from catenary.errors import InputError
 from catenary.plant import OperatingState
+from catenary.raven2.topics import CHANNELS, RAVENSTATE, STATE_COLUMNS
+from catenary.raven2.transmission import joint_torques
 from catenary.recording.messages import NUMBERS, fields
 from catenary.spatial import Pose, rotation_vector
 
-_DEGREES = 180.0 / np.pi  # every position and velocity is multiplied by it, metres too
-_UM = 1e6  # truncated to whole ones, as the robot does
 _PLACE: dict[str, int] = {"gold": 0, "green": 1}
-_RavenState = message_class("raven_2/raven_state")
+_RavenState = message_class(RAVENSTATE.type)
 _ARRAYS = {
-    field.name: (field.length, np.dtype(NUMBERS[field.type])) for field in fields("raven_2/raven_state") if field.length
+    field.name: (field.length, np.dtype(NUMBERS[field.type])) for field in fields(RAVENSTATE.type) if field.length
 }
-# fields of 16 channels, with what a number in SI is multiplied by; those below are columns of telemetry
-_JOINTS = {"jpos": _DEGREES, "jvel": _DEGREES, "jpos_d": _DEGREES}
-_TELEMETRY = {"tau": 1.0, "mpos": _DEGREES, "mvel": _DEGREES, "mpos_d": _DEGREES, "encoffsets": 1.0}
+_UM = 1.0 / STATE_COLUMNS["pos"].to_si  # truncated to whole ones, as the robot does
+# fields of 16 channels; those below are columns of telemetry
+_JOINTS = ("jpos", "jvel", "jpos_d")
+_TELEMETRY = ("tau", "mpos", "mvel", "mpos_d", "encoffsets")
 _COUNTS = ("encVals", "dac_val")
 
 
@@ -43,12 +43,12 @@ class RavenState:
         self._moving = [arm for arm in arms.values() if arm.machine.can_change]
         self._nanoseconds = round(SECOND * period)
         self._arrays: dict[str, Floats] = {name: np.zeros(n, kind) for name, (n, kind) in _ARRAYS.items()}
-        factors = _JOINTS | _TELEMETRY
-        self._factors = np.array([*factors.values()])[:, np.newaxis]
+        floats = (*_JOINTS, *_TELEMETRY)
+        self._factors = np.array([1.0 / STATE_COLUMNS[name].to_si for name in floats])[:, np.newaxis]
         # rows of channels, which the message's arrays are
-        self._floats = np.zeros((len(factors), 16), _ARRAYS["tau"][1])
+        self._floats = np.zeros((len(floats), 16), _ARRAYS["tau"][1])
         self._counts = np.zeros((len(_COUNTS), 16), _ARRAYS["encVals"][1])
-        self._arrays |= dict(zip(factors, self._floats, strict=True)) | dict(zip(_COUNTS, self._counts, strict=True))
+        self._arrays |= dict(zip(floats, self._floats, strict=True)) | dict(zip(_COUNTS, self._counts, strict=True))
         self._written: dict[str, int] = {}  # change of an arm that the arrays show
 
     def message(self, stamp: int) -> Message:

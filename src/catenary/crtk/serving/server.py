@@ -32,7 +32,8 @@ from catenary.crtk.topic_names import (
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, InputError
 from catenary.plant import OperatingState, Plant, fault_of
-from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Topic
+from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
+from catenary.topics import Topic
 
 _Array, _Status, _KeyValue = (
     message_class(f"diagnostic_msgs/{name}") for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catenary.plant import Jointed
 from catenary.recording.import_formats.columns import Stream, arrays_of, natural
 from catenary.recording.import_formats.table_time import time_columns
-from catenary.recording.topics import SECOND
+from catenary.topics import SECOND
 
 Kind = Literal["position", "velocity", "effort", "current"]
 Role = Literal["measured outside", "actual", "reported", "commanded", "unknown"]

@@ -3,35 +3,29 @@
 RAVEN-II's topics and its 252 columns, a PSM's topics, command logs, positions and torques, RAVEN-II's recorded state.
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
-from catenary.config import parse_settings
+from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
 from catenary.plant import MotionLog, nameless
+from catenary.raven2.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, ROBOT, Arm
 from catenary.recording.bag_reader import open_recordings
 from catenary.recording.extract import is_extraction
 from catenary.recording.import_formats.importer import Synchronisation, import_sources, synchronise
-from catenary.recording.import_formats.mapping import RecordingMapping
-from catenary.recording.import_formats.raven_columns import raven_columns, raven_table
+from catenary.recording.import_formats.mapping import layout_mapping
+from catenary.recording.import_formats.raven_recordings import raven_table, read_raven
 from catenary.recording.import_formats.sources import Sources, is_bag
 from catenary.recording.import_formats.table_files import streams_of_arrays
 from catenary.recording.parquet_files import open_parquet
-from catenary.recording.raven_transmission import CALIBRATED, COUPLING, JOINT_TORQUE
-from catenary.recording.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, Arm, measured_topic, psm_topic
 from catenary.robots.model import RobotModel
 
-ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
-PSM = "dvrk_psm"  # of the catalogue, in the joints of measured_js
 _STATE_ARRAYS = {"t", "jpos", "jpos_d", "pos", "pos_d"}
 
 
@@ -51,63 +45,6 @@ RAVEN_BAG = Layout("RAVEN-II's topics: raven_state and the external encoders")
 RAVEN_STATE = Layout("RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)")
 
 
-def layout_mapping(name: str, **words: Any) -> RecordingMapping:
-    """Return the mapping of a layout, data/NAME.toml, its words in braces filled in."""
-    text = _text(name)
-    for word, value in words.items():
-        text = text.replace(f"{{{word}}}", value if isinstance(value, str) else repr(value))
-    return parse_settings(tomllib.loads(text), RecordingMapping, f"{name}.toml")
-
-
-@cache
-def _text(name: str) -> str:
-    return (files("catenary.recording") / "data" / f"{name}.toml").read_text()
-
-
-def read_raven(
-    paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = (), max_gap: float = 0.05
-) -> Synchronisation:
-    """Bring a RAVEN-II's encoders onto the stamps of its raven_state.
-
-    A row is a raven_state message: `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
-    joint, `q_encoder` ext_jpos. Signals are q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel,
-    and the further columns that are asked for. measured_js, which repeats jpos, is only reported on.
-
-    Args:
-        paths: Extraction, journal, bags, or the published CSV.
-        arm: Whose log.
-        columns: Further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",).
-        max_gap: Between two samples that are interpolated between [s].
-    """
-    if not max_gap > 0.0:
-        raise InputError(f"synchronise: expected a positive gap, got {max_gap}")
-    further = further_columns(columns, arm)
-    is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
-    sources = raven_columns(paths[0]) if is_table else Sources(paths)
-    there = {stream.name for stream in sources.streams}
-    states = [topic.name for topic in (RAVENSTATE, RAVENSTATE_100HZ) if topic.name in there]
-    if len(states) > 1:
-        raise FileFormatError(f"{paths[0]}: has {' and '.join(states)}; expected one, extract only that")
-    state = states[0] if states else RAVENSTATE.name
-    mapping = layout_mapping(
-        "raven2",
-        state=state,
-        arm=arm,
-        robot="" if is_table else ROBOT[arm],
-        measured_js=measured_topic(arm).name,
-        coupling=COUPLING.tolist(),
-        cable_scale=[JOINT_TORQUE[joint] for joint in CALIBRATED],
-        **{f"{joint}_scale": JOINT_TORQUE[joint] for joint in JOINT_TORQUE if joint not in CALIBRATED},
-    )
-    signals = {
-        name: {"columns": [f"{state}.{column}"], "units": unit, "optional": True}
-        for name, (column, unit) in further.items()
-    }
-    content = mapping.model_dump(mode="json", exclude_unset=True)
-    content |= {"signals": content["signals"] | signals, "max_gap_s": max_gap}
-    return synchronise(sources, parse_settings(content, RecordingMapping, "raven2.toml"))
-
-
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
     """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js.
 
@@ -118,30 +55,7 @@ def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
         namespace: Of the arm, such as /PSM1.
     """
     psm_topic(namespace, "measured_js")  # refuses a namespace that no PSM has
-    return synchronise(Sources(paths), layout_mapping("dvrk_psm", namespace=f"/{namespace.strip('/')}"))
-
-
-def further_columns(columns: Sequence[str], arm: Arm) -> dict[str, tuple[str, str]]:
-    """Return the signals that further columns of raven_state become: path in the message and unit, by name.
-
-    An arm's own are called mpos:<axis>, the other arm's green_mpos:<axis>, those of neither as they are; what is in
-    every log is not repeated.
-    """
-    known = {column.name: column for column in RAVENSTATE.columns}
-    unknown = [name for name in columns if name not in known and name != "all"]
-    if unknown:
-        raise InputError(f"columns: no {', '.join(unknown)} in raven_state; it has all, {', '.join(known)}")
-    signals = {}
-    for name in known if "all" in columns else dict.fromkeys(columns):
-        for label, unit in zip(known[name].labels, known[name].units, strict=True):
-            if name in ("jpos", "tau") and label.startswith(arm):
-                continue
-            # another arm's name stands first: its tau is none of the group tau
-            whose, _, rest = label.partition("_")
-            first = "" if whose in ("", arm) else f"{whose}_"
-            path = f"{known[name].path}[{label}]" if label else known[name].path
-            signals[f"{first}{name}:{rest}" if rest else f"{first}{name}"] = path, unit
-    return signals
+    return synchronise(Sources(paths), layout_mapping("recording/dvrk_psm", namespace=f"/{namespace.strip('/')}"))
 
 
 def layout_of_files(paths: Sequence[Path]) -> Layout | None:
@@ -209,7 +123,7 @@ def read_layout(
             )
         return read_torques(path, model)
     if layout is RAVEN_STATE:
-        return import_sources(Sources(paths), layout_mapping("raven2_state"))
+        return import_sources(Sources(paths), layout_mapping("raven2/state"))
     if model is not None:
         units, joint_names = units or model.joint_units, joint_names or model.joint_names
     return read_commands(path, units=units, joint_names=joint_names)
@@ -239,7 +153,7 @@ def read_commands(
                 f"{content_in_words(content)}"
             )
     _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
-    mapping = layout_mapping("command_log")
+    mapping = layout_mapping("recording/command_log")
     given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
     return import_sources(_sources(path, content), mapping.model_copy(update=given))
 
@@ -254,7 +168,7 @@ def read_torques(path: Path, model: RobotModel) -> MotionLog:
         )
     _require_rows(path, content, ("q", "tau", "effort", "dq"), ("t",))
     sources = _sources(path, content)
-    mapping = layout_mapping("torque_log", torque="tau" if "tau" in content else "effort")
+    mapping = layout_mapping("recording/torque_log", torque="tau" if "tau" in content else "effort")
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
     names = sources.streams[0].texts.get("joint_names") or (model.joint_names if n == model.n else nameless(n))
     own = dict(zip(model.joint_names, model.joint_units, strict=True))

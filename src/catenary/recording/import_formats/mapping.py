@@ -1,7 +1,9 @@
 """A mapping: which columns of a recording are which quantity, and in which units; TOML, or options of a command."""
 
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -76,7 +78,7 @@ class Quantity(Settings):
     units: Units = ()  # one for all, or one per joint; of qd per second
     scale: Numbers = ()  # rad or m per count; of tau Nm or N per unit; of others a factor
     sign: Numbers = ()
-    # c01, c02, c12 of the cables (transmission/coupling.py): tau is then at the drums, and taken to the joints
+    # c01, c02, c12 of the cables (transmission/cable_coupling.py): tau is then at the drums, and taken to the joints
     coupling: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] | None = None
     optional: bool = False  # left out of the log where the recording has none of it
     pose: TrackedPose | None = None  # of q_encoder, in place of columns
@@ -138,6 +140,15 @@ class RecordingMapping(Settings):
         if self.q_encoder is not None and self.q_encoder.pose is not None and self.robot is None:
             raise ValueError("q_encoder from a pose needs robot, whose inverse kinematics it takes")
         return self
+
+
+def layout_mapping(layout: str, **words: Any) -> RecordingMapping:
+    """Return the mapping of a layout, ROOM/NAME for catenary/ROOM/data/NAME.toml, its words in braces filled in."""
+    room, _, name = layout.partition("/")
+    text = (files("catenary") / room / "data" / f"{name}.toml").read_text()
+    for word, value in words.items():
+        text = text.replace(f"{{{word}}}", value if isinstance(value, str) else repr(value))
+    return parse_settings(tomllib.loads(text), RecordingMapping, f"{name}.toml")
 
 
 def load_mapping(path: Path) -> RecordingMapping:

@@ -1,7 +1,7 @@
 """Messages of bags as columns of numbers, thousands at once: ROS 1 bags, ROS 2 bags, MCAP and journals, of any types.
 
 Types are read as the bag defines them, or ROS where the bag does not say. A RAVEN-II's raven_state comes in SI, its
-elements by name, `jpos[gold_elbow]`: `topics.py` knows what the robot publishes.
+elements by name, `jpos[gold_elbow]`: `raven2/topics.py` knows what the robot publishes.
 """
 
 import re
@@ -25,7 +25,8 @@ from catenary.recording.import_formats.columns import Stream
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields_of, ros2_name
 from catenary.recording.parquet_files import MOST_COLUMNS
-from catenary.recording.topics import SECOND, TopicColumn, columns_of_type
+from catenary.recording.topic_samples import columns_of_type
+from catenary.topics import SECOND, TopicColumn
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
 LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer

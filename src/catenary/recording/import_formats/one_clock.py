@@ -17,7 +17,7 @@ from catenary.recording.import_formats.columns import Place, Stream
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.import_formats.table_time import TableTime, time_of
 from catenary.recording.series import WIDE, ClockStep, Series, clean_series, interpolate
-from catenary.recording.topics import SECOND
+from catenary.topics import SECOND
 
 APART = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
 BASE = "q_nominal"  # the quantity whose samples are the rows

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from catenary.documents import cut
 from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Stream, places_of
-from catenary.recording.topics import SECOND
+from catenary.topics import SECOND
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 UNITS: tuple[str, ...] = get_args(TimeUnit)

@@ -16,10 +16,10 @@ from pydantic import Field
 
 from catenary import __version__
 from catenary.config import IN_FILES, parse_settings
+from catenary.dvrk_psm import psm_topic
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sweep_partial, write_atomically
-from catenary.recording.import_formats.known_layouts import further_columns
-from catenary.recording.topics import psm_topic
+from catenary.raven2.topics import further_columns
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 from catenary.workflows.project.lock import LOCK, FolderLock

@@ -10,17 +10,20 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
+from catenary.dvrk_psm import PSM, PSM_JOINTS, psm_topics
 from catenary.open_robot import OverTopics, Simulated, open_robot, tilted_base
+from catenary.raven2.topics import EXT_JPOS, ROBOT, Arm, raven_topics
+from catenary.raven2.transmission import CALIBRATED
 from catenary.recording.import_formats.importer import Synchronisation
-from catenary.recording.import_formats.known_layouts import PSM, ROBOT, read_psm, read_raven
-from catenary.recording.raven_transmission import CALIBRATED
-from catenary.recording.topics import EXT_JPOS, PSM_JOINTS, Arm, Topic, psm_topics, raven_topics
+from catenary.recording.import_formats.known_layouts import read_psm
+from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.cable_telemetry import COLUMNS, telemetry_of
 from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.psm_parameters import load_psm
 from catenary.simulation.psm_plant import PSM_COLUMNS, PsmPlant, psm_telemetry
+from catenary.topics import Topic
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag

@@ -22,9 +22,9 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
 from catenary.plant import JointState, OperatingState
+from catenary.raven2.topics import Arm
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
-from catenary.recording.topics import Arm
 from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant

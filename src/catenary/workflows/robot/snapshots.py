@@ -19,7 +19,7 @@ from catenary.crtk.transport import Latest
 from catenary.errors import InputError, TransportError
 from catenary.monitor import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
-from catenary.recording.raven_transmission import CALIBRATED
+from catenary.raven2.transmission import CALIBRATED
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.robot.motion import gentle_way
 from catenary.workflows.robot.operated_robot import OperatedRobot, distance

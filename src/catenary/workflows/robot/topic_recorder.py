@@ -19,15 +19,15 @@ from catenary.calibration.fit_options import Progress, silent
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received, Subscription
 from catenary.crtk.message_bytes import codec
-from catenary.crtk.raven_telemetry import CHANNELS
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError, RecordingError
+from catenary.raven2.topics import RAVENSTATE, RAVENSTATE_100HZ, Arm, in_channels, raven_topics
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
 from catenary.recording.recorder import Recorder
-from catenary.recording.topics import RAVENSTATE, RAVENSTATE_100HZ, Arm, Topic, raven_topics
 from catenary.robots.catalog import RAVEN_SIDES
 from catenary.simulation.cable_plant import REPORTED
+from catenary.topics import Topic
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
 DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
@@ -320,10 +320,7 @@ class BesideRecorder:
         """Return what a simulated arm reports, in raven_state's channels, those of the other arm zero."""
         plant = self._robot.plant
         telemetry, state = plant.telemetry(), plant.measured_js()
-        columns: dict[str, Floats] = {}
-        for name in _PER_AXIS:
-            columns[name] = np.zeros(16)
-            columns[name][list(CHANNELS[self._arm])] = telemetry[name]
+        columns = {name: in_channels(self._arm, telemetry[name]) for name in _PER_AXIS}
         columns |= {name: telemetry[name] for name in _ENCODERS}
         columns |= dict(zip(_MEASURED, (state.q, state.qd, state.tau), strict=True))
         running = 3.0 if plant.operating_state().state == "ENABLED" else 2.0  # pedal down, pedal up

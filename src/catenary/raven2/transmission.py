@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.transmission.cable_coupling import joints_of
+from catenary.raven2.topics import JOINTS
+from catenary.transmission.cable_coupling import joint_forces, joints_of
 
 # motor turning per joint motion [rad/rad], [rad/rad], [rad/m] [raven2 source: transmission ratios]
 RATIO: Mapping[str, float] = {"shoulder": 136.1963, "elbow": 121.5221, "insertion": 2158.590}
@@ -25,7 +26,15 @@ JOINT_TORQUE: Mapping[str, float] = {
     "roll": 5.395176 * 7 / 26, "wrist": 8.991960 * 7 / 26, "jaw1": 8.991960 * 7 / 26, "jaw2": 8.991960 * 7 / 26,
 }  # fmt: skip
 COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
+_TORQUE_RATIO = np.array([JOINT_TORQUE[name] for name in JOINTS])
 OFFSETS = "encoffsets:"  # columns of raven_state that a homing writes, in a motion log
+
+
+def joint_torques(tau: Floats) -> Floats:
+    """Return joint torques (7,) [Nm, Nm, N, Nm...], as in a motion log, from those at the gearboxes' outputs."""
+    torques: Floats = tau * _TORQUE_RATIO
+    torques[: len(CALIBRATED)] = joint_forces(COUPLING, (torques[0], torques[1], torques[2]))
+    return torques
 
 
 def shift_of(offsets: ArrayLike, ratio: ArrayLike | None = None, coupling: ArrayLike = COUPLING) -> Floats:
@@ -36,7 +45,7 @@ def shift_of(offsets: ArrayLike, ratio: ArrayLike | None = None, coupling: Array
     Args:
         offsets: (..., 3) [counts].
         ratio: (3,) motor turning per joint motion; the nominal robot's when None.
-        coupling: (3,) of the cables, see transmission/coupling.py.
+        coupling: (3,) of the cables, see transmission/cable_coupling.py.
 
     Returns:
         (..., 3) [rad, rad, m].

@@ -1,8 +1,8 @@
-"""The CSV that RAVEN-II's group publishes, 252 columns without names, read into topics and written from them.
+"""A RAVEN-II's recordings: its topics on one clock, and the CSV of 252 columns without names that its group publishes.
 
-A row is a raven_state message with the samples of ext_jpos and measured_js nearest to it in time, each with its own
-stamp. Degrees trap: everything from raven_state is as published, positions and velocities times 180/pi, metres of
-insertion too; ext_jpos and measured_js are rad and m. Which columns are which is in data/raven2_columns.toml.
+A row of the CSV is a raven_state message with the samples of ext_jpos and measured_js nearest to it in time, each with
+its own stamp. Degrees trap: everything from raven_state is as published, positions and velocities times 180/pi, metres
+of insertion too; ext_jpos and measured_js are rad and m. Which columns are which is in raven2/data/columns.toml.
 """
 
 import tomllib
@@ -18,30 +18,78 @@ import pyarrow.csv
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.config import parse_settings
 from catenary.errors import FileFormatError, InputError
-from catenary.files import written_whole
-from catenary.recording.extract import topic_file
-from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.csv_files import is_number
-from catenary.recording.import_formats.sources import Sources
-from catenary.recording.series import ClockStep, Series, clean_series, without_steps
-from catenary.recording.topics import (
+from catenary.files import table_ending, written_whole
+from catenary.raven2.topics import (
     EXT_JPOS,
     RAVENSTATE,
     RAVENSTATE_100HZ,
-    SECOND,
+    ROBOT,
+    STATE_COLUMNS,
     Arm,
-    Topic,
-    TopicColumn,
-    columns_of_type,
+    further_columns,
     measured_topic,
 )
+from catenary.raven2.transmission import CALIBRATED, COUPLING, JOINT_TORQUE
+from catenary.recording.extract import topic_file
+from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.csv_files import is_number
+from catenary.recording.import_formats.importer import Synchronisation, synchronise
+from catenary.recording.import_formats.mapping import RecordingMapping, layout_mapping
+from catenary.recording.import_formats.sources import Sources
+from catenary.recording.series import ClockStep, Series, clean_series, without_steps
+from catenary.topics import SECOND, Topic, TopicColumn
 
 
 @cache
 def raven_table() -> dict[str, Any]:
     """Return the layout: `widths`, and the topics that stand one behind the other in a row."""
-    return tomllib.loads((files("catenary.recording") / "data" / "raven2_columns.toml").read_text())
+    return tomllib.loads((files("catenary.raven2") / "data" / "columns.toml").read_text())
+
+
+def read_raven(
+    paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = (), max_gap: float = 0.05
+) -> Synchronisation:
+    """Bring a RAVEN-II's encoders onto the stamps of its raven_state.
+
+    A row is a raven_state message: `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
+    joint, `q_encoder` ext_jpos. Signals are q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel,
+    and the further columns that are asked for. measured_js, which repeats jpos, is only reported on.
+
+    Args:
+        paths: Extraction, journal, bags, or the published CSV.
+        arm: Whose log.
+        columns: Further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",).
+        max_gap: Between two samples that are interpolated between [s].
+    """
+    if not max_gap > 0.0:
+        raise InputError(f"synchronise: expected a positive gap, got {max_gap}")
+    further = further_columns(columns, arm)
+    is_table = table_ending(paths[0]) == ".csv"  # which does not say of which robot it is
+    sources = raven_columns(paths[0]) if is_table else Sources(paths)
+    there = {stream.name for stream in sources.streams}
+    states = [topic.name for topic in (RAVENSTATE, RAVENSTATE_100HZ) if topic.name in there]
+    if len(states) > 1:
+        raise FileFormatError(f"{paths[0]}: has {' and '.join(states)}; expected one, extract only that")
+    state = states[0] if states else RAVENSTATE.name
+    mapping = layout_mapping(
+        "raven2/topics",
+        state=state,
+        arm=arm,
+        robot="" if is_table else ROBOT[arm],
+        measured_js=measured_topic(arm).name,
+        coupling=COUPLING.tolist(),
+        cable_scale=[JOINT_TORQUE[joint] for joint in CALIBRATED],
+        **{f"{joint}_scale": JOINT_TORQUE[joint] for joint in JOINT_TORQUE if joint not in CALIBRATED},
+    )
+    signals = {
+        name: {"columns": [f"{state}.{column}"], "units": unit, "optional": True}
+        for name, (column, unit) in further.items()
+    }
+    content = mapping.model_dump(mode="json", exclude_unset=True)
+    content |= {"signals": content["signals"] | signals, "max_gap_s": max_gap}
+    return synchronise(sources, parse_settings(content, RecordingMapping, "raven2.toml"))
 
 
 def raven_columns(path: Path) -> Sources:
@@ -87,7 +135,7 @@ def _part(
         if topic["name"] == EXT_JPOS.name:
             raise InputError(f"{path}: columns 0 to 3, ext_jpos, are finite in no row")
         return None
-    known = columns_of_type(topic["type"])
+    known = STATE_COLUMNS if is_state else {}
     columns: dict[str, NDArray[Any]] = {}
     first = 0
     for name, width in topic["columns"]:
@@ -147,9 +195,8 @@ def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: flo
     topics = (EXT_JPOS, measured_topic(arm))
     parts = [_positions(folder, topic, max_gap, steps) for topic in topics]
     rows = 0
-    known = columns_of_type(RAVENSTATE.type)
     listed = next(topic["columns"] for topic in raven_table()["topics"] if topic["name"] == RAVENSTATE.name)
-    columns = [known[name] for name, _ in listed]
+    columns = [STATE_COLUMNS[name] for name, _ in listed]
     names = [name for column in columns for name in column.names]
     options = pa.csv.WriteOptions(include_header=False, quoting_style="none")
     with written_whole(path) as out:

@@ -5,9 +5,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording import topics
+from catenary.raven2.topics import EXT_JPOS, RAVENSTATE, raven_topics
 from catenary.recording.layout import blank_messages
 from catenary.recording.messages import typestore
+from catenary.recording.topic_samples import TopicSamples, decode, encode
+from catenary.topics import Topic
 from oracles.raven_recording import telemetry
 
 TIME = 0.033 * np.arange(20)
@@ -15,13 +17,13 @@ STAMP = np.rint(TIME * 1e9).astype(np.int64) + 1_700_000_000_123_456_789
 COLUMNS = telemetry(TIME, np.random.default_rng(0))
 
 
-def published(columns: dict[str, np.ndarray], topic: topics.Topic = topics.RAVENSTATE) -> topics.TopicSamples:
+def published(columns: dict[str, np.ndarray], topic: Topic = RAVENSTATE) -> TopicSamples:
     """What a reader makes of a topic that was published from these columns."""
-    return topics.decode(topic, [message.tobytes() for message in topics.encode(topic, STAMP, columns)])
+    return decode(topic, [message.tobytes() for message in encode(topic, STAMP, columns)])
 
 
 def test_numbers_are_published_as_the_robot_does() -> None:
-    for row, raw in enumerate(topics.encode(topics.RAVENSTATE, STAMP, COLUMNS)):
+    for row, raw in enumerate(encode(RAVENSTATE, STAMP, COLUMNS)):
         message = typestore(1).deserialize_ros1(raw.tobytes(), "raven_2/msg/raven_state")
         for name in ("jpos", "jvel", "mpos", "mvel", "jpos_d", "mpos_d"):  # degrees, metres of insertion too
             # rtol: float32
@@ -34,32 +36,13 @@ def test_numbers_are_published_as_the_robot_does() -> None:
 
 
 def test_what_is_decoded_is_what_was_encoded() -> None:
-    for topic in topics.raven_topics():
+    for topic in raven_topics():
         samples = published(COLUMNS, topic)
         assert_array_equal(samples.stamp, STAMP)
         for column in topic.columns:
             # what was not given comes back as NaN; atol: micrometres rounded; rtol: float32
             expected = COLUMNS.get(column.name, np.full((len(STAMP), column.width), np.nan))
             assert_allclose(samples.columns[column.name], expected, rtol=1e-6, atol=6e-7, err_msg=column.name)
-
-
-def test_insertion_is_in_metres_and_other_joints_in_radians() -> None:
-    for topic in topics.TOPICS:
-        for column in topic.columns:
-            for name, unit in zip(column.names, column.units, strict=True):
-                if column.name in ("jpos", "jpos_d", "measured_js", "ext_jpos") and "unused" not in name:
-                    assert unit == ("m" if name.endswith("insertion") else "rad"), name
-
-
-def test_measured_js_is_swapped_on_the_robot() -> None:
-    assert topics.raven_topics("gold")[1].name == "/arm2/measured_js"
-    assert topics.raven_topics("green")[1].name == "/arm1/measured_js"
-
-
-def test_state_at_100_hz_has_its_own_topic_without_a_slash() -> None:
-    assert topics.raven_topics(state_rate=100.0)[0].name == "ravenstate_100hz"
-    assert topics.topic_named("/ravenstate_100hz") is not None
-    assert topics.topic_named("ravenstate") is topics.RAVENSTATE
 
 
 @pytest.mark.parametrize(
@@ -73,7 +56,7 @@ def test_state_at_100_hz_has_its_own_topic_without_a_slash() -> None:
 )
 def test_what_no_message_can_hold_is_refused(stamp: Any, columns: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        topics.encode(topics.RAVENSTATE, stamp, columns)
+        encode(RAVENSTATE, stamp, columns)
 
 
 def test_what_is_not_required_is_published_as_zero() -> None:
@@ -91,8 +74,8 @@ def test_an_angle_that_is_not_a_number_is_published_as_such() -> None:
 def test_another_number_of_joints_or_order_is_refused() -> None:
     message = blank_messages("sensor_msgs/JointState", 1, {}, {"position": 4}).tobytes()
     with pytest.raises(FileFormatError, match="4 numbers, expected 3"):
-        topics.decode(topics.EXT_JPOS, [message])
+        decode(EXT_JPOS, [message])
     names = {"name.0": "elbow", "name.1": "shoulder", "name.2": "insertion"}
     message = blank_messages("sensor_msgs/JointState", 1, names, {"position": 3, "name": 3}).tobytes()
     with pytest.raises(FileFormatError, match="elbow, shoulder"):
-        topics.decode(topics.EXT_JPOS, [message])
+        decode(EXT_JPOS, [message])

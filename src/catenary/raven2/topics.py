@@ -1,0 +1,146 @@
+"""What the RAVEN-II publishes on which topic, in which channels and units: its traps, and the way to SI.
+
+Source: uw-biorobotics/raven2 (local_io.cpp) and the set of topics that its group records. The traps:
+every joint and motor position and velocity in raven_state is multiplied by 180/pi, metres of insertion too;
+`pos` and `pos_d` are whole micrometres; `tau` is the torque that was asked of the gearbox's output, before limits,
+not a measurement; `jac_f` repeats `jac_vel`, in units nobody states. The arms' `measured_js` are swapped: arm1
+carries the green arm, arm2 the gold one. `ravenstate_100hz` is published without a leading slash.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.plant import UNUSED, OperatingState
+from catenary.topics import SECOND, Topic, TopicColumn, joint_topic
+from catenary.units import TO_SI
+
+Arm = Literal["gold", "green"]  # left, right
+ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}  # of the catalogue
+JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")  # of measured_js
+UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
+AXES = (*JOINTS[:3], UNUSED, *JOINTS[3:])  # of the eight channels of an arm in raven_state
+# places of an arm's joints among raven_state's 16 channels
+CHANNELS: Mapping[str, tuple[int, ...]] = {"gold": (0, 1, 2, 4, 5, 6, 7), "green": (8, 9, 10, 12, 13, 14, 15)}
+MEASURED_JS: Mapping[Arm, str] = {"gold": "/arm2/measured_js", "green": "/arm1/measured_js"}
+# operating state that a run level stands for: emergency stop, init, pedal up, pedal down
+RUN_LEVELS: Mapping[int, OperatingState] = {
+    0: OperatingState("DISABLED", False, False),
+    1: OperatingState("ENABLED", False, True),
+    2: OperatingState("PAUSED", True, False),
+    3: OperatingState("ENABLED", True, False),
+}
+
+
+def _state_columns() -> tuple[TopicColumn, ...]:
+    def both(labels: Iterable[str]) -> tuple[str, ...]:
+        labels = tuple(labels)
+        return tuple(f"{arm}_{label}" for arm in CHANNELS for label in labels)
+
+    single, arms, axes = ("",), tuple(CHANNELS), both(AXES)
+    tip, matrix = both("xyz"), both(f"{row}{column}" for row in "123" for column in "123")
+    six = both("123456")
+
+    def whole(name: str, labels: tuple[str, ...], unit: str = "") -> TopicColumn:
+        return TopicColumn(name, name, labels, (unit,) * len(labels), whole=True)
+
+    def plain(name: str, labels: tuple[str, ...], unit: str = "", to_si: float = 1.0) -> TopicColumn:
+        return TopicColumn(name, name, labels, (unit,) * len(labels), to_si)
+
+    def axis(name: str, unit: str, insertion: str, to_si: float = TO_SI["deg"][1]) -> TopicColumn:
+        units = ["" if one == UNUSED else insertion if one == "insertion" else unit for one in AXES]
+        return TopicColumn(name, name, axes, (*units, *units), to_si, required=name in ("jpos", "tau"))
+
+    return (
+        *(whole(name, single) for name in ("runlevel", "sublevel", "last_seq")),
+        whole("type", arms),
+        plain("pos", tip, "m", 1e-6),
+        plain("ori", matrix),
+        plain("ori_d", matrix),
+        plain("pos_d", tip, "m", 1e-6),
+        plain("dt", single, "s"),
+        whole("encVals", axes, "count"),
+        whole("dac_val", axes, "count"),
+        axis("tau", "Nm", "Nm", to_si=1.0),
+        axis("mpos", "rad", "rad"),
+        axis("jpos", "rad", "m"),
+        axis("mvel", "rad/s", "rad/s"),
+        axis("jvel", "rad/s", "m/s"),
+        axis("mpos_d", "rad", "rad"),
+        axis("jpos_d", "rad", "m"),
+        plain("grasp_d", arms),
+        plain("encoffsets", axes, "count"),
+        plain("jac_vel", six),
+        plain("jac_f", six),
+    )
+
+
+RAVENSTATE = Topic(
+    "/ravenstate", "raven_2/raven_state", 30.0, _state_columns(), "ravenstate", "record_ravenstate", "hdr"
+)
+RAVENSTATE_100HZ = replace(RAVENSTATE, name="ravenstate_100hz", rate=100.0, stem="ravenstate_100hz")
+STATE_COLUMNS: Mapping[str, TopicColumn] = {column.name: column for column in RAVENSTATE.columns}
+GOLD_MEASURED_JS = joint_topic(
+    MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0, stem="measured_js_gold", bag="record_CRTKmeasurejs"
+)
+GREEN_MEASURED_JS = replace(GOLD_MEASURED_JS, name=MEASURED_JS["green"], stem="measured_js_green")
+EXT_JPOS = joint_topic(
+    "/ext_jpos", "ext_jpos", JOINTS[:3], rate=100.0, stem="ext_jpos", bag="record_ext_jenc"
+)  # fmt: skip
+JOINT_ENC = joint_topic(  # its type is not published; a JointState of counts is taken
+    "/joint_enc", "joint_enc", JOINTS[:3], rate=100.0, stem="joint_enc", bag="record_joint_enc", unit="count"
+)
+RAVEN_TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, GOLD_MEASURED_JS, GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
+
+
+def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:
+    """Return the topics of a calibration recording of one arm."""
+    if not state_rate > 0.0:
+        raise InputError(f"rate of /ravenstate: expected a positive number of Hz, got {state_rate}")
+    is_fast = state_rate == RAVENSTATE_100HZ.rate
+    state = RAVENSTATE_100HZ if is_fast else replace(RAVENSTATE, rate=state_rate)
+    return (state, measured_topic(arm), EXT_JPOS, JOINT_ENC)
+
+
+def measured_topic(arm: Arm) -> Topic:
+    """Return the topic of an arm's measured_js."""
+    return GOLD_MEASURED_JS if arm == "gold" else GREEN_MEASURED_JS
+
+
+def state_column(message: object, name: str) -> Floats:
+    """Return one of the fields of a raven_state message in SI, (width,)."""
+    values = np.atleast_1d(np.asarray(getattr(message, name), dtype=np.float64))
+    return values / SECOND if name == "dt" else values * STATE_COLUMNS[name].to_si
+
+
+def in_channels(arm: Arm, values: Floats) -> Floats:
+    """Return numbers of an arm's seven joints (..., 7) in raven_state's channels (..., 16), the other arm's zero."""
+    channels = np.zeros((*values.shape[:-1], 16))
+    channels[..., CHANNELS[arm]] = values
+    return channels
+
+
+def further_columns(columns: Sequence[str], arm: Arm) -> dict[str, tuple[str, str]]:
+    """Return the signals that further columns of raven_state become in a log: path in the message and unit, by name.
+
+    An arm's own are called mpos:<axis>, the other arm's green_mpos:<axis>, those of neither as they are; what is in
+    every log is not repeated.
+    """
+    unknown = [name for name in columns if name not in STATE_COLUMNS and name != "all"]
+    if unknown:
+        raise InputError(f"columns: no {', '.join(unknown)} in raven_state; it has all, {', '.join(STATE_COLUMNS)}")
+    signals = {}
+    for name in STATE_COLUMNS if "all" in columns else dict.fromkeys(columns):
+        column = STATE_COLUMNS[name]
+        for label, path, unit in zip(column.labels, column.paths, column.units, strict=True):
+            if name in ("jpos", "tau") and label.startswith(arm):
+                continue
+            # another arm's name stands first: its tau is none of the group tau
+            whose, _, rest = label.partition("_")
+            first = "" if whose in ("", arm) else f"{whose}_"
+            signals[f"{first}{name}:{rest}" if rest else f"{first}{name}"] = path, unit
+    return signals

@@ -1,0 +1,136 @@
+"""Thousands of messages of a topic at once: to its columns in SI, as it is extracted, and back to bytes."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.dvrk_psm import psm_topic_named
+from catenary.errors import FileFormatError, InputError
+from catenary.raven2.topics import RAVEN_TOPICS, RAVENSTATE
+from catenary.recording.bag_chunks import Block
+from catenary.recording.layout import COUNT, Encoding, blank_messages, read_messages
+from catenary.topics import SECOND, Topic, TopicColumn
+
+_INT32 = np.iinfo(np.int32)
+# where a recording's robot, seed and `simulated` travel in a bag, which has no other place for them
+ABOUT_TOPIC = "/catenary/recording"
+ABOUT_TYPE = "std_msgs/String"
+
+
+@dataclass(frozen=True)
+class TopicSamples:
+    """N messages of one topic, decoded."""
+
+    stamp: NDArray[np.int64]  # (N,) [ns] from the header
+    # (N, width), SI; NaN where a message has none
+    columns: Mapping[str, NDArray[np.float64] | NDArray[np.int32]]
+
+
+def columns_of_type(name: str) -> Mapping[str, TopicColumn]:
+    """Return the columns of a message type whose numbers are not in SI, by their path in it; none of other types."""
+    return {column.path: column for column in RAVENSTATE.columns} if name == RAVENSTATE.type else {}
+
+
+def topic_named(name: str) -> Topic | None:
+    """Return the topic of that name, with or without its leading slash, or None; a PSM's by how its name ends."""
+    of_raven = next((topic for topic in RAVEN_TOPICS if topic.name.strip("/") == name.strip("/")), None)
+    return of_raven or psm_topic_named(name)
+
+
+def encode(
+    topic: Topic, stamp: NDArray[np.int64], columns: Mapping[str, Floats], *, first_seq: int = 0
+) -> NDArray[np.void]:
+    """Return N messages of a topic, each element the bytes of one.
+
+    Args:
+        topic: What to make.
+        stamp: (N,) [ns], not negative.
+        columns: By the name of the topic's columns, each (N, width) in SI; those not required may be missing.
+        first_seq: `seq` of the first header.
+    """
+    missing = [c.name for c in topic.columns if c.required and c.name not in columns]
+    if missing:
+        raise InputError(f"topic {topic.name}: telemetry lacks {', '.join(missing)}")
+    texts = {f"name.{i}": name for i, name in enumerate(topic.joint_names)}
+    counts = {c.path: c.width for c in topic.columns if texts and c.name in columns} | {"name": len(texts)}
+    messages = blank_messages(topic.type, len(stamp), texts, counts)
+    if len(stamp) and (stamp.min() < 0 or stamp.max() // SECOND > np.iinfo(np.uint32).max):
+        raise InputError(f"topic {topic.name}: stamp {stamp.min()}..{stamp.max()} ns does not fit into ROS's time")
+    messages[f"{topic.header}.seq"] = (first_seq + np.arange(len(stamp))) % 2**32
+    messages[f"{topic.header}.stamp.sec"], messages[f"{topic.header}.stamp.nsec"] = np.divmod(stamp, SECOND)
+    for column in topic.columns:
+        if column.name not in columns:
+            continue
+        name = f'topic {topic.name}, "{column.name}"'
+        values = np.asarray(columns[column.name], dtype=np.float64)
+        values = values.reshape(len(stamp), -1) if values.size else values.reshape(len(stamp), column.width)
+        values = as_array(name, values, (len(stamp), column.width), finite=column.whole) / column.to_si
+        if column.path == "dt":
+            whole, rest = np.divmod(np.rint(values[:, 0] * SECOND).astype(np.int64), SECOND)
+            messages["dt.sec"], messages["dt.nsec"] = whole, rest
+            continue
+        field = messages[column.path]
+        if field.dtype.kind in "iu":
+            values = np.rint(values)
+            if not ((values >= _INT32.min) & (values <= _INT32.max)).all():  # NaN too
+                raise InputError(f"{name}: {values.min()}..{values.max()} does not fit into 32 bits")
+        elif field.dtype.itemsize == 4 and len(values) and np.abs(values).max() > np.finfo(np.float32).max:
+            raise InputError(f"{name}: {np.abs(values).max()} does not fit into a float32")
+        field[...] = values.reshape(field.shape)
+    return messages
+
+
+def decode(topic: Topic, messages: Sequence[bytes] | Block, encoding: Encoding = "ros1") -> TopicSamples:
+    """Decode messages of a topic into SI."""
+    rows = len(messages)
+    stamp = np.zeros(rows, dtype=np.int64)
+    out: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
+        c.name: np.zeros((rows, c.width), dtype=np.int32) if c.whole else np.full((rows, c.width), np.nan)
+        for c in topic.columns
+    }
+    for places, records in read_messages(topic.type, messages, encoding):
+        where: Any = slice(None) if len(places) == rows else places
+        _same_joints(topic, records)
+        seconds = records[f"{topic.header}.stamp.sec"].astype(np.int64)
+        stamp[where] = seconds * SECOND + records[f"{topic.header}.stamp.nsec"]
+        for column in topic.columns:
+            if column.path == "dt":
+                out["dt"][where, 0] = records["dt.sec"] + records["dt.nsec"] / SECOND
+                continue
+            values = records[column.path].reshape(len(records), -1)
+            if values.shape[1] == 0 and not column.required:
+                continue
+            if values.shape[1] != column.width:
+                raise FileFormatError(
+                    f"topic {topic.name}: {column.path} has {values.shape[1]} numbers, expected {column.width}: "
+                    + ", ".join(column.labels)
+                )
+            if column.whole:
+                out[column.name][where] = values
+            else:
+                with np.errstate(invalid="ignore"):  # of NaN that signals; it stays NaN
+                    out[column.name][where] = np.multiply(values, column.to_si, dtype=np.float64)
+    return TopicSamples(stamp, out)
+
+
+def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterable[str]) -> None:
+    """Refuse a topic that is not in a recording."""
+    there = list(there)
+    missing = [name for name in asked or () if name not in there]
+    if missing:
+        raise FileFormatError(f"{where}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")
+
+
+def _same_joints(topic: Topic, records: NDArray[np.void]) -> None:
+    """Refuse a JointState whose joints are ours in another order; other spellings are taken as they come."""
+    count = records[COUNT + "name"][0] if topic.joint_names else 0
+    names = [bytes(records[f"name.{i}"][0]).rstrip(b"\0").decode(errors="replace") for i in range(count)]
+    if sorted(names) == sorted(topic.joint_names) and tuple(names) != topic.joint_names:
+        raise FileFormatError(
+            f"topic {topic.name}: joints come as {', '.join(names)}, expected {', '.join(topic.joint_names)}"
+        )

@@ -1,0 +1,68 @@
+"""A topic as it is recorded: its columns, their units, and what its numbers are multiplied by to be in SI."""
+
+from dataclasses import dataclass
+
+SECOND = 1_000_000_000  # [ns]
+
+
+@dataclass(frozen=True)
+class TopicColumn:
+    """One quantity of a topic, a number per label."""
+
+    name: str  # in telemetry and extracted files
+    path: str  # in the message
+    labels: tuple[str, ...]  # of its numbers; a single empty one where the name says it all
+    units: tuple[str, ...]  # SI, one per label; "" where it has none or nobody states it
+    to_si: float = 1.0  # SI = published * to_si
+    whole: bool = False  # a whole number: counts, levels
+    required: bool = False  # of telemetry; what else it lacks is published as zero
+
+    @property
+    def width(self) -> int:
+        """Count of its numbers."""
+        return len(self.labels)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each number, as the columns of extracted files are called."""
+        return tuple(f"{self.name}:{label}" if label else self.name for label in self.labels)
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Place of each number in the message, as a mapping names it."""
+        return tuple(f"{self.path}[{label}]" if label else self.path for label in self.labels)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic as it is recorded."""
+
+    name: str
+    type: str
+    rate: float  # [Hz] at which it is recorded
+    columns: tuple[TopicColumn, ...]
+    stem: str  # of the file it is extracted to
+    bag: str  # of the bag that RAVEN's group records it in
+    header: str = "header"  # field that holds the stamp
+    joint_names: tuple[str, ...] = ()  # sent along in a JointState
+
+
+def joint_topic(
+    name: str, column: str, joints: tuple[str, ...], *, rate: float, stem: str, bag: str, unit: str = ""
+) -> Topic:
+    """Return a topic of a JointState, whose messages may lack velocity and effort.
+
+    `unit` is that of all positions; without one those of an insertion are in m, others in rad.
+    """
+
+    def of_joints(suffix: str, path: str, angular: str, linear: str) -> TopicColumn:
+        units = tuple(linear if joint.endswith("insertion") else angular for joint in joints)
+        return TopicColumn(column + suffix, path, joints, units, required=path == "position")
+
+    angular, linear = unit or "rad", unit or "m"
+    columns = (
+        of_joints("", "position", angular, linear),
+        of_joints("_velocity", "velocity", f"{angular}/s", f"{linear}/s"),
+        of_joints("_effort", "effort", "Nm", "N"),
+    )
+    return Topic(name, "sensor_msgs/JointState", rate, columns, stem, bag, joint_names=joints)
