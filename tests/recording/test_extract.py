@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.raven2.topics import EXT_JPOS, GREEN_MEASURED_JS, raven_topics
-from catenary.recording import bag_reader
 from catenary.recording import extract as extract_module
+from catenary.recording import sqlite_bag
 from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
 from catenary.recording.import_formats.raven_recordings import write_raven_csv
@@ -83,7 +83,7 @@ def test_every_kind_of_file_gives_the_same_numbers(journal, extracted, tmp_path,
 
 def test_memory_is_bounded_by_row_groups(journal, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(extract_module, "ROW_GROUP", 100)
-    monkeypatch.setattr(bag_reader, "AT_ONCE", 100)
+    monkeypatch.setattr(sqlite_bag, "AT_ONCE", 100)
     extract([journal], tmp_path / "x")
     file = topic_file(tmp_path / "x", EXT_JPOS)
     assert file.row_groups > 3  # of 64 kB of messages of all topics, or of 100 rows

@@ -1,30 +1,26 @@
-"""The records of a bag, read within bounds; in a damaged one the next chunk, the next message, rows before the damage.
+"""The records of a bag, read within bounds, and in a damaged one the next chunk and the next message.
 
 [wiki.ros.org/Bags/Format/2.0, mcap.dev/spec]
 """
 
-import contextlib
 import re
-import sqlite3
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from struct import Struct, error
 from typing import BinaryIO, Literal, cast
 
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+from catenary.archives import RATIO, unpacked
 
-from catenary.archives import unpacked
-from catenary.recording.bag_checks import MOST_TOPICS, plain_tables
-
+MOST_UNPACKED = 64 * 2**20  # [B] of all chunks and messages of any bag; of a long one RATIO times its length
+MOST_TOPICS = 1000
+PACKINGS = ("bz2", "lz4", "zstd")
 _U32, _U64 = Struct("<I"), Struct("<Q")
 _BLOCK = 2**20  # [B] looked through at once
 _REACH = 128  # [B] of a chunk's head; more than any has
 _ROS1_CHUNK = re.compile(rb"op=\x05")
 # op 6, length, times, size, checksum, then the name of the compression [mcap.dev/spec]
 _MCAP_CHUNK = re.compile(rb"\x06(?=.{36}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd))", re.DOTALL)
-_ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
 _MESSAGE_HEAD = 38  # [B] of a message's header: conn, op, time [wiki.ros.org/Bags/Format/2.0]
+_PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a message in CDR begins with 0
 # what reading damaged bytes raises
 DAMAGE = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
 MAX_HEADER = 2**20  # [B] of a record's header, or of a connection's
@@ -97,68 +93,6 @@ def _fields(data: bytes) -> dict[bytes, bytes]:
         return {}
 
 
-class SqliteRows:
-    """A SQLite file of a ROS 2 bag that is damaged, as `Reader` gives one, row by row, up to where it is damaged."""
-
-    def __init__(self, path: Path) -> None:
-        self.holes: list[tuple[int | None, int | None]] = []
-        self.ends_early = False
-        self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
-        self._size = path.stat().st_size
-        self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
-        self._database.execute("PRAGMA writable_schema = ON")  # else one that was cut off is not opened at all
-        plain_tables(path, self._database)
-        read = self._database.execute
-        texts = dict[str, str]()
-        with contextlib.suppress(sqlite3.Error):  # older bags have none, and types of ROS's own are known
-            texts |= dict(read("SELECT topic_type, encoded_message_definition FROM message_definitions"))
-        self.connections = [
-            Connection(
-                number, name, kind, MessageDefinition(MessageDefinitionFormat.MSG, texts.get(kind, "")), "", 0,
-                ConnectionExtRosbag2("cdr", []), self,
-            )
-            for number, name, kind in read("SELECT id, name, type FROM topics LIMIT ?", (MOST_TOPICS + 1,))
-        ]  # fmt: skip
-        counts = Counter(connection.id for connection, _, _ in self.messages(self.connections))
-        self.connections = [each._replace(msgcount=counts[each.id]) for each in self.connections]
-
-    def messages(self, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield connection, arrival stamp [ns] and bytes of each message before the damage, and of those behind it.
-
-        Those within a page of the damage are left out: they may be of a page that is there in part.
-        """
-        wanted, read = {connection.id: connection for connection in connections}, self._database.execute
-        (page,) = read("PRAGMA page_size").fetchone()
-        left, seen, last, skipped, waiting, self.holes = (self._size, -1, None, 0, deque[tuple[int, int, bytes]](), [])
-        for _ in range(2):
-            with contextlib.suppress(sqlite3.Error):
-                for place, number, stamp, data in read(_ROWS, (seen,)):
-                    seen, is_whole = place, isinstance(data, bytes) and isinstance(stamp, int)
-                    left, skipped = left - len(data or ()), max(0, skipped - len(data or ()) - 1)
-                    if left < 0:  # pages that stand for more than there is
-                        return
-                    if not is_whole:
-                        skipped = page
-                        waiting.clear()
-                        self.holes.append((last, None))
-                    elif not skipped:
-                        waiting.append((number, stamp, data))
-                        while sum(len(each) for _, _, each in waiting) - len(waiting[0][2]) >= page:
-                            number, last, data = waiting.popleft()
-                            if number in wanted:
-                                yield wanted[number], last, data
-                yield from ((wanted[number], stamp, data) for number, stamp, data in waiting if number in wanted)
-                return
-            self.holes.append((last, None))
-            waiting.clear()
-            behind, skipped = seen, page
-            with contextlib.suppress(sqlite3.Error):
-                for (place,) in read("SELECT id FROM messages WHERE id > ? ORDER BY id DESC", (seen,)):
-                    behind = place
-            self.ends_early = behind == seen
-            seen = behind - 1
-
-
 def header_fields(data: bytes) -> dict[bytes, bytes]:
     """Return the fields of a record's header in a ROS 1 bag."""
     if len(data) > MAX_HEADER:
@@ -203,20 +137,39 @@ def bag_record(file: BinaryIO, size: int) -> tuple[dict[bytes, bytes], bytes | N
         return {}, data
 
 
-def chunk_of(values: dict[bytes, bytes], data: bytes, left: int) -> bytes:
-    """Return a chunk of a ROS 1 bag, unpacked to the size that its header states."""
-    kind = field_of(values, b"compression")
-    if kind == b"none":
-        return data
-    stated = _U32.unpack(field_of(values, b"size", 4))[0]
-    if kind not in (b"bz2", b"lz4"):
-        raise ValueError(f"unknown compression {kind.decode(errors='replace')}")
-    if stated > left:
-        raise ValueError(f"a chunk would unpack to {stated} bytes; {left} are left of what is read")
-    chunk = unpacked(data, cast("Literal['bz2', 'lz4']", kind.decode()), stated)
-    if len(chunk) != stated:
-        raise ValueError(f"a chunk unpacks to {len(chunk)} bytes, and states {stated}")
-    return chunk
+def most_unpacked(size: int) -> int:
+    """Return how many bytes a file of so many may unpack to."""
+    return max(MOST_UNPACKED, RATIO * size)
+
+
+class Unpacking:
+    """Unpacks the chunks and messages of a bag: of a small file not gigabytes."""
+
+    def __init__(self, size: int) -> None:
+        """Begin; `size` [B] of the file."""
+        self._left = most_unpacked(size)
+
+    def chunk(self, data: bytes, kind: str, stated: int) -> bytes:
+        """Return a chunk, unpacked to the size that its bag states."""
+        if kind in ("", "none"):
+            return data
+        if kind not in PACKINGS:
+            raise ValueError(f"unknown compression {kind}")
+        if stated > self._left:
+            raise ValueError(f"a chunk would unpack to {stated} bytes; {self._left} are left of what is read")
+        chunk = unpacked(data, cast("Literal['bz2', 'lz4', 'zstd']", kind), stated)
+        self._left -= stated
+        if len(chunk) != stated:
+            raise ValueError(f"a chunk unpacks to {len(chunk)} bytes, and states {stated}")
+        return chunk
+
+    def message(self, data: bytes) -> bytes:
+        """Return a message of ROS 2, unpacked where messages were packed one by one."""
+        if data[:4] != _PACKED:
+            return data
+        plain = unpacked(data, "zstd", self._left)
+        self._left -= len(plain)
+        return plain
 
 
 def text_at(data: bytes, position: int) -> tuple[str, int]:

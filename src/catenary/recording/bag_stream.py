@@ -1,4 +1,4 @@
-"""Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
+"""ROS 1 bags and MCAP read from their first byte to their last, by no index, which a bag that was cut off lacks."""
 
 import contextlib
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError
-from catenary.recording.bag_checks import MOST_TOPICS, chunks_at_most, unpacked_at_most
 from catenary.recording.bag_chunks import (
     CONNECTION,
     DATA,
@@ -29,8 +28,9 @@ from catenary.recording.bag_chunks import (
 )
 from catenary.recording.bag_search import (
     DAMAGE,
+    MOST_TOPICS,
+    Unpacking,
     bag_record,
-    chunk_of,
     field_of,
     header_fields,
     next_chunk,
@@ -70,10 +70,10 @@ class BagConnection(NamedTuple):
 
 
 class BagStream:
-    """Reads a ROS 1 bag, or an MCAP file that was cut off, from its beginning, in the order it was recorded in.
+    """Reads a ROS 1 bag or an MCAP file from its beginning, in the order in which it was recorded.
 
     It reads what is whole: up to the last message, or the last chunk where chunks are compressed, and on behind what
-    is damaged. `problems` says where that was; a bag without its index has one, too.
+    is damaged. `damage` says where that was; a bag without its index has one, too.
     """
 
     def __init__(self, path: Path, *, any_types: bool = False) -> None:
@@ -83,10 +83,11 @@ class BagStream:
         """
         self.path = path
         self._any_types = any_types
-        self.problems: list[str] = []
-        self.damage, self.holes, self.ends_early = self.problems, list[Hole](), False
+        self.warnings: list[str] = []  # of whoever opened it
+        self.damage, self.holes, self.ends_early = list[str](), list[Hole](), False
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
         self._names: dict[int, str] = {}  # of topics
+        self._unread: set[int] = set()  # channels in another encoding than ROS's
         self._last: int | None = None  # [ns] arrival of the message before
         self.first: int | None = None  # [ns] arrival of the first message
         try:
@@ -118,6 +119,11 @@ class BagStream:
                 self.counts[name] = self.counts.get(name, 0) + number
         self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
 
+    @property
+    def problems(self) -> list[str]:
+        """What there is to say of it; complete once its messages were read."""
+        return [*self.warnings, *self.damage]
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
         require_topics(self.path, topics, self._types)
@@ -132,7 +138,10 @@ class BagStream:
         """
         for chunk, name, records in self._guarded(self._by_topic):
             if name in topics:
-                yield name, records[:, TIME], gather(chunk, records)
+                block = gather(chunk, records)
+                if self.encoding == "cdr" and block[0][:1] > b"\0":  # a message in CDR begins with 0
+                    block = Block.of([self._plain(block[i]) for i in range(len(block))])
+                yield name, records[:, TIME], block
 
     @property
     def last(self) -> int | None:
@@ -145,13 +154,14 @@ class BagStream:
 
     def _guarded(self, read: Callable[[BinaryIO, int], Iterator[Read]]) -> Iterator[Read]:
         """Read up to what is damaged beyond help, which becomes a problem."""
-        self.problems.clear()
+        self.damage.clear()
         self.holes.clear()
         self.remarks.clear()
         self._following = {} if self._shared is None else self._shared
         self.ends_early, self._last, self.lost, self.is_last = False, self._before, 0, False
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
+            self._unpacking = Unpacking(size)
             file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MCAP_MAGIC))
             try:
                 yield from read(file, size)
@@ -163,18 +173,18 @@ class BagStream:
 
     def _cut_off(self, left: int) -> None:
         self.ends_early = True
-        self.problems.append(f"{self.path}: is cut off within its last {left} bytes")
+        self.damage.append(f"{self.path}: is cut off within its last {left} bytes")
 
     def _damaged(self, where: object) -> None:
         """Keep what is damaged, and that messages are missing there."""
-        if len(self.problems) < _MOST_PROBLEMS:
-            self.problems.append(f"{self.path}: damaged {where}")
+        if len(self.damage) < _MOST_PROBLEMS:
+            self.damage.append(f"{self.path}: damaged {where}")
         if not self.holes or self.holes[-1][0] != self._last:
             self.holes.append((self._last, None))
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
-        left, chunks = unpacked_at_most(size), 0
+        chunks, most_chunks = 0, max(10_000, size // 500)  # where `rosbag` writes one for 768 kB
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
@@ -199,8 +209,8 @@ class BagStream:
                 continue
             kind = values[b"op"][0]
             chunks += kind == _CHUNK
-            if chunks > chunks_at_most(size):
-                raise FileFormatError(f"{self.path}: more than {chunks - 1} chunks in {size} bytes")
+            if chunks > most_chunks:
+                raise FileFormatError(f"{self.path}: more than {most_chunks} chunks in {size} bytes")
             if kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
             try:
@@ -210,18 +220,21 @@ class BagStream:
                 elif kind == _CONNECTION:  # it says again what stands before its messages
                     number, topic = _U32.unpack(field_of(values, b"conn", 4))[0], field_of(values, b"topic")
                     self._connection(number, topic, header_fields(data))
-                chunk = chunk_of(values, data, left) if kind == _CHUNK else None
+                chunk = None
+                if kind == _CHUNK:
+                    packing = field_of(values, b"compression").decode(errors="replace")
+                    stated = 0 if packing == "none" else _U32.unpack(field_of(values, b"size", 4))[0]
+                    chunk = self._unpacking.chunk(data, packing, stated)
             except FileFormatError:
                 raise
             except DAMAGE as problem:
                 self._damaged(f"from byte {start} to {file.tell()}: {cut(str(problem) or repr(problem))}")
                 continue
             if chunk is not None:
-                left -= len(chunk)
                 yield chunk
         if missing != 0:
             self.ends_early = True
-            self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
+            self.damage.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
     def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk with the records of its messages; again, with those behind it, where it is damaged."""
@@ -262,7 +275,10 @@ class BagStream:
     def _messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records in self._chunks(file, size):
             for row in rows_of(records):
-                yield self._names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
+                yield self._names[row[CONNECTION]], row[TIME], self._plain(chunk[row[DATA] : row[END]])
+
+    def _plain(self, message: bytes) -> bytes:
+        return self._unpacking.message(message) if self.encoding == "cdr" else message
 
     def _by_topic(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, str, Records]]:
         """Yield every chunk with each topic that it has messages of, and their records."""
@@ -275,7 +291,7 @@ class BagStream:
 
     def _counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, name, records in self._by_topic(file, size):
-            yield name, len(records), chunk[records[0, DATA] : records[0, END]]
+            yield name, len(records), self._plain(chunk[records[0, DATA] : records[0, END]])
             if self.is_journal:  # whose topics all stand before its first message; it is not read twice
                 return
 
@@ -328,16 +344,16 @@ class BagStream:
                 data, is_whole = data[: max(0, following - start - 9)], False
             is_over |= kind == _DATA_END
             is_closed |= kind == _FOOTER and is_whole
-            if kind == _MCAP_CHUNK and len(data) > _CHUNK_HEAD:
+            if kind == _MCAP_CHUNK and (is_whole or len(data) > _CHUNK_HEAD):
                 with self._damage_told(start):
                     is_hit = following is not None and self.is_journal
                     inside = self._mcap_contents(data, is_whole=is_whole, is_hit=is_hit)
                     records = mcap_chunk_records(inside)
-                    for row in records[records[:, KIND] != _MCAP_MESSAGE].tolist():
+                    for row in records[np.isin(records[:, KIND], (_SCHEMA, _CHANNEL))].tolist():
                         with self._damage_told(start):
                             self._mcap_record(row[KIND], inside[row[HEADER] : row[END]], schemas)
                     yield inside, self._numbered(inside, records[records[:, KIND] == _MCAP_MESSAGE])
-                    if is_whole and (not len(records) or records[-1, END] != len(inside)):
+                    if is_whole and len(inside) != (records[-1, END] if len(records) else 0):
                         raise ValueError("its records do not fill it")
             elif kind == _MCAP_MESSAGE and is_whole and not is_over:
                 yield head + data, self._numbered(head + data, mcap_chunk_records(head + data))
@@ -351,7 +367,7 @@ class BagStream:
                 self._cut_off(9 + len(data))
         self.ends_early |= not is_over
         if not is_closed:
-            self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
+            self.damage.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
     def _mcap_contents(self, data: bytes, *, is_whole: bool, is_hit: bool) -> bytes:
         """Return the records of a chunk.
@@ -359,11 +375,13 @@ class BagStream:
         Of a chunk that is hit in its middle, and not cut off at its end, nothing is read unless its checksum is right.
         """
         compression, position = text_at(data, 28)
-        if compression and is_whole:
-            raise ValueError(f"chunks compressed by {compression} are not read here")
-        inside = b"" if compression else data[position + 8 :]
-        checksum = _U32.unpack_from(data, 24)[0]
-        inside = inside[: _U64.unpack_from(data, 16)[0]] if is_hit else inside
+        inside, checksum, stated = data[position + 8 :], _U32.unpack_from(data, 24)[0], _U64.unpack_from(data, 16)[0]
+        taken = _U64.unpack_from(data, position)[0]
+        if is_whole and (taken != len(inside) or (not compression and stated != taken)):
+            raise ValueError(f"a chunk of {len(inside)} bytes states {taken}, unpacked {stated}")
+        if compression:
+            inside = self._unpacking.chunk(inside, compression, stated) if is_whole else b""
+        inside = inside[:stated] if is_hit else inside
         if (is_hit or (is_whole and checksum)) and crc32(inside) != checksum:
             raise ValueError("its checksum is another: none of it is read")
         return inside
@@ -372,7 +390,9 @@ class BagStream:
         """Return messages of known topics; notice numbers that are missing, or come again, and when they arrived."""
         known = np.isin(messages[:, CONNECTION], list(self._names))
         if not known.all():
-            self._damaged(f"{(~known).sum()} messages of no known topic")
+            strange = ~known & ~np.isin(messages[:, CONNECTION], list(self._unread))
+            if strange.any():
+                self._damaged(f"{strange.sum()} messages of no known topic")
             messages = messages[known]
         if self.is_journal:
             for channel in dict.fromkeys(messages[:, CONNECTION].tolist()):
@@ -407,6 +427,9 @@ class BagStream:
         elif kind == _CHANNEL:
             name, position = text_at(data, 4)
             encoding, _ = text_at(data, position)
+            if encoding not in ("cdr", "ros1"):
+                self._unread.add(number)
+                return
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
             found = BagConnection(name, schema, "", text)
             if self._names.get(number) == name and self.connections.get(name) == found:
@@ -441,14 +464,14 @@ class BagStream:
         expected = self._following.get(name)
         self._following[name] = number + 1
         if expected is None and number:
-            self.problems.append(f"{self.path}: {number} messages of {name} before it are in files that are not there")
+            self.damage.append(f"{self.path}: {number} messages of {name} before it are in files that are not there")
         elif expected is not None and number > expected:
             self.lost += number - expected
             if not self.holes or self.holes[-1][1] is not None:
                 self.holes.append((self._last, arrival))
-            self.problems.append(f"{self.path}: {number - expected} message(s) of {name} are missing before {number}")
+            self.damage.append(f"{self.path}: {number - expected} message(s) of {name} are missing before {number}")
         elif expected is not None and number < expected:
-            self.problems.append(f"{self.path}: message {number} of {name} comes out of order, or again")
+            self.damage.append(f"{self.path}: message {number} of {name} comes out of order, or again")
 
 
 def whole_text(counts: Mapping[str, int]) -> str:

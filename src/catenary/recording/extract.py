@@ -17,7 +17,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.raven2.topics import RAVEN_TOPICS
 from catenary.recording.bag_chunks import Block
-from catenary.recording.bag_reader import Source, blocks_of, open_recordings
+from catenary.recording.bag_reader import Source, open_recordings
 from catenary.recording.journal import About, same_origin
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Rescue
@@ -72,7 +72,7 @@ def extract(
         folder.mkdir(parents=True, exist_ok=True)
         for source in sources:
             here = {t.name: wanted[t.name] for t in source.topics if t.name in wanted}
-            for name, arrivals, block in blocks_of(source, tuple(here)):
+            for name, arrivals, block in source.blocks(tuple(here)):
                 if name not in writers:
                     writers[name] = _TopicWriter(folder, here[name], metadata)
                 writers[name].add(arrivals, block, source.encoding)

@@ -75,6 +75,11 @@ class JournalReader:
         self.about: About | None = next((part.about for part in self._parts if part.about is not None), None)
         self.report = JournalReport()
 
+    @property
+    def first(self) -> int | None:
+        """Arrival of the first message [ns]."""
+        return next((part.first for part in self._parts if part.first is not None), None)
+
     @cached_property
     def counts(self) -> dict[str, int]:
         """Number of messages by topic."""
@@ -133,7 +138,7 @@ class JournalReader:
             report.closed, last = part.is_last, part.last
             report.lost += part.lost
             report.holes += part.holes
-            report.problems += part.problems
+            report.problems += part.damage
             report.remarks += part.remarks
         if not report.closed:
             report.problems[:] = [problem for problem in report.problems if "lacks its index" not in problem]

@@ -2,7 +2,8 @@
 
 Telemetry is a mapping from the names of the topics' columns to numbers in SI: of a RAVEN-II raven_state's fields (jpos
 and tau at least; what else is missing is published as zero), `ext_jpos` (3,), `joint_enc` (3,) and `measured_js` (7,),
-with `_velocity` and `_effort` where known. Degrees, micrometres and counts appear when the message is made, not before. A topic whose columns a robot lacks altogether is left out, and `left_out` names it.
+with `_velocity` and `_effort` where known. Degrees, micrometres and counts appear when the message is made. A topic
+whose columns a robot lacks altogether is left out, and `left_out` names it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag_reader import METADATA, McapReader, SplitBag, open_ros2
+from catenary.recording.bag_reader import METADATA, Source, open_recording
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.bag_writer import ROS2_VERSION
 from catenary.recording.journal import JournalWriter
@@ -85,13 +85,11 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     return Recovery(path, place, rescue, problems)
 
 
-def _opened(path: Path) -> JournalReader | BagStream | McapReader | SplitBag:
+def _opened(path: Path) -> Source:
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
-    if is_journal(path):
-        return JournalReader(path)
-    if path.suffix == ".db3" or (path / METADATA).is_file():
-        return open_ros2(path)
+    if is_journal(path) or path.suffix == ".db3" or (path / METADATA).is_file():
+        return open_recording(path, salvage=True)
     files = [*path.glob("*.mcap"), *path.glob("*.bag")] if path.is_dir() else [path]
     if len(files) != 1:
         raise FileFormatError(
@@ -144,7 +142,7 @@ def _write_bag(source: BagStream, part: Path) -> None:
             bag.write(to[topic], arrival, data)
 
 
-def _write_mcap(source: BagStream | McapReader | SplitBag, part: Path) -> None:
+def _write_mcap(source: Source, part: Path) -> None:
     with McapWriter(part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         to = {
             one.topic: bag.add_connection(one.topic, one.type, msgdef=one.definition, rihs01=UNKNOWN_HASH)

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
-from catenary.recording.bag_reader import blocks_of, first_arrival, open_any_types
+from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_stream import BagConnection
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.layout import COUNT, Encoding, FieldsOf, read_messages
@@ -46,7 +46,7 @@ class Bag:
     def __init__(self, path: Path) -> None:
         """Open it."""
         self.path = path
-        self._reader = open_any_types(path)
+        self._reader = open_recording(path, salvage=True, any_types=True)
         self.encoding: Encoding = self._reader.encoding
         self._known: dict[str, FieldsOf] = {}  # by topic
         self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
@@ -56,7 +56,7 @@ class Bag:
     @property
     def first_arrival(self) -> int:
         """When its first message arrived [ns]."""
-        return first_arrival(self._reader)
+        return 2**63 if self._reader.first is None else self._reader.first
 
     @property
     def problems(self) -> list[str]:
@@ -87,13 +87,13 @@ class Bag:
     def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
         """Return topics with the columns that are wanted of each, all messages."""
         fields = {name: self._fields(name) for name in wanted}
-        collected = self._collected(fields, wanted, blocks_of(self._reader, tuple(fields)))
+        collected = self._collected(fields, wanted, self._reader.blocks(tuple(fields)))
         return [self._stream(name, columns) for name, columns in collected.items()]
 
     def _evenly(self, topics: Collection[str]) -> _Blocks:
         """Yield SAMPLED messages of each topic at most, and no long ones."""
         seen = dict.fromkeys(topics, 0)
-        for name, arrivals, block in blocks_of(self._reader, tuple(topics)) if topics else ():
+        for name, arrivals, block in self._reader.blocks(tuple(topics)) if topics else ():
             every = -(-self.counts[name] // SAMPLED)
             rows = np.flatnonzero((seen[name] + np.arange(len(block))) % every == 0)
             seen[name] += len(block)

@@ -10,8 +10,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from catenary.errors import CatenaryError, FileFormatError
-from catenary.recording.bag_checks import MOST_TOPICS, MOST_UNPACKED
 from catenary.recording.bag_reader import open_recording
+from catenary.recording.bag_search import MOST_TOPICS, MOST_UNPACKED
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.messages import typestore
 
@@ -63,54 +63,34 @@ def _chunk(stated: int, name: bytes, data: bytes, taken: int | None = None) -> b
 
 
 BOMB = pa.compress(bytes(MOST_UNPACKED + 1), "zstd", asbytes=True)
-DEFINED = b"".join(
-    _record(
-        3, struct.pack("<H", i) + _text("std_msgs/msg/String") + _text("ros2msg") + _text(f"string data\nint8 A={i}")
-    )
-    + _record(4, struct.pack("<HH", i, i) + _text(f"/a{i}") + _text("cdr") + struct.pack("<I", 0))
-    for i in range(1, 60)
-)
 CLAIMS = {
-    "very many definitions": (DEFINED, "definitions of types that are ours"),
-    "very many records in a chunk": (
-        _chunk(9 * 500_001, b"zstd", pa.compress(struct.pack("<BQ", 9, 0) * 500_001, "zstd", asbytes=True)),
-        "more than 500000 messages",
-    ),
-    "a record beyond the file": (struct.pack("<BQ", 5, 2**62), "has 4611686018427387904 bytes"),
-    "a length beyond 63 bits": (struct.pack("<BQ", 5, 2**64 - 1), "has 18446744073709551615 bytes"),
+    "a record beyond the file": (struct.pack("<BQ", 5, 2**62), "is cut off"),
+    "a length beyond 63 bits": (struct.pack("<BQ", 5, 2**64 - 1), "is cut off"),
     "a chunk that unpacks too far": (_chunk(len(BOMB) * 10**6, b"zstd", BOMB), "would unpack to"),
     "a chunk that unpacks further than it states": (_chunk(10, b"zstd", BOMB), "more than 10 bytes"),
     "a chunk that unpacks to less": (_chunk(10, b"zstd", pa.compress(b"x", "zstd", asbytes=True)), "and states 10"),
-    "a chunk of another length": (_chunk(10, b"", bytes(9)), "has 9 bytes"),
+    "a chunk of another length": (_chunk(10, b"", bytes(9)), "unpacked 10"),
     "a chunk whose data end elsewhere": (_chunk(9, b"", bytes(9), 8), "states 8"),
-    "an unknown packing": (_chunk(9, b"rar", bytes(9)), "packed by b'rar'"),
-    "a record beyond its chunk": (_chunk(9, b"", struct.pack("<BQ", 5, 2**40)), "beyond the chunk"),
-    "an index of no chunk": (_record(8, bytes(80)), "a chunk that is not there"),
-    "very many channels": (_record(4, bytes(16)) * (4 * MOST_TOPICS + 1), "schemas and channels"),
-    "YAML that repeats itself": (_record(4, b"a: &a [1]\nb: [*a, *a]"), "anchors, aliases"),
+    "an unknown packing": (_chunk(9, b"rar", bytes(9)), "unknown compression rar"),
+    "a record beyond its chunk": (_chunk(9, b"", struct.pack("<BQ", 5, 2**40)), "do not fill it"),
+    "very many channels": (
+        _record(3, struct.pack("<H", 1) + _text("a/B") + _text("ros2msg") + _text("int8 a"))
+        + b"".join(
+            _record(4, struct.pack("<HH", i, 1) + _text(f"/{i}") + _text("cdr") + bytes(4))
+            for i in range(MOST_TOPICS + 1)
+        ),
+        f"more than {MOST_TOPICS} topics",
+    ),
 }
 
 
 @pytest.mark.parametrize(("record", "said"), CLAIMS.values(), ids=CLAIMS)
-def test_what_an_mcap_file_says_of_itself_is_checked_first(tmp_path: Path, record: bytes, said: str) -> None:
+def test_what_an_mcap_file_says_of_itself_is_held_against_it(tmp_path: Path, record: bytes, said: str) -> None:
     (tmp_path / "a.mcap").write_bytes(_mcap(record))
     _refused(tmp_path / "a.mcap", said)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "[" * 5000,
-        "- " * 5000,
-        "a:\n" + "".join(f"{' ' * i}- a:\n" for i in range(1, 200)),
-        "a: &a [x]\nb: [*a, *a]",
-        "x: 9" * 200_000,
-        "<<: {}",
-        "\0",
-        "[]",
-        "3",
-    ],
-)
+@pytest.mark.parametrize("text", ["[" * 5000, "a: &a [x]\nb: [*a, *a]", "x: 9" * 200_000, "\0", "3"])
 def test_metadata_of_nonsense_are_told_and_the_file_is_read(tmp_path: Path, text: str) -> None:
     bag = _ros2(tmp_path / "a", "SQLITE3")
     sent = list(open_recording(bag).messages())
@@ -118,6 +98,19 @@ def test_metadata_of_nonsense_are_told_and_the_file_is_read(tmp_path: Path, text
     source = open_recording(bag)
     assert list(source.messages()) == sent
     assert "its files were read one by one: a.db3" in source.problems[0]
+
+
+def test_files_that_were_packed_as_a_whole_are_read(tmp_path: Path) -> None:
+    bag = _ros2(tmp_path / "a", "MCAP")
+    sent = list(open_recording(bag).messages())
+    (file,) = bag.glob("*.mcap")
+    (bag / f"{file.name}.zstd").write_bytes(pa.compress(file.read_bytes(), "zstd", asbytes=True))
+    file.unlink()
+    text = (bag / "metadata.yaml").read_text()
+    (bag / "metadata.yaml").write_text(text.replace(file.name, f"{file.name}.zstd"))
+    source = open_recording(bag)
+    assert list(source.messages()) == sent
+    assert source.problems == []
 
 
 TABLES = {
@@ -128,8 +121,7 @@ TABLES = {
     ),
     "a trigger": ("CREATE TRIGGER t AFTER DELETE ON topics BEGIN SELECT 1; END", "trigger 't'"),
     "no tables": ("DROP TABLE messages", "cannot be read as SQLite"),
-    "text in place of a name": ("UPDATE topics SET name = x'ff'", "metadata.yaml does not list"),
-    "YAML that repeats itself": ("UPDATE topics SET offered_qos_profiles = '[*a, *a]'", "anchors, aliases"),
+    "bytes in place of a name": ("UPDATE topics SET name = x'ff'", "expected texts"),
 }
 
 

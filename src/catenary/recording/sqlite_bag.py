@@ -1,0 +1,175 @@
+"""A file of a ROS 2 bag in SQLite, read row by row; of a damaged one what lies before and behind the damage."""
+
+import contextlib
+import re
+import sqlite3
+from collections import Counter, deque
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.documents import cut, shortened
+from catenary.errors import FileFormatError
+from catenary.recording.bag_chunks import Block
+from catenary.recording.bag_search import DAMAGE, MOST_TOPICS, Unpacking
+from catenary.recording.bag_stream import BagConnection, about_of
+from catenary.recording.journal import About, JournalTopic
+from catenary.recording.layout import Encoding
+from catenary.recording.losses import Hole
+from catenary.recording.messages import check_type, current_name
+from catenary.recording.topic_samples import ABOUT_TOPIC, require_topics
+
+AT_ONCE = 8192  # messages of a topic that are in memory at once
+_ROWS = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
+
+
+class SqliteBag:
+    """Reads a SQLite file of a ROS 2 bag, in the order in which it was recorded."""
+
+    encoding: Encoding = "cdr"
+
+    def __init__(self, path: Path, *, any_types: bool = False) -> None:
+        """Read the file once, to find its topics; `any_types` as of `BagStream`."""
+        self.path = path
+        self.warnings, self.damage, self.holes, self.ends_early = list[str](), list[str](), list[Hole](), False
+        self.connections: dict[str, BagConnection] = {}
+        self.about: About | None = None
+        self.first: int | None = None  # [ns] arrival of the first message
+        self.last: int | None = None  # of the last one that was read
+        counts, types = Counter[str](), dict[str, str]()
+        try:
+            self._size = path.stat().st_size
+            self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
+            self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self._size)
+            self._database.execute("PRAGMA writable_schema = ON")  # else one that was cut off is not opened at all
+            _require_plain_tables(path, self._database)
+            self._names = self._topics(any_types=any_types)
+            for name, stamp, data in self._messages():
+                self.first = stamp if self.first is None else self.first
+                if name != ABOUT_TOPIC:
+                    counts[name] += 1
+                elif self.about is None:
+                    self.about = about_of(path, data, self.encoding)
+        except (sqlite3.Error, *DAMAGE) as error:
+            if isinstance(error, FileFormatError):
+                raise
+            raise FileFormatError(f"{path}: cannot be read as SQLite: {error}") from error
+        for name, found in self.connections.items():
+            if name != ABOUT_TOPIC:
+                types[name] = current_name(found.type)
+        self.counts: dict[str, int] = {name: counts[name] for name in types}
+        if self.damage and not counts:
+            raise FileFormatError(f"{self.damage[0]}; nothing in it can be saved")
+        self.topics = tuple(JournalTopic(name, kind) for name, kind in types.items())
+
+    @property
+    def problems(self) -> list[str]:
+        """What there is to say of it."""
+        return [*self.warnings, *self.damage]
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all."""
+        require_topics(self.path, topics, self.counts)
+        for message in self._messages():
+            if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
+                yield message
+
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages, AT_ONCE of a topic at most."""
+        waiting: dict[str, list[tuple[int, bytes]]] = {name: [] for name in topics}
+        for name, stamp, data in self.messages(topics):
+            waiting[name].append((stamp, data))
+            if len(waiting[name]) == AT_ONCE:
+                yield name, *_block(waiting.pop(name))
+                waiting[name] = []
+        for name, rows in waiting.items():
+            if rows:
+                yield name, *_block(rows)
+
+    def _topics(self, *, any_types: bool) -> dict[int, str]:
+        """Keep the topics and return their names by number."""
+        texts, names = dict[str, str](), dict[int, str]()
+        with contextlib.suppress(sqlite3.Error):  # older bags have none, and types of ROS's own are known
+            texts |= dict(
+                self._database.execute("SELECT topic_type, encoded_message_definition FROM message_definitions")
+            )
+        for number, name, kind in self._database.execute("SELECT id, name, type FROM topics"):
+            if not isinstance(name, str) or not isinstance(kind, str):
+                raise FileFormatError(f"{self.path}: topic {shortened(name)}: expected texts for it and its type")
+            if len(names) >= MOST_TOPICS:
+                raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
+            if not any_types:
+                check_type(self.path, name, kind, texts.get(kind, ""))
+            found = BagConnection(name, kind, "", texts.get(kind, ""))
+            if self.connections.setdefault(name, found).type != kind:
+                raise FileFormatError(f"{self.path}: topic {cut(name)}: is of two types, {cut(kind)} is one")
+            names[number] = name
+        return names
+
+    def _messages(self) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, arrival stamp [ns] and bytes of each message before the damage, and of those behind it.
+
+        Those within a page of the damage are left out: they may be of a page that is there in part.
+        """
+        read, unpacking = self._database.execute, Unpacking(self._size)
+        (page,) = read("PRAGMA page_size").fetchone()
+        left, seen, skipped = self._size, -1, 0
+        waiting, held = deque[tuple[int, int, bytes]](), 0  # rows within a page of here, and their bytes
+        self.last, self.holes, self.damage, self.ends_early = None, [], [], False
+
+        def message(row: tuple[int, int, bytes]) -> Iterator[tuple[str, int, bytes]]:
+            self.last = row[1]
+            if row[0] in self._names:
+                yield self._names[row[0]], row[1], unpacking.message(row[2])
+
+        for _ in range(2):
+            try:
+                for place, number, stamp, data in read(_ROWS, (seen,)):
+                    seen, is_whole = place, isinstance(data, bytes) and isinstance(stamp, int)
+                    left, skipped = left - len(data or ()), max(0, skipped - len(data or ()) - 1)
+                    if left < 0:
+                        self.damage.append(f"{self.path}: its messages take more bytes than the file has")
+                        return
+                    if not is_whole:
+                        skipped, held = page, 0
+                        waiting.clear()
+                        self._hole("a message without its bytes")
+                    elif not skipped:
+                        waiting.append((number, stamp, data))
+                        held += len(data)
+                        while held - len(waiting[0][2]) >= page:
+                            held -= len(waiting[0][2])
+                            yield from message(waiting.popleft())
+                for row in waiting:
+                    yield from message(row)
+                return
+            except sqlite3.Error as error:
+                if self.last is None and not waiting and seen < 0:
+                    raise
+                self._hole(error)
+            waiting.clear()
+            behind, skipped, held = seen, page, 0
+            with contextlib.suppress(sqlite3.Error):
+                for (place,) in read("SELECT id FROM messages WHERE id > ? ORDER BY id DESC", (seen,)):
+                    behind = place
+            self.ends_early = behind == seen
+            seen = behind - 1
+
+    def _hole(self, why: object) -> None:
+        self.holes.append((self.last, None))
+        self.damage.append(f"{self.path}: cannot be read as SQLite: {why}; it was read around the damage")
+
+
+def _block(rows: list[tuple[int, bytes]]) -> tuple[NDArray[np.int64], Block]:
+    return np.array([stamp for stamp, _ in rows]), Block.of([data for _, data in rows])
+
+
+def _require_plain_tables(path: Path, database: sqlite3.Connection) -> None:
+    """Refuse a file in which anything is worked out when it is read."""
+    database.execute("PRAGMA trusted_schema = OFF")
+    for kind, name, text in database.execute("SELECT type, name, sql FROM sqlite_master"):
+        computed = re.search(r"\bVIRTUAL\b|\bGENERATED\b|\bAS\s*\(|\bWHERE\b", str(text or ""), re.IGNORECASE)
+        if kind not in ("table", "index") or computed:
+            raise FileFormatError(f"{path}: {kind} {shortened(name)}: expected plain tables and indices")
