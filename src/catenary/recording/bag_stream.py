@@ -10,7 +10,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.documents import cut, json_table
+from catenary.documents import cut
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import (
     CONNECTION,
@@ -452,8 +452,7 @@ class BagStream:
         key, position = text_at(data, position + 4)
         value = text_at(data, position)[0]
         if (name, key) == (ABOUT, "about") and self.about is None:
-            where = f"{self.path}: what it is of"
-            self.about = About.from_mapping(json_table(value.encode(), where, finite=False), where)
+            self.about = About.from_json(value.encode(), f"{self.path}: what it is of")
         elif name == NOTE and len(self.remarks) < _MOST_PROBLEMS:
             self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
         elif name == ENDED:
@@ -484,6 +483,5 @@ def whole_text(counts: Mapping[str, int]) -> str:
 
 def about_of(path: Path, data: bytes, encoding: Encoding) -> About:
     """Read the message on `/catenary/recording`."""
-    where = f"{path}: {ABOUT_TOPIC}"
     text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
-    return About.from_mapping(json_table(text, where, finite=False), where)
+    return About.from_json(text, f"{path}: {ABOUT_TOPIC}")

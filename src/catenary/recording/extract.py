@@ -111,7 +111,7 @@ class TopicFile:
         if named is None:
             raise FileFormatError(f"{where}: topic {shortened(self._metadata.get('topic'))}: not one of ours")
         self.topic: Topic = named
-        self.about = About.from_mapping(self._metadata, f"{path}: schema")
+        self.about = About.from_json(text, f"{path}: schema")
         self.rows: int = self._file.metadata.num_rows
         self.row_groups: int = self._file.num_row_groups
 

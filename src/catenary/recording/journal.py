@@ -20,8 +20,8 @@ from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self
 from zlib import crc32
 
-from catenary.documents import shortened
-from catenary.errors import FileFormatError, InputError, RecordingError
+from catenary.config import parse_json
+from catenary.errors import InputError, RecordingError
 from catenary.recording.messages import fields, full_definition
 
 LIBRARY = "catenary journal 2"  # by which a file is known as a journal's
@@ -59,23 +59,13 @@ class About:
     configuration: Mapping[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> str:
-        """Return JSON text of what `from_mapping` reads."""
+        """Return JSON text of what `from_json` reads."""
         return json.dumps(vars(self) | {"configuration": dict(self.configuration)})
 
     @classmethod
-    def from_mapping(cls, values: Mapping[str, Any], where: str) -> Self:
+    def from_json(cls, text: bytes, where: str) -> Self:
         """Read what `as_json` wrote; keys that are not known are left out."""
-        robot, seed = values.get("robot"), values.get("seed")
-        simulated, configuration = values.get("simulated", False), values.get("configuration") or {}
-        for key, value, is_right, expected in (
-            ("robot", robot, robot is None or isinstance(robot, str), "a name or null"),
-            ("simulated", simulated, isinstance(simulated, bool), "true or false"),
-            ("seed", seed, seed is None or type(seed) is int, "a whole number or null"),
-            ("configuration", configuration, isinstance(configuration, dict), "a table"),
-        ):
-            if not is_right:
-                raise FileFormatError(f"{where}: {key}: expected {expected}, got {shortened(value)}")
-        return cls(robot, simulated, seed, configuration)
+        return parse_json(text, cls, where, finite=False)
 
 
 def same_origin(stated: Sequence[About | None]) -> About | None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.documents import cut, json_table, no_file, shortened
+from catenary.config import Recorded, parse_json
+from catenary.documents import cut, no_file, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, table_ending, written_whole
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
@@ -21,6 +22,21 @@ if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log
     from catenary.recording.import_formats.mapping import RecordingMapping
 
 FORMAT = "catenary.motion_log.1"
+
+
+class _Stated(Recorded):
+    """What a log's schema says of it, beside the units of its columns."""
+
+    format: str
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    units_assumed: bool = False
+    repeated: int = 0
+    robot: str | None = None
+    simulated: bool = False
+    notes: tuple[str, ...] = ()
+    began: float = 0.0
+    settled: Mapping[str, tuple[str, ...]] = {}
 
 
 @dataclass(frozen=True)
@@ -150,23 +166,12 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         if name in columns:
             raise InputError(f'recording "{log.name}": signal "{name}" has the name of a column of every log')
         columns[name] = values, log.signal_units.get(name, "")
-    about = {
-        "format": FORMAT,
-        "joint_names": log.joint_names,
-        "joint_units": log.joint_units,
-        "units_assumed": log.units_assumed,
-        "repeated": log.repeated,
-        "robot": log.robot,
-        "simulated": log.simulated,
-        "notes": log.notes,
-        "began": log.began,
-        "settled": log.settled,
-    }
+    stated = _Stated(format=FORMAT, **{key: getattr(log, key) for key in _Stated.model_fields if key != "format"})
     fields = [
         pa.field(name, pa.bool_() if values.dtype == bool else pa.float64(), metadata={"unit": unit})
         for name, (values, unit) in columns.items()
     ]
-    schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
+    schema = pa.schema(fields, metadata={"catenary": json.dumps(stated.model_dump(mode="json"))})
     table = pa.table([values for values, _ in columns.values()], schema=schema)
     with written_whole(Path(path)) as file:
         pq.write_table(table, file, compression="zstd", write_page_checksum=True)
@@ -183,14 +188,14 @@ def read_parquet(path: Path) -> MotionLog:
 
     try:
         file = open_parquet(path)
-        about = _about(path, file.schema_arrow.metadata or {})
+        stated = _stated(path, file.schema_arrow.metadata or {})
         table = read_table(path, file)
     except FileFormatError as error:
         if "cannot be read as Parquet" not in str(error):
             raise
         remedy = "a project's log is made again by `catenary extract PROJECT`"
         raise FileFormatError(damage(path, str(error).removeprefix(f"{path}: "), remedy)) from error
-    names, joint_units = tuple(about["joint_names"]), tuple(about["joint_units"])
+    names = stated.joint_names
     if len(set(names)) != len(names):
         raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
     columns: dict[str, NDArray[Any]] = {}
@@ -215,55 +220,38 @@ def read_parquet(path: Path) -> MotionLog:
     return MotionLog(
         name=path.stem,
         joint_names=names,
-        joint_units=joint_units,
+        joint_units=stated.joint_units,
         ok=columns.pop("ok"),
         time=columns.pop("time", None),
-        began=float(about.get("began", 0.0)),
+        began=stated.began,
         **joints,
         signals=columns,
         signal_units={
             name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
             for name in columns
         },
-        robot=about.get("robot"),
-        simulated=about.get("simulated", False),
+        robot=stated.robot,
+        simulated=stated.simulated,
         sha256=sha256_of(path),
-        units_assumed=about.get("units_assumed", False),
-        repeated=about.get("repeated", 0),
-        notes=tuple(about.get("notes", ())),
-        settled={"units": (), "time_unit": ()} | {key: tuple(texts) for key, texts in about["settled"].items()},
+        units_assumed=stated.units_assumed,
+        repeated=stated.repeated,
+        notes=stated.notes,
+        settled={"units": (), "time_unit": (), **stated.settled},
     )
 
 
-def _about(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, Any]:
-    """Return what a log's schema says of it, checked."""
+def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
+    """Return what a log's schema says of it."""
     none = f"{path}: is Parquet but no catenary motion log: its schema lacks the joint names and units"
     if b"catenary" not in metadata:
         raise FileFormatError(none)
     try:
-        about = json_table(metadata[b"catenary"], "schema")
+        stated = parse_json(metadata[b"catenary"], _Stated, "schema")
     except FileFormatError as error:
         raise FileFormatError(f"{none}; {error}") from error
-    for key, is_needed in (("joint_names", True), ("joint_units", True), ("notes", False)):
-        texts = about.get(key, None if is_needed else [])
-        if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
-            raise FileFormatError(f"{none}; {key}: expected a list of texts, got {shortened(texts)}")
-    if about.get("format") != FORMAT:
-        raise FileFormatError(f"{path}: log format {shortened(about.get('format'))}, expected {FORMAT!r}")
-    for key in ("simulated", "units_assumed"):
-        if not isinstance(about.get(key, False), bool):
-            raise FileFormatError(f"{path}: schema: {key}: expected true or false, got {shortened(about[key])}")
-    if not isinstance(about.get("repeated", 0), int):
-        raise FileFormatError(f"{path}: schema: repeated: expected a count, got {shortened(about['repeated'])}")
-    if not isinstance(about.get("began", 0.0), int | float):
-        raise FileFormatError(f"{path}: schema: began: expected a number, got {shortened(about['began'])}")
-    settled = about.setdefault("settled", {})
-    each = list(settled.values()) if isinstance(settled, dict) else [None]
-    if not all(isinstance(texts, list) and all(isinstance(text, str) for text in texts) for texts in each):
-        raise FileFormatError(f"{none}; settled: expected lists of texts by name, got {shortened(settled)}")
-    if not isinstance(about.get("robot"), str | None):
-        raise FileFormatError(f"{path}: schema: robot: expected a name, got {shortened(about['robot'])}")
-    return about
+    if stated.format != FORMAT:
+        raise FileFormatError(f"{path}: log format {shortened(stated.format)}, expected {FORMAT!r}")
+    return stated
 
 
 def _as_given(path: Path, log: MotionLog, units: Sequence[str] | None, joint_names: Sequence[str] | None) -> MotionLog:

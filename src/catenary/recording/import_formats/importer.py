@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,13 +38,51 @@ class _Found:
 
 
 @dataclass
-class _Wanted:
-    """Columns that are to be read, by stream."""
+class _Columns:
+    """Where the columns of each quantity are, and those that are to be read, by stream."""
 
     streams: Sequence[Stream]
-    columns: dict[str, dict[str, None]] = field(default_factory=dict)
+    wanted: dict[str, dict[str, None]] = field(default_factory=dict)
+    joints: dict[str, _Found] = field(default_factory=dict)  # of JOINT_QUANTITIES
+    signals: dict[str, _Found] = field(default_factory=dict)
+    ok: _Found | None = None
+    tracked: TrackedPose | None = None
+    pose: list[Place] = field(default_factory=list)
 
-    def of(self, references: Sequence[str], what: str, *, optional: bool = False) -> _Found | None:
+    @classmethod
+    def of(cls, where: str, mapping: RecordingMapping, streams: Sequence[Stream]) -> Self:
+        """Find what a mapping names."""
+        made = cls(streams)
+        for key in JOINT_QUANTITIES:
+            quantity: Quantity | None = getattr(mapping, key)
+            if quantity is not None and quantity.columns:
+                found = made._find(quantity.columns, key, optional=quantity.optional)
+                made.joints |= {} if found is None else {key: found}
+        made.ok = made._find(mapping.ok, "ok") if mapping.ok else None
+        for key, signal in mapping.signals.items():
+            found = made._find(signal.columns, f"signal {key}", optional=signal.optional)
+            made.signals |= {} if found is None else {key: found}
+        made.tracked = mapping.q_encoder.pose if mapping.q_encoder is not None else None
+        if made.tracked is not None:
+            made.pose = pose_places(made.tracked, streams)
+            made._keep(made.pose)
+        for name in mapping.reported:
+            if any(stream.name == name for stream in streams):
+                made.wanted.setdefault(name, {})
+        n = len(made.joints["q_nominal"].places)
+        for key, columns in made.joints.items():
+            if len(columns.places) != n:
+                raise InputError(f"{where}: {key} has {len(columns.places)} columns, q_nominal {n}; expected as many")
+        return made
+
+    def places(self) -> dict[str, list[Place]]:
+        """Return the columns of all quantities."""
+        signals = {f"signal {key}": columns.places for key, columns in self.signals.items()}
+        ok = {} if self.ok is None else {"ok": self.ok.places}
+        pose = {"pose": self.pose} if self.pose else {}
+        return {key: columns.places for key, columns in self.joints.items()} | ok | signals | pose
+
+    def _find(self, references: Sequence[str], what: str, *, optional: bool = False) -> _Found | None:
         """Find references, and keep them to be read; None of what is optional and not there."""
         places, signs = list[Place](), list[float]()
         for reference in references:
@@ -58,12 +96,12 @@ class _Wanted:
                 found, sign = places_of(reference[1:], self.streams), -1.0
             places += found
             signs += [sign] * len(found)
-        self.keep(places)
+        self._keep(places)
         return _Found(places, np.array(signs))
 
-    def keep(self, places: Sequence[Place]) -> None:
+    def _keep(self, places: Sequence[Place]) -> None:
         for place in places:
-            self.columns.setdefault(place.stream, {})[place.column] = None
+            self.wanted.setdefault(place.stream, {})[place.column] = None
 
 
 @dataclass(frozen=True)
@@ -93,34 +131,12 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         model: The robot; the mapping's when None.
     """
     where = ", ".join(path.name for path in sources.paths)
-    wanted = _Wanted(sources.streams)
-    joints: dict[str, _Found] = {}
-    for key in JOINT_QUANTITIES:
-        quantity: Quantity | None = getattr(mapping, key)
-        if quantity is not None and quantity.columns:
-            found = wanted.of(quantity.columns, key, optional=quantity.optional)
-            joints |= {} if found is None else {key: found}
-    found = wanted.of(mapping.ok, "ok")
-    valid = {"ok": found} if found is not None and found.places else {}
-    signals = {
-        f"signal {key}": found
-        for key, signal in mapping.signals.items()
-        if (found := wanted.of(signal.columns, f"signal {key}", optional=signal.optional)) is not None
-    }
-    tracked = mapping.q_encoder.pose if mapping.q_encoder is not None else None
-    pose = pose_places(tracked, sources.streams) if tracked is not None else []
-    wanted.keep(pose)
-    for name in mapping.reported:
-        if any(stream.name == name for stream in sources.streams):
-            wanted.columns.setdefault(name, {})
-
-    n = len(joints["q_nominal"].places)
-    for key, columns in joints.items():
-        if len(columns.places) != n:
-            raise InputError(f"{where}: {key} has {len(columns.places)} columns, q_nominal {n}; expected as many")
     if model is None and mapping.robot is not None:
         model = load_robot(mapping.robot)
-    mapping, in_file = _with_texts(where, mapping, sources.streams, joints["q_nominal"].places)
+    found = _Columns.of(where, mapping, sources.streams)
+    joints = found.joints
+    base = joints["q_nominal"].places
+    mapping, in_file = _with_texts(where, mapping, sources.streams, base)
     notes = _ordered_by_name(joints, mapping, sources.streams, model)
     base = joints["q_nominal"].places
     names, said = joint_names_of(mapping, model, base, sources.streams)
@@ -128,63 +144,45 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     nominal = _candidate(base, sources.streams, names)
     units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
-    streams = sources.read({stream: list(columns) for stream, columns in wanted.columns.items()})
+    streams = sources.read({stream: list(columns) for stream, columns in found.wanted.items()})
     for stream in streams.values():
         notes += [f"{stream.name}: {note}" for note in stream.notes]
     scaled, jumped = {}, set[str]()
     for key, columns in joints.items():
-        quantity = getattr(mapping, key)
-        stated, factor = factors(key, quantity, units, n)
-        if stated is None and key != "tau" and not mapping.name:
-            own = told or units if key != "q_encoder" else None
-            if own is None:
-                encoder = _candidate(columns.places, sources.streams, names)
-                its = (mapping.q_nominal.units * n)[:n] if mapping.q_nominal.units else told or units
-                own, why, is_sure = encoder_units(encoder, nominal, its, None)
-                own, why = (own, why) if is_sure and not mapping.q_nominal.scale else (units, "as the joints'")
-                notes.append(f"q_encoder: its units were not stated; taken in {', '.join(own)}: {why}")
-            factor = factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
-        scaled[key] = factor * columns.sign
+        encoder = _candidate(columns.places, sources.streams, names)
+        scaled[key] = columns.sign * _scale(key, mapping, encoder, nominal, units, told, notes)
         if key in ("q_nominal", "q_encoder"):
             streams, turns = unwrap_columns(streams, columns.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
             jumped |= set(turns)
-    quantities = {key: columns.places for key, columns in {**joints, **valid, **signals}.items()}
-    quantities |= {"pose": pose} if pose else {}
-    clock = OneClock(streams, quantities, mapping)
+    clock = OneClock(streams, found.places(), mapping)
 
     rows = {key: clock.rows(key) * scaled[key] for key in joints}
     coupling = mapping.tau.coupling if mapping.tau is not None else None
     if "tau" in rows and coupling is not None:
         rows["tau"] = np.column_stack(joint_forces(np.array(coupling), tuple(rows["tau"].T)))
     further = {
-        key: clock.rows(key) * mapping.signals[key.removeprefix("signal ")].scale * columns.sign
-        for key, columns in signals.items()
+        key: clock.rows(f"signal {key}") * mapping.signals[key].scale * columns.sign
+        for key, columns in found.signals.items()
     }
     for key in [k for k in ("qd", "tau") if k in rows and getattr(mapping, k).optional]:
         if not np.isfinite(rows[key]).any():
             del rows[key]
-    whole = _whole_rows({**rows, **further}, notes)
+    required = {**rows, **{f"signal {key}": values for key, values in further.items()}}
+    whole = _whole_rows(required, notes)
     if not whole.any():
-        raise InputError("; ".join([f"{where}: no row has all of {', '.join([*rows, *further])}", *notes]))
-    ok = np.ones(len(whole), dtype=bool)
-    if tracked is not None and model is not None:
-        rows["q_encoder"] = _tracked(clock, tracked, model, scaled["q_nominal"], names, notes)
+        raise InputError("; ".join([f"{where}: no row has all of {', '.join(required)}", *notes]))
+    if found.tracked is not None and model is not None:
+        rows["q_encoder"] = _tracked(clock, found.tracked, model, scaled["q_nominal"], names, notes)
     rows["q_nominal"], measured, said = in_one_turn(
         rows["q_nominal"], rows.get("q_encoder"), units, names, model, jumped
     )
     notes += said
-    if measured is not None:
-        rows["q_encoder"] = measured
-        ok &= np.isfinite(rows["q_encoder"]).all(axis=1)
-    if valid:
-        ok &= (clock.rows("ok") > 0.5).all(axis=1)
-    if "q_encoder" in rows and not ok.any():
-        is_there = measured is not None and np.isfinite(measured).all(axis=1).any()
-        why = "ok is set on none that has q_encoder" if is_there else "q_encoder is measured on none"
-        raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))
-    notes += [f"{int((~ok[whole]).sum())} of {int(whole.sum())} rows have no q_encoder"] * bool((~ok[whole]).any())
-    signal_columns, signal_units = _signals(further, mapping, whole)
+    rows |= {} if measured is None else {"q_encoder": measured}
+    ok = _trusted(where, clock, measured, len(whole), has_ok="ok" in found.places())
+    lost = int((~ok[whole]).sum())
+    notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder"] * bool(lost)
+    signals, signal_units = _signals(further, mapping, whole)
     time, began = clock.time(whole)
     stated_robot = None if sources.about is None else sources.about.robot
     if model is not None and stated_robot not in (None, model.name):
@@ -193,18 +191,15 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         name=sources.paths[0].stem,
         joint_names=names,
         joint_units=units,
-        q_nominal=rows["q_nominal"][whole],
-        q_encoder=rows["q_encoder"][whole] if "q_encoder" in rows else None,
+        **{key: values[whole] for key, values in rows.items()},
         ok=ok[whole],
         time=time,
         began=began,
-        qd=rows["qd"][whole] if "qd" in rows else None,
-        tau=rows["tau"][whole] if "tau" in rows else None,
-        signals=signal_columns,
+        signals=signals,
         signal_units=signal_units,
         robot=stated_robot or mapping.default_robot or None if model is None else model.name,
         simulated=sources.about is not None and sources.about.simulated,
-        sha256=_sha256(sources.paths),
+        sha256=sha256_of(sources.paths[0]) if len(sources.paths) == 1 and sources.paths[0].is_file() else None,
         units_assumed=assumed,
         repeated=clock.repeated,
         settled=_settled(mapping, joints, in_file=in_file),
@@ -217,6 +212,39 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         in_order = Joints(tuple(name for name in model.joint_names if name in names))
         log = log.in_order_of(in_order, of=f'robot "{model.name}" has')
     return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()))
+
+
+def _scale(
+    key: str,
+    mapping: RecordingMapping,
+    one: Candidate,
+    nominal: Candidate,
+    units: tuple[str, ...],
+    told: tuple[str, ...] | None,
+    notes: list[str],
+) -> Floats:
+    """Return what turns a quantity's columns into SI (n,): as the mapping states it, or as they tell."""
+    quantity, n = getattr(mapping, key), len(units)
+    stated, factor = factors(key, quantity, units, n)
+    if stated is not None or key == "tau" or mapping.name:
+        return factor
+    own = told or units
+    if key == "q_encoder":
+        its = (mapping.q_nominal.units * n)[:n] if mapping.q_nominal.units else own
+        own, why, is_sure = encoder_units(one, nominal, its, None)
+        own, why = (own, why) if is_sure and not mapping.q_nominal.scale else (units, "as the joints'")
+        notes.append(f"q_encoder: its units were not stated; taken in {', '.join(own)}: {why}")
+    return factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
+
+
+def _trusted(where: str, clock: OneClock, measured: Floats | None, rows: int, *, has_ok: bool) -> NDArray[np.bool_]:
+    """Return the rows whose q_encoder can be trusted."""
+    is_there = np.ones(rows, dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
+    ok = np.asarray(is_there & (clock.rows("ok") > 0.5).all(axis=1) if has_ok else is_there)
+    if measured is not None and not ok.any():
+        why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
+        raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))
+    return ok
 
 
 def _with_texts(
@@ -375,8 +403,7 @@ def _signals(
     further: dict[str, Floats], mapping: RecordingMapping, whole: NDArray[np.bool_]
 ) -> tuple[dict[str, Floats], dict[str, str]]:
     columns, units = dict[str, Floats](), dict[str, str]()
-    for what, values in further.items():
-        key = what.removeprefix("signal ")
+    for key, values in further.items():
         names = [key] if values.shape[1] == 1 else [f"{key}[{i}]" for i in range(values.shape[1])]
         columns |= {name: values[whole, i] for i, name in enumerate(names)}
         units |= dict.fromkeys(names, mapping.signals[key].units)
@@ -406,7 +433,3 @@ def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: b
         settled += [f"units:{key}"] * bool(quantity.units) + [f"scale:{key}"] * bool(quantity.scale)
         settled += [f"sign:{key}"] * bool(quantity.sign or (columns.sign < 0.0).any())
     return dict.fromkeys(settled, ())
-
-
-def _sha256(paths: Sequence[Path]) -> str | None:
-    return sha256_of(paths[0]) if len(paths) == 1 and paths[0].is_file() else None

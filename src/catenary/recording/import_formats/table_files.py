@@ -1,7 +1,5 @@
 """Tables in files of many kinds as streams of named columns: CSV, Parquet, NumPy, and MATLAB up to version 7."""
 
-import struct
-import zlib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
-from catenary.documents import cut, shortened
+from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
 from catenary.recording.import_formats.columns import Stream
@@ -23,8 +21,6 @@ from catenary.recording.parquet_files import MOST_COLUMNS
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
 DEEPEST = 8  # structs and cells within each other
-_MATRIX, _COMPRESSED = 14, 15  # kinds of elements [MAT-File Format, table 1-1]
-_HEAD = 128  # [B] before the elements of a file of version 5
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -164,7 +160,7 @@ def _named(arrays: Mapping[str, NDArray[Any]]) -> str:
 
 def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
     """Read the arrays of numbers of a `.mat`; those within structs are called `struct.field`."""
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
     try:
         data = path.read_bytes()
@@ -173,7 +169,9 @@ def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
                 f"{path}: is of MATLAB's version 7.3, which is not read; in MATLAB load it, and "
                 "save('log.mat', '-v7'), or writetable to a CSV"
             )
-        _check(data)
+        for _, shape, _ in whosmat(path):  # scipy makes room for as many cells as the file states
+            if 8 * prod(shape) > max(MOST, RATIO * len(data)):
+                raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
         content = loadmat(path, simplify_cells=True, verify_compressed_data_integrity=True)
     except FileFormatError:
         raise
@@ -192,57 +190,3 @@ def _collect(content: dict[str, Any], prefix: str, arrays: dict[str, NDArray[Any
         array = np.asarray(value)
         if array.dtype.kind in "biufSU" and len(arrays) < MOST_ARRAYS:
             arrays[prefix + key] = array
-
-
-def _check(data: bytes) -> None:
-    """Check lengths and nesting of a file of version 5 to 7; version 4 has neither."""
-    if data[:1] == b"\0" or 0 in data[:4]:
-        return
-    order = "<" if data[126:128] == b"IM" else ">"
-    left = max(MOST, RATIO * len(data))
-    position, count = _HEAD, 0
-    while position + 8 <= len(data):
-        kind, length = struct.unpack_from(f"{order}II", data, position)
-        inside = data[position + 8 : position + 8 + length]
-        if len(inside) != length:
-            raise ValueError(f"an element of {length} bytes at byte {position}, where {len(inside)} are left")
-        if kind == _COMPRESSED:
-            unpacker = zlib.decompressobj()
-            inside = unpacker.decompress(inside, left + 1)
-            left -= len(inside)
-            if left < 0:
-                raise ValueError("it unpacks to more than is read")
-        count += _elements(inside, order, 0) if kind == _COMPRESSED else _inside(kind, inside, order, 0)
-        if count > 100 * MOST_ARRAYS:
-            raise ValueError(f"more than {100 * MOST_ARRAYS} parts")
-        position += 8 + length
-
-
-def _inside(kind: int, data: bytes, order: str, depth: int) -> int:
-    if kind != _MATRIX:
-        return 1
-    # behind the flags: scipy makes room for as many cells as the dimensions say before it reads one
-    count = min(*struct.unpack_from(f"{order}I", data.ljust(24, b"\0"), 20), len(data) - 24, 4 * 32) // 4
-    lengths = struct.unpack_from(f"{order}{count}i", data, 24) if count > 0 else ()
-    if 8 * prod(max(1, length) for length in lengths) > max(MOST, RATIO * len(data)):
-        raise ValueError(f"an array of shape {shortened(lengths)} in {len(data)} bytes")
-    return _elements(data, order, depth + 1)
-
-
-def _elements(data: bytes, order: str, depth: int) -> int:
-    """Count the elements in bytes, those within them too."""
-    if depth > DEEPEST:
-        raise ValueError(f"structs and cells are nested more than {DEEPEST} deep")
-    position, count = 0, 0
-    while position + 8 <= len(data):
-        kind, length = struct.unpack_from(f"{order}II", data, position)
-        if kind >> 16:  # a short element: four bytes of data within its head
-            position, count = position + 8, count + 1
-            continue
-        if position + 8 + length > len(data):
-            raise ValueError(f"an element of {length} bytes, where {len(data) - position - 8} are left")
-        count += _inside(kind, data[position + 8 : position + 8 + length], order, depth)
-        position += 8 + length + (-length % 8 if kind != _COMPRESSED else 0)
-        if count > 100 * MOST_ARRAYS:
-            break
-    return count
