@@ -184,13 +184,3 @@ def test_a_topic_of_two_types_is_refused(tmp_path: Path) -> None:
             bag.write(to, 1, b"\0\0\0\0")
     with pytest.raises(CatenaryError, match="topic /a: is of type std_msgs/String and of std_msgs/Bool"):
         open_recording(path)
-
-
-def test_a_bag_of_very_many_chunks_is_refused(tmp_path: Path) -> None:
-    def field(text: bytes) -> bytes:
-        return struct.pack("<I", len(text)) + text
-
-    head = field(b"op=\5") + field(b"compression=none") + field(b"size=" + bytes(4))
-    path = tmp_path / "a.bag"
-    path.write_bytes(b"#ROSBAG V2.0\n" + (field(head) + field(b"")) * 10_001)
-    _refused(path, "more than 10000 chunks")

@@ -131,7 +131,8 @@ def of_a_later_version(table: pa.Table) -> pa.Table:
     return table.replace_schema_metadata({"catenary": json.dumps(about)})
 
 
-TWINS = json.dumps({"format": FORMAT, "joint_names": ["a", "a"], "joint_units": ["rad", "rad"]}).encode()
+def stating(**changes: Any) -> bytes:
+    return json.dumps({"format": FORMAT, "joint_names": ["a", "b"], "joint_units": ["rad", "rad"]} | changes).encode()
 
 
 @pytest.mark.parametrize(
@@ -151,7 +152,9 @@ TWINS = json.dumps({"format": FORMAT, "joint_names": ["a", "a"], "joint_units": 
         ],
         (lambda _: pa.table({"q_nominal:J1": np.zeros(3)}), "run.parquet: is Parquet but no catenary motion log"),
         (of_a_later_version, "format 'catenary.motion_log.9', expected"),
-        (with_metadata(TWINS), "joint names must differ, got a, a"),
+        (with_metadata(stating(joint_names=["a", "a"])), "joint names must differ, got a, a"),
+        (with_metadata(stating(joint_units=[1])), r"no catenary motion log.*joint_units\[0\]: .*string, got 1"),
+        (with_metadata(stating(simulated="no")), "simulated: .*boolean, got 'no'"),
     ],
 )
 def test_a_changed_file_is_refused_by_what_is_wrong(path: Path, change: Any, said: str) -> None:

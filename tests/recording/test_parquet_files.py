@@ -61,23 +61,6 @@ def test_a_file_of_nonsense_is_refused(tmp_path: Path) -> None:
             open_parquet(path)
 
 
-@pytest.mark.parametrize(
-    ("about", "said"),
-    [
-        (ABOUT | {"joint_names": "a"}, "joint_names: expected a list"),
-        (ABOUT | {"joint_units": [1]}, "joint_units: expected a list"),
-        (ABOUT | {"notes": 3}, "notes: expected a list"),
-        (ABOUT | {"simulated": "no"}, "simulated: expected true or false"),
-        (ABOUT | {"robot": [1]}, "robot: expected a name"),
-        ([[[[]]]], "expected a table"),
-    ],
-)
-def test_what_a_schema_says_is_checked(tmp_path: Path, about: object, said: str) -> None:
-    columns = {"ok": np.ones(3, dtype=bool), "q_nominal:a": np.zeros(3)}
-    with pytest.raises(FileFormatError, match=f"log.parquet: .*{said}"):
-        read_log(_written(tmp_path / "log.parquet", columns, about))
-
-
 def test_whole_numbers_with_gaps_and_columns_that_are_not_there_are_refused(tmp_path: Path) -> None:
     path = _written(tmp_path / "x.parquet", {"stamp": pa.array([1, None, 3])})
     with pytest.raises(FileFormatError, match="column stamp lacks 1"):

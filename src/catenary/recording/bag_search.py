@@ -23,7 +23,6 @@ _MESSAGE_HEAD = 38  # [B] of a message's header: conn, op, time [wiki.ros.org/Ba
 _PACKED = b"\x28\xb5\x2f\xfd"  # how what zstd packed begins [RFC 8878]; a message in CDR begins with 0
 # what reading damaged bytes raises
 DAMAGE = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
-MAX_HEADER = 2**20  # [B] of a record's header, or of a connection's
 
 
 def next_chunk(file: BinaryIO, position: int, size: int) -> int | None:
@@ -95,8 +94,6 @@ def _fields(data: bytes) -> dict[bytes, bytes]:
 
 def header_fields(data: bytes) -> dict[bytes, bytes]:
     """Return the fields of a record's header in a ROS 1 bag."""
-    if len(data) > MAX_HEADER:
-        raise ValueError(f"a header of {len(data)} bytes, expected {MAX_HEADER} at most")
     values, position = {}, 0
     while position < len(data):
         length = _U32.unpack_from(data, position)[0]

@@ -184,7 +184,6 @@ class BagStream:
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
-        chunks, most_chunks = 0, max(10_000, size // 500)  # where `rosbag` writes one for 768 kB
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
@@ -208,9 +207,6 @@ class BagStream:
                 file.seek(following)
                 continue
             kind = values[b"op"][0]
-            chunks += kind == _CHUNK
-            if chunks > most_chunks:
-                raise FileFormatError(f"{self.path}: more than {most_chunks} chunks in {size} bytes")
             if kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
             try:

@@ -30,7 +30,6 @@ from catenary.topics import SECOND, TopicColumn
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
 LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
-MOST_DEFINED = 1_000_000  # characters of all definitions that differ: reading them takes time
 MAX_TEXT = 60_000  # characters of a definition without comments; moveit's longest has 20,000
 DEEPEST = 32  # messages within each other
 _BATCH = 4096
@@ -106,12 +105,6 @@ class Bag:
             connection = self._reader.connections[topic]
             key = (connection.type, connection.definition)
             if key not in self._parsed:
-                read = sum(len(text) for _, text in self._parsed)
-                if read > MOST_DEFINED:
-                    raise FileFormatError(
-                        f"{self.path}: topic {cut(topic)}: types before it have {read} characters, "
-                        f"{MOST_DEFINED} are read"
-                    )
                 self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
             self._known[topic] = self._parsed[key]
         return self._known[topic]
@@ -142,6 +135,7 @@ class _TopicColumns:
     wanted: Collection[str] | None  # all when None
     _arrivals: list[NDArray[np.int64]] = field(default_factory=list)
     _waiting: list[Block] = field(default_factory=list)
+    _count: int = 0  # of messages that wait
     _parts: list[tuple[int, dict[str, NDArray[Any]]]] = field(default_factory=list)
     _joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
     _notes: dict[str, None] = field(default_factory=dict)
@@ -153,7 +147,8 @@ class _TopicColumns:
     def add(self, arrivals: NDArray[np.int64], block: Block) -> None:
         self._arrivals.append(arrivals)
         self._waiting.append(block)
-        if sum(map(len, self._waiting)) >= _BATCH:
+        self._count += len(block)
+        if self._count >= _BATCH:
             self._read()
 
     def stream(self, name: str, rows: int, where: str) -> Stream:
@@ -164,8 +159,6 @@ class _TopicColumns:
             raise FileFormatError(f"{where}: {error}") from error
         count = sum(length for length, _ in self._parts)
         names = dict.fromkeys(column for _, part in self._parts for column in part if column)
-        if len(names) > MOST_COLUMNS:
-            raise FileFormatError(f"{where}: {len(names)} columns, expected {MOST_COLUMNS} at most")
         columns = {column: np.full(count, np.nan) for column in names}
         stamp = np.zeros(count, dtype=np.int64)
         first = 0
@@ -180,7 +173,7 @@ class _TopicColumns:
         """Turn the messages that wait into columns; those of one shape together."""
         if not self._waiting:
             return
-        waiting, self._waiting = Block.joined(self._waiting), []
+        waiting, self._waiting, self._count = Block.joined(self._waiting), [], 0
         part: dict[str, NDArray[Any]] = {}
         for rows, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
             for inside, column, values in self._numbers(records):
@@ -329,8 +322,6 @@ def _types(where: str, connection: BagConnection, encoding: Encoding) -> Typesdi
     text = connection.definition
     if not text.strip():
         return _of_ros(encoding)
-    if len(text) > 4 * MAX_TEXT:
-        raise FileFormatError(f"{where}: its definition has {len(text)} characters, expected {MAX_TEXT} at most")
     is_idl = text.lstrip("= \n").startswith("IDL:")
     lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in text.split("\n"))
     plain = text if is_idl else "\n".join(line for line in lines if line.strip())

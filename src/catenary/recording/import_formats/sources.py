@@ -40,11 +40,7 @@ class ExtractedTopics:
 
     def _stream(self, name: str, wanted: Collection[str] | None) -> Stream:
         file = self._files[name]
-        stored = {
-            f"{column.path}[{label}]" if label else column.path: own
-            for column in file.topic.columns
-            for label, own in zip(column.labels, column.names, strict=True)
-        }
+        stored = dict(pair for c in file.topic.columns for pair in zip(c.paths, c.names, strict=True))
         chosen = [column for column in stored if wanted is None or column in wanted]
         groups = range(file.row_groups) if wanted is not None else range(1)
         rows = file.rows if wanted is not None else min(file.rows_of(0), SAMPLED)
