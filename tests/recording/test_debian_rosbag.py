@@ -92,7 +92,7 @@ def test_rosbag_reads_the_numbers_that_we_wrote(ours: dict[str, Path], tmp_path:
     np.testing.assert_allclose(table.column("jpos:gold_shoulder").to_numpy(), shoulder, rtol=1e-12)
 
 
-@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+@pytest.mark.parametrize("compression", ["bz2", "lz4"])
 def test_a_bag_of_rosbags_extracts_to_the_same_messages(ours, tmp_path, compression) -> None:
     rewritten = {path: tmp_path / path.name for path in ours.values()}
     for path, to in rewritten.items():

@@ -71,7 +71,6 @@ DOUBLING = "".join(f"{LINE}\nMSG: lab_msgs/T{i}\nT{i + 1} a\nT{i + 1} b\n" for i
         ("wstring a\n", "wstring"),
         ("float64[ a\n", "cannot be read"),
         ("float64 a\n" * 20_000, "characters"),
-        (f"T1 a\nT1 b\n{DOUBLING}{LINE}\nMSG: lab_msgs/T25\nuint8 x\n", "messages within one|ends before|bytes"),
         (f"T1 a\nT1 b\n{DOUBLING}{LINE}\nMSG: lab_msgs/T25\nuint8 X=1\n", "messages within one"),
         ("uint8[] data\n", "claims|ends before|bytes"),
     ],
