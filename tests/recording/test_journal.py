@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.recording.journal import ABOUT as NAME_OF_ABOUT
 from catenary.recording.journal import MAGIC, About, JournalTopic, JournalWriter, metadata_record
-from catenary.recording.journal_reader import JournalReader, JournalReport
+from catenary.recording.journal_reader import JournalReader
 from patience import until
 
 TOPICS = (JournalTopic("/a", "std_msgs/String"), JournalTopic("/b", "std_msgs/Header"))
@@ -28,10 +28,10 @@ def _read(path: Path) -> list[tuple[str, int, bytes]]:
     return list(JournalReader(path).messages())
 
 
-def _report(path: Path) -> JournalReport:
+def _read_through(path: Path) -> JournalReader:
     reader = JournalReader(path)
     list(reader.messages())
-    return reader.report
+    return reader
 
 
 def test_what_is_written_is_read_whole_or_one_topic_of_it_and_all_are_counted(tmp_path: Path) -> None:
@@ -40,10 +40,10 @@ def test_what_is_written_is_read_whole_or_one_topic_of_it_and_all_are_counted(tm
     assert list(reader.messages()) == sent
     assert reader.about == ABOUT
     assert set(reader.topics) == set(TOPICS)
-    assert reader.report.closed
+    assert not reader.ends_early
     assert reader.problems == []
     assert list(reader.messages(("/b",))) == [message for message in sent if message[0] == "/b"]
-    assert sum(reader.report.messages.values()) == len(sent)
+    assert sum(reader.received.values()) == len(sent)
 
 
 def test_long_recordings_are_split_and_each_file_reads_by_itself(tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_long_recordings_are_split_and_each_file_reads_by_itself(tmp_path: Path)
     assert all(file.stat().st_size < 12000 for file in files)
     assert _read(tmp_path / "r") == sent
     assert [m for file in files for m in _read(file)] == sent
-    assert _report(tmp_path / "r").problems == []
+    assert _read_through(tmp_path / "r").problems == []
 
 
 def test_missing_files_are_noticed_and_what_was_in_the_middle_is_counted(tmp_path: Path) -> None:
@@ -61,15 +61,15 @@ def test_missing_files_are_noticed_and_what_was_in_the_middle_is_counted(tmp_pat
     _, second, *_, last = sorted((tmp_path / "r").iterdir())
     lost = len(_read(second))
     second.unlink()
-    report = _report(tmp_path / "r")
-    assert sum(report.messages.values()) == len(sent) - lost
-    assert report.lost == lost
-    assert any("missing" in problem for problem in report.problems)
-    assert report.closed
+    reader = _read_through(tmp_path / "r")
+    assert sum(reader.received.values()) == len(sent) - lost
+    assert reader.lost == lost
+    assert any("missing" in problem for problem in reader.problems)
+    assert not reader.ends_early
     last.unlink()
-    report = _report(tmp_path / "r")
-    assert not report.closed
-    assert "was not closed" in report.problems[-1]
+    reader = _read_through(tmp_path / "r")
+    assert reader.ends_early
+    assert "was not closed" in reader.problems[-1]
 
 
 def _flushed(folder: Path, count: int, about: About | None = None) -> Path:
@@ -109,7 +109,7 @@ def test_torn_last_message_is_dropped_at_every_byte_and_all_before_it_is_kept(tm
         torn.write_bytes(whole[:end])
         reader = JournalReader(torn.parent)
         assert [stamp for _, stamp, _ in reader.messages()] == [0, 1, 2, 3], end
-        assert not reader.report.closed
+        assert reader.ends_early
         assert any("was not closed" in problem for problem in reader.problems)
 
 
@@ -128,9 +128,9 @@ def test_a_damaged_byte_costs_one_chunk_that_is_counted(tmp_path: Path) -> None:
         reader = JournalReader(hit.parent)
         found = list(reader.messages())
         assert set(found) <= {("/a", i, bytes([i]) * 40) for i in range(5)}, place  # none is wrong
-        assert len(found) == 5 - reader.report.lost, place
-        assert reader.report.lost <= 1, place  # the times in a chunk's head cost nothing
-        assert reader.report.lost == 0 or any("damaged" in problem for problem in reader.problems)
+        assert len(found) == 5 - reader.lost, place
+        assert reader.lost <= 1, place  # the times in a chunk's head cost nothing
+        assert reader.lost == 0 or any("damaged" in problem for problem in reader.problems)
 
 
 def test_a_damaged_beginning_costs_no_message_because_what_it_says_comes_again(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_a_damaged_beginning_costs_no_message_because_what_it_says_comes_again(t
         path.write_bytes(content)
         reader = JournalReader(tmp_path / "r")
         assert [stamp for _, stamp, _ in reader.messages()] == list(range(6))
-        assert (reader.about, reader.report.closed) == (ABOUT, True)
+        assert (reader.about, reader.ends_early) == (ABOUT, False)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +170,7 @@ def test_messages_that_come_again_are_told(tmp_path: Path) -> None:
     assert summary is not None
     second, third = (summary.chunk_indexes[i].chunk_start_offset for i in (1, 2))
     (tmp_path / "r" / "0000.mcap").write_bytes(whole[:third] + whole[second:])
-    assert any("out of order, or again" in problem for problem in _report(tmp_path / "r").problems)
+    assert any("out of order, or again" in problem for problem in _read_through(tmp_path / "r").problems)
 
 
 @pytest.mark.parametrize("content", [b"", MAGIC, b"something else"])
@@ -224,9 +224,9 @@ def test_threads_append_without_loss(tmp_path: Path) -> None:
             thread.start()
         for thread in threads:
             thread.join()
-    report = _report(tmp_path / "r")
-    assert report.messages == {"/a": 1000, "/b": 1000}
-    assert report.problems == []
+    reader = _read_through(tmp_path / "r")
+    assert reader.received == {"/a": 1000, "/b": 1000}
+    assert reader.problems == []
 
 
 def test_what_waits_reaches_the_disk_without_a_further_message(tmp_path: Path) -> None:

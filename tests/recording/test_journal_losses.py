@@ -136,8 +136,8 @@ def test_a_killed_recording_opens_and_misses_a_second_at_most(tmp_path: Path) ->
                 messages = list(reader.messages())
                 assert appended - len(messages) < A_SECOND
                 assert all(data == stamp.to_bytes(8, "little") * 20 for _, stamp, data in messages)
-                assert reader.report.lost == 0
-                assert not reader.report.closed
+                assert reader.lost == 0
+                assert reader.ends_early
                 assert any("was not closed" in problem for problem in reader.problems)
 
 

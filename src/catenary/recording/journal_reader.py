@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -16,18 +15,6 @@ from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, is_j
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
 from catenary.recording.topic_samples import require_topics
-
-
-@dataclass
-class JournalReport:
-    """Counts and damage found in a journal; complete once all its messages were read."""
-
-    messages: dict[str, int] = field(default_factory=dict)  # by topic
-    problems: list[str] = field(default_factory=list)  # in words, with places
-    remarks: list[str] = field(default_factory=list)  # of the recorder; they tell of no loss
-    lost: int = 0  # messages that are known to be missing
-    holes: list[Hole] = field(default_factory=list)  # where they are
-    closed: bool = False  # the recording was finished, not cut off
 
 
 def is_journal(path: Path) -> bool:
@@ -44,7 +31,7 @@ def is_journal(path: Path) -> bool:
 class JournalReader:
     """Reads a recording: its folder, or one of its files.
 
-    `report` tells what was missing or damaged; it is complete when `messages` has been read to its end.
+    What was missing or damaged is known when `messages` has been read to its end.
     """
 
     encoding: Encoding = "ros1"
@@ -73,7 +60,10 @@ class JournalReader:
         if not self.topics:
             raise FileFormatError(f"{path}: no whole topic in its {len(files)} file(s): nothing can be read")
         self.about: About | None = next((part.about for part in self._parts if part.about is not None), None)
-        self.report = JournalReport()
+        self.received = dict[str, int]()  # messages by topic
+        self.damage, self.remarks = list[str](), list[str]()  # in words, with places; of the recorder, of no loss
+        self.lost, self.holes = 0, list[Hole]()  # messages that are known to be missing, and where
+        self.ends_early = False  # the recording was not finished, but cut off
 
     @property
     def first(self) -> int | None:
@@ -88,22 +78,7 @@ class JournalReader:
     @property
     def problems(self) -> list[str]:
         """What was found missing or damaged so far, in words, and the recorder's own notes."""
-        return [*self.report.problems, *self.report.remarks]
-
-    @property
-    def damage(self) -> list[str]:
-        """What was found missing or damaged so far, in words."""
-        return self.report.problems
-
-    @property
-    def holes(self) -> list[Hole]:
-        """Where messages are missing that were there."""
-        return self.report.holes
-
-    @property
-    def ends_early(self) -> bool:
-        """Whether the recording was cut off, once all messages were read."""
-        return not self.report.closed
+        return [*self.damage, *self.remarks]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
@@ -114,7 +89,7 @@ class JournalReader:
         require_topics(self.path, topics, [topic.name for topic in self.topics])
         for part in self._read():
             for name, arrival, data in part.messages():
-                self.report.messages[name] += 1
+                self.received[name] += 1
                 if topics is None or name in topics:
                     yield name, arrival, data
 
@@ -122,26 +97,27 @@ class JournalReader:
         """Yield topic, arrival stamps [ns] (N,) and messages of every chunk, no object for each."""
         for part in self._read():
             for name, arrivals, block in part.blocks({topic.name for topic in self.topics}):
-                self.report.messages[name] += len(block)
+                self.received[name] += len(block)
                 if name in topics:
                     yield name, arrivals, block
 
     def _read(self) -> Iterator[BagStream]:
-        """Yield the files, each to be read to its end; then the report is complete."""
-        names = [topic.name for topic in self.topics]
-        report = self.report = JournalReport(messages=dict.fromkeys(names, 0), problems=list(self._unread))
+        """Yield the files, each to be read to its end; then it is known what is missing."""
+        self.received = dict.fromkeys((topic.name for topic in self.topics), 0)
+        self.damage, self.remarks, self.lost, self.holes = list(self._unread), [], 0, []
+        self.ends_early = True
         following: dict[str, int] = {}  # number of the next message, by topic
         last: int | None = None  # [ns] arrival of the message before
         for part in self._parts:
             part.follow(following, last)
             yield part
-            report.closed, last = part.is_last, part.last
-            report.lost += part.lost
-            report.holes += part.holes
-            report.problems += part.damage
-            report.remarks += part.remarks
-        if not report.closed:
-            report.problems[:] = [problem for problem in report.problems if "lacks its index" not in problem]
-            report.problems.append(
+            self.ends_early, last = not part.is_last, part.last
+            self.lost += part.lost
+            self.holes += part.holes
+            self.damage += part.damage
+            self.remarks += part.remarks
+        if self.ends_early:
+            self.damage = [problem for problem in self.damage if "lacks its index" not in problem]
+            self.damage.append(
                 f"{self.path}: was not closed: the recording ended with a crash, or files at its end are missing"
             )

@@ -121,7 +121,7 @@ def _write_journal(source: JournalReader, part: Path, rescue: Rescue) -> None:
         recovered = {"from": source.path.resolve().name, **rescue.as_data()}
         about = replace(about, configuration={**about.configuration, "recovered": recovered})
     with JournalWriter(part, source.topics, about) as journal:
-        for remark in source.report.remarks:
+        for remark in source.remarks:
             journal.note(remark)
         for message in source.messages():
             journal.append(*message)

@@ -140,8 +140,8 @@ def recorder(seed: int, folder: Path) -> None:
     there = sum(1 for _ in reader.messages())
     if appended - there > 400 * LONGEST:
         raise Fell(f"{appended - there} of {appended} messages are lost: {(appended - there) / 400:.2f} s")
-    if reader.report.lost or not reader.ends_early:
-        raise Fell(f"{reader.report.lost} lost in between: {reader.problems}")
+    if reader.lost or not reader.ends_early:
+        raise Fell(f"{reader.lost} lost in between: {reader.problems}")
     for name in ("killed", "whole"):
         if name == "whole" or there > 50:
             extract_recording(project, name)

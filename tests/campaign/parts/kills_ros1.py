@@ -95,8 +95,8 @@ def moving(rng: random.Random, project: Path) -> None:
         raise Fell(f"not whole in the end: { {name: one['rescued'] for name, one in found.items()} }")
     if had_begun and not was_whole:
         kept = _journal(project / "replaced" / "test")
-        if (kept and kept.report.messages) != (there and there.report.messages):
-            raise Fell(f"replaced/test is not what was recorded: {kept and kept.report}")
+        if (kept and kept.received) != (there and there.received):
+            raise Fell(f"replaced/test is not what was recorded: {kept and kept.problems}")
 
 
 def beside(rng: random.Random, project: Path) -> None:
@@ -143,16 +143,16 @@ def _killed_recorder(rng: random.Random, recording: Path, command: list[str]) ->
     killed(["-c", RECORD, str(told), ready_when, *command], rng.uniform(0.0, 10.0))
     count, first, last = struct.unpack("<3q", told.read_bytes())
     there = _journal(recording)
-    if there is None or not any(there.report.messages.values()):
+    if there is None or not any(there.received.values()):
         if last - first > 1e9 * LONGEST:
             raise Fell(f"all of {count} messages are lost: {1e-9 * (last - first):.2f} s")
         return there
     *_, (_, newest, _) = there.messages()
     if last - newest > 1e9 * LONGEST:
-        kept = sum(there.report.messages.values())
+        kept = sum(there.received.values())
         raise Fell(f"{count - kept} of {count} messages are lost: {1e-9 * (last - newest):.2f} s")
-    if there.report.lost:
-        raise Fell(f"{there.report.lost} are lost in between: {there.problems}")
+    if there.lost:
+        raise Fell(f"{there.lost} are lost in between: {there.problems}")
     return there
 
 
@@ -177,7 +177,7 @@ def _extracted(project: Path, name: str, there: "JournalReader | None") -> dict[
     if "Traceback" in done.stderr or done.returncode != (0 if recordings - {name} else done.returncode):
         raise Fell(f"extract: exit {done.returncode}: {done.stderr[-2000:]}")
     found: dict[str, Any] = json.loads(done.stdout) if done.stdout.strip() else {}
-    kept = {} if there is None else there.report.messages
+    kept = {} if there is None else there.received
     if name not in found:
         # a log needs a second of the robot's state and of the encoders
         if len(kept) > 0 and min(kept.values()) > 50:
