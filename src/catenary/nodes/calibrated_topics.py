@@ -39,7 +39,7 @@ from catenary.errors import CatenaryError, InputError, TransportError
 from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, OverTopics, kind_with_joints, open_robot
 from catenary.plant import JointState
-from catenary.raven2.topics import JOINTS
+from catenary.raven2.topics import JOINTS, ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 
@@ -336,7 +336,7 @@ def reader_of(
         namespace: Of a PSM, /PSM1 when None.
         imu: What gravity is read from.
     """
-    kind = kind_with_joints(joints, arm) or KINDS["raven2" if arm == "gold" else "raven2_right"]
+    kind = kind_with_joints(joints, arm) or KINDS[ROBOT[arm]]
     if kind is not PSM and namespace is not None:
         raise InputError("--namespace: the model is none of a PSM; a RAVEN-II's arms are chosen by --arm")
     return open_robot(kind.robot, OverTopics(transport, dialect, namespace, imu=imu, only_read=True))

@@ -26,6 +26,7 @@ from catenary.errors import InputError, UnsupportedCommandError
 from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
 from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
+from catenary.raven2.topics import ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.psm_parameters import load_psm
@@ -145,7 +146,7 @@ def _plants(serving: Serving) -> dict[str, Plant]:
 
 
 def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
-    kind = PSM if serving.is_psm else KINDS["raven2" if name == "gold" else "raven2_right"]
+    kind = PSM if serving.is_psm else KINDS[ROBOT[name]]
     tool = ToolPose(load_robot(kind.whole), plant.joint_names)
     weight = (
         gravity_kernel(load_psm().loaded_model())

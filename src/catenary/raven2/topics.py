@@ -19,8 +19,9 @@ from catenary.plant import UNUSED, OperatingState
 from catenary.topics import SECOND, Topic, TopicColumn, joint_topic
 from catenary.units import TO_SI
 
-Arm = Literal["gold", "green"]  # left, right
-ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}  # of the catalogue
+Arm = Literal["gold", "green"]
+ARM_OF_SIDE: Mapping[str, Arm] = {"left": "gold", "right": "green"}
+ROBOT: Mapping[str, str] = {"gold": "raven2", "green": "raven2_right"}  # of the catalogue
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")  # of measured_js
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 AXES = (*JOINTS[:3], UNUSED, *JOINTS[3:])  # of the eight channels of an arm in raven_state

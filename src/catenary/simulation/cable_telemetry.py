@@ -4,7 +4,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.raven2.topics import Arm, in_channels
+from catenary.raven2.topics import ARM_OF_SIDE, in_channels
 from catenary.simulation.cable_plant import REPORTED, CablePlant
 from catenary.simulation.firmware import TickLog, joint_torques
 
@@ -33,13 +33,13 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     `pos` and `ori` are the tool's pose in the arm's frame 0, as the robot believes it from its motors.
     """
     ticks = len(log.joint)
-    side: Arm = "gold" if plant.side == "left" else "green"
+    side = ARM_OF_SIDE[plant.side]
     columns = {name: in_channels(side, getattr(log, field)) for name, field in PER_AXIS.items()}
     columns["encoffsets"] = in_channels(side, np.tile(plant.control.offset, (ticks, 1)))
     columns["runlevel"] = np.full((ticks, 1), float(RUNNING))
     columns["type"] = np.zeros((ticks, 2))
     columns["dt"] = np.full((ticks, 1), plant.period)
-    arm = ("gold", "green").index(side)
+    arm = tuple(ARM_OF_SIDE).index(plant.side)
     rotation, position = _tool_poses(plant, log.joint)
     positions, rotations = np.zeros((ticks, 2, 3)), np.zeros((ticks, 2, 3, 3))  # of both arms
     positions[:, arm], rotations[:, arm] = position, rotation

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.plant import UNUSED, MotionLog
-from catenary.raven2.topics import JOINTS, RAVENSTATE, UNITS, further_columns
+from catenary.raven2.topics import ARM_OF_SIDE, JOINTS, RAVENSTATE, UNITS, further_columns
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.cable_telemetry import telemetry_of
 from catenary.simulation.firmware import TickLog, joint_torques
@@ -101,7 +101,7 @@ def _state_signals(
     for column in RAVENSTATE.columns:
         values = told.get(column.name, np.zeros((len(rows), column.width))).reshape(len(rows), column.width)
         state |= dict(zip(column.paths, values.T.astype(np.float64), strict=True))
-    further = further_columns(columns, "gold" if plant.side == "left" else "green")
+    further = further_columns(columns, ARM_OF_SIDE[plant.side])
     signals = {name: state[path] for name, (path, _) in further.items()}
     return signals, {name: unit for name, (_, unit) in further.items()}
 

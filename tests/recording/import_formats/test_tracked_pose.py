@@ -68,7 +68,6 @@ def test_six_joints_follow_from_a_pose(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("robot", "match", "lost", "choice"),
     [
-        ("raven2_full", "position", "shoulder, elbow, insertion, roll, wrist, tool", 'match = "pose" or'),
         ("dvrk_psm", "position", "outer_yaw, .*, outer_wrist_yaw", 'match = "pose" or'),
         ("dvrk_psm_motors", "pose", "q4, q5, q6, q7", "a frame that they move"),  # its file ends at the insertion
         ("planar_3r", "position", "link1, link2, link3", 'match = "pose" or'),

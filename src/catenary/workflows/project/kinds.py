@@ -12,7 +12,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import PSM, PSM_JOINTS, psm_topics
 from catenary.open_robot import OverTopics, Simulated, open_robot, tilted_base
-from catenary.raven2.topics import EXT_JPOS, ROBOT, Arm, raven_topics
+from catenary.raven2.topics import ARM_OF_SIDE, EXT_JPOS, ROBOT, Arm, raven_topics
 from catenary.raven2.transmission import CALIBRATED
 from catenary.recording.import_formats.importer import Synchronisation
 from catenary.recording.import_formats.known_layouts import read_psm
@@ -132,17 +132,14 @@ class RavenProject(ProjectKind):
 
     @property
     def _arm(self) -> Arm:
-        return "gold" if self.settings.side == "left" else "green"
+        return ARM_OF_SIDE[self.settings.side]
 
     @property
     def robot(self) -> str:
         """Arm by its side."""
-        return "raven2" if self.settings.side == "left" else "raven2_right"
-
-    @property
-    def recorded_as(self) -> str:
-        """Robot that recordings say they are of."""
         return ROBOT[self._arm]
+
+    recorded_as = robot
 
     @property
     def topics(self) -> tuple[Topic, ...]:

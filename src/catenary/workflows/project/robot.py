@@ -22,7 +22,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
 from catenary.plant import JointState, OperatingState
-from catenary.raven2.topics import Arm
+from catenary.raven2.topics import ARM_OF_SIDE, Arm
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
 from catenary.simulation.firmware_plant import FirmwarePlant
@@ -125,7 +125,7 @@ class ProjectRobot(ABC):
 
 def arm_of(project: Project) -> Arm:
     """Return the arm that a project is about."""
-    return "gold" if project.settings.side == "left" else "green"
+    return ARM_OF_SIDE[project.settings.side]
 
 
 def set_aside(project: Project, name: str) -> None:

@@ -22,7 +22,7 @@ from catenary.crtk.message_bytes import codec
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError, RecordingError
-from catenary.raven2.topics import RAVENSTATE, RAVENSTATE_100HZ, Arm, in_channels, raven_topics
+from catenary.raven2.topics import ARM_OF_SIDE, RAVENSTATE, RAVENSTATE_100HZ, in_channels, raven_topics
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
 from catenary.recording.recorder import Recorder
 from catenary.robots.catalog import RAVEN_SIDES
@@ -264,7 +264,7 @@ class BesideRecorder:
         if robot.name not in RAVEN_SIDES:
             raise InputError(f"--record: records a RAVEN-II's topics; the robot is {robot.name}")
         self._robot, self._folder, self._clock = robot, folder, clock
-        self._arm: Arm = "gold" if RAVEN_SIDES[robot.name] == "left" else "green"
+        self._arm = ARM_OF_SIDE[RAVEN_SIDES[robot.name]]
         topics = raven_topics(self._arm)
         about = About(robot=robot.name, simulated=robot.plant.simulated, configuration={"motion": "by hand"})
         self._recorder: TopicRecorder | Recorder
