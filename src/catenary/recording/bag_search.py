@@ -5,10 +5,12 @@
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 from struct import Struct, error
 from typing import BinaryIO, Literal, cast
 
 from catenary.archives import RATIO, unpacked
+from catenary.errors import FileFormatError
 
 MOST_UNPACKED = 64 * 2**20  # [B] of all chunks and messages of any bag; of a long one RATIO times its length
 MOST_TOPICS = 1000
@@ -142,9 +144,9 @@ def most_unpacked(size: int) -> int:
 class Unpacking:
     """Unpacks the chunks and messages of a bag: of a small file not gigabytes."""
 
-    def __init__(self, size: int) -> None:
-        """Begin; `size` [B] of the file."""
-        self._left = most_unpacked(size)
+    def __init__(self, path: Path) -> None:
+        """Begin, with the bounds that a file of this length has."""
+        self._path, self._left = path, most_unpacked(path.stat().st_size)
 
     def chunk(self, data: bytes, kind: str, stated: int) -> bytes:
         """Return a chunk, unpacked to the size that its bag states."""
@@ -164,7 +166,10 @@ class Unpacking:
         """Return a message of ROS 2, unpacked where messages were packed one by one."""
         if data[:4] != _PACKED:
             return data
-        plain = unpacked(data, "zstd", self._left)
+        try:
+            plain = unpacked(data, "zstd", self._left)
+        except ValueError as error:
+            raise FileFormatError(f"{self._path}: a message of {error}") from error
         self._left -= len(plain)
         return plain
 

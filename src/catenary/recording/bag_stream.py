@@ -161,7 +161,7 @@ class BagStream:
         self.ends_early, self._last, self.lost, self.is_last = False, self._before, 0, False
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
-            self._unpacking = Unpacking(size)
+            self._unpacking = Unpacking(self.path)
             file.seek(len(ROS1_MAGIC) if self.is_ros1 else len(MCAP_MAGIC))
             try:
                 yield from read(file, size)

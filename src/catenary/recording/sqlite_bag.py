@@ -113,7 +113,7 @@ class SqliteBag:
 
         Those within a page of the damage are left out: they may be of a page that is there in part.
         """
-        read, unpacking = self._database.execute, Unpacking(self._size)
+        read, unpacking = self._database.execute, Unpacking(self.path)
         (page,) = read("PRAGMA page_size").fetchone()
         left, seen, skipped = self._size, -1, 0
         waiting, held = deque[tuple[int, int, bytes]](), 0  # rows within a page of here, and their bytes
@@ -128,7 +128,8 @@ class SqliteBag:
             try:
                 for place, number, stamp, data in read(_ROWS, (seen,)):
                     seen, is_whole = place, isinstance(data, bytes) and isinstance(stamp, int)
-                    left, skipped = left - len(data or ()), max(0, skipped - len(data or ()) - 1)
+                    size = len(data) if is_whole else 0
+                    left, skipped = left - size, max(0, skipped - size - 1)
                     if left < 0:
                         self.damage.append(f"{self.path}: its messages take more bytes than the file has")
                         return
@@ -138,7 +139,7 @@ class SqliteBag:
                         self._hole("a message without its bytes")
                     elif not skipped:
                         waiting.append((number, stamp, data))
-                        held += len(data)
+                        held += size
                         while held - len(waiting[0][2]) >= page:
                             held -= len(waiting[0][2])
                             yield from message(waiting.popleft())
