@@ -209,12 +209,6 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz:
     """Return C that defines `PREFIX_correct(state, q, signals, q_calibrated, inside)` and `PREFIX_reset(state)`.
 
     `PREFIX_interval(state)` gives the half-widths of the last tick's intervals.
-
-    Args:
-        prefix: Begins every name.
-        model: The model.
-        decimation: Ticks between the previous positions that it takes; see `Corrector`.
-        rate_hz: Of the ticks; see `CalibrationModel.tick_steps`.
     """
     n, memory = len(model.joint_names), model.features.memory(decimation)
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))

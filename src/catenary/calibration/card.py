@@ -37,13 +37,6 @@ def model_card(
     """Describe a fitted model and how it came to be.
 
     Args:
-        model: The model.
-        data: The rows that it was fitted to.
-        options: What was asked for.
-        run: Which rows it saw, and how it was tested.
-        spread: Errors of the cross-validation over blocks of time, empty when it was not run.
-        held_out: Evaluation on the recordings' last part, when one was held out.
-        notes: What was decided on the way.
         choices: Of a model of kind "auto", by which errors each joint's kind was chosen.
     """
     features, intervals = model.features, model.intervals

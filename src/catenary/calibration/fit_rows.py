@@ -182,8 +182,6 @@ def extrapolation(kind: str, features: FeatureSet, columns: Integers) -> float:
     """Return how far beyond the training data a kind of model may go, as a share of their range.
 
     Args:
-        kind: Of the model.
-        features: All that there are.
         columns: Those that it takes; the first are the signals as they are, the others memory.
     """
     memory = bool((columns >= len(features.signals)).any())

@@ -215,7 +215,6 @@ class CalibrationModel:
         """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion.
 
         Args:
-            memory: What features take from earlier rows.
             q: (N, n) reported positions [rad|m].
             signals: (N, S) values of `features.signals`.
             calibrated: (N, n) receives the calibrated positions [rad|m].

@@ -131,10 +131,7 @@ class Parameters:
 
         Args:
             q: (N, n), and so are its rates.
-            qd: Velocities.
-            qdd: Accelerations.
             gravity: (3,) or (N, 3) [m/s2] in base axes.
-            base: How the base turns, if it does.
             loads: (N, t) of the actuation's terms, per unit; as in steady sliding, without load, when None.
         """
         whole = torque_regressor(self.model, q, qd, qdd, gravity, base)

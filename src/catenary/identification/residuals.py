@@ -58,7 +58,6 @@ def unpredicted(test: LogResidual, training: Floats) -> NDArray[np.int64]:
     They have more than twice the training residual, and more than a tenth of their torque.
 
     Args:
-        test: Residual on the recording.
         training: (n,) largest relative RMS on the recordings that were fitted.
     """
     with np.errstate(invalid="ignore"):
@@ -128,11 +127,7 @@ def reason_of(model: RobotModel, axis: int, samples: Samples, predicted: Floats,
     """Return why an axis of a recording is not predicted.
 
     Args:
-        model: The robot.
-        axis: Which.
-        samples: The recording.
         predicted: (N, n) what was predicted of its torques.
-        seen: How the recordings moved that were fitted, if known.
     """
     name, unit = model.joint_names[axis], model.joint_units[axis]
     left = samples.tau[:, axis] - predicted[:, axis]

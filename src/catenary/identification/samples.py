@@ -58,8 +58,6 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
     """Refuse velocities that are not those of the positions.
 
     Args:
-        where: Opens the message.
-        model: The robot.
         derivative: (N, n) derivative of the positions.
         qd: (N, n) recorded velocities, filtered in the same way.
     """

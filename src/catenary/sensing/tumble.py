@@ -95,7 +95,6 @@ def align(
     Args:
         readings: (N, 3) means at rest [m/s2], N >= 2.
         up: (N, 3) where up was, in the axes to which the rotation leads: (0, 0, 1) for a level base.
-        tumble: Corrects the readings.
         expected: (3, 3) rotation that is roughly expected, to tell a wrong sign from swapped axes; the same axes
             when None, in which case other rotations are no fault.
     """

@@ -58,7 +58,6 @@ class CartesianSinusoids(SampledTrajectory):
             q_start: (n,) where the motion begins, and returns to after every axis [rad or m].
             amplitude: Of the sine [m], to either side of the start.
             period: Of the sine [s].
-            cycles: Of each axis.
             axes: Of the base frame, in their order.
             ramp: Time over which the phase speeds up, and slows down [s]; a quarter of the period when None.
             step: Between solutions [s].

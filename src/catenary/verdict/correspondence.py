@@ -74,7 +74,6 @@ def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[lis
     """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     names, own = pairs.names, np.arange(len(place))

@@ -62,13 +62,7 @@ def require_names(accept: Collection[str]) -> None:
 
 
 def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (), *, done: str = "fitted") -> list[str]:
-    """Refuse recordings with a finding that nobody accepted; return notes on all others.
-
-    Args:
-        findings: Each with the name of its recording.
-        accept: Names of findings to go on with.
-        done: What was not done where they are refused.
-    """
+    """Refuse recordings with a finding that nobody accepted; return notes on all others."""
     require_names(accept)
     refused = [(where, each) for where, each in findings if each.refuses and each.name not in accept]
     if refused:

@@ -33,7 +33,6 @@ def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     """Find measurements that stand still while their joint is moved.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     stuck: list[tuple[list[int], NDArray[np.bool_]]] = []  # joints that stand still on the same rows, these rows

@@ -37,7 +37,6 @@ def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     """Find measurements, or commands, in another unit or of another scale.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     wrong: dict[tuple[str, str], list[int]] = {}
@@ -169,7 +168,6 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
     """Find positions far beyond a model's training that lie within it in another unit.
 
     Args:
-        log: The recording.
         trained: Least and largest positions that the model was trained on, each (n,) [rad|m]; infinite where unknown.
     """
     low, high = trained
