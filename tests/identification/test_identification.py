@@ -161,7 +161,7 @@ def test_consistent_parameters_are_those_of_bodies(consistent):
     for place in range(3):
         J = pseudo_inertia(consistent.phi[consistent.base.parameters.link_columns(place)])
         assert np.linalg.eigvalsh(J)[0] > 0.0
-    assert (consistent.phi[list(consistent.base.parameters.never_negative)] >= -1e-9).all()
+    assert (consistent.base.parameters.bounds @ consistent.phi >= -1e-9).all()
 
 
 def test_pseudo_inertia_is_the_second_moment_of_the_mass(rng):

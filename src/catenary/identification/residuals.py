@@ -34,22 +34,15 @@ class LogResidual:
     log: str
     rows: int
     relative_rms: Axes  # (n,) NaN on an axis without torque
-    relative_rms_period: Axes | None  # (n,) over the first period after the cut
     rms: Axes  # (n,) [Nm or N]
     verdict: Verdict | None = None  # none is given on the recordings that were fitted
     reasons: tuple[str, ...] = ()  # why it is not "holds", for each axis that is not predicted
 
 
-def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResidual:
+def residual(samples: Samples, predicted: Floats) -> LogResidual:
     """Compare a recording with predictions (N, n) of its torque, less what is known beforehand."""
     error = samples.tau - predicted
-    return LogResidual(
-        samples.name,
-        len(samples),
-        relative(error, samples.tau),
-        None if period is None else relative(error[:period], samples.tau[:period]),
-        rms(error),
-    )
+    return LogResidual(samples.name, len(samples), relative(error, samples.tau), rms(error))
 
 
 def unpredicted(test: LogResidual, training: Floats) -> NDArray[np.int64]:
