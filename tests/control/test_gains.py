@@ -78,11 +78,6 @@ def test_no_mode_of_a_long_arm_is_too_fast_for_the_loop() -> None:
         assert np.abs(np.linalg.eigvals(step)).max() < 1.0
 
 
-def test_short_arm_gives_no_stiffness_away() -> None:
-    arm = load_robot("two_link")
-    assert_allclose(gains.gains_from_mass(arm).kp, gains.gains_from_mass(arm, rate_hz=1e6).kp, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("robot", "options", "message"),
     [

@@ -37,7 +37,7 @@ def test_velocities_and_accelerations_are_derivatives(motion):
 
 
 def test_more_trials_show_more(motion):
-    better = fourier_motion(LIMITS, np.random.default_rng(0), trials=200)
+    better = fourier_motion(LIMITS, np.random.default_rng(0), trials=100)
     assert better.condition < motion.condition
 
 
@@ -46,15 +46,10 @@ def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(motion):
     assert motion.condition < 100.0
 
 
-def test_limits_may_be_narrower_than_the_robots():
-    narrow = replace(LIMITS, room=room_of(PANDA, velocity=np.full(7, 0.3)))
-    assert np.abs(fourier_motion(narrow, np.random.default_rng(0), trials=5).qd).max() <= 0.3
-
-
 def test_a_motion_above_a_floor_stays_there_and_shows_nearly_as_much():
     scene = apart(capsule_arm(), [floor_at(0.1)])
-    kept = fourier_motion(replace(LIMITS, scene=scene), np.random.default_rng(0), trials=150)
-    free = fourier_motion(LIMITS, np.random.default_rng(0), trials=150)
+    kept = fourier_motion(replace(LIMITS, scene=scene), np.random.default_rng(0), trials=60)
+    free = fourier_motion(LIMITS, np.random.default_rng(0), trials=60)
     assert kept.checked.clearance.is_kept
     bounds = scene.lower_bounds(scene.place(kept.q))
     assert bounds.min() >= 0.01
@@ -156,11 +151,3 @@ def test_parameters_that_a_motion_does_not_show_are_not_told_an_error(design):
     rest = np.tile(design.q[:1], (50, 1))
     still = expected("rest", design.base, (rest, 0 * rest, 0 * rest), PLANE_LIMITS.gravity, np.ones(6))
     assert still.hidden > 20
-
-
-def test_noise_is_a_hundredth_of_the_torque_limits_unless_given():
-    assert_allclose(torque_noise(PLANE_LIMITS, None), 0.01 * PLANAR.effort_limit)
-    assert_allclose(torque_noise(PLANE_LIMITS, 0.3), 0.3)
-    raven = load_robot("raven2")
-    limits = MotionLimits(raven, room_of(raven, velocity=[1, 1, 0.1]), np.array(LEVEL))
-    assert_allclose(torque_noise(limits, None), 1.0)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.tumble import align, fit_tumble, level_and_tilts, tumbled_mounting
+from catenary.sensing.tumble import align, fit_tumble, found_mounting, level_and_tilts
 from catenary.sensing.vector import Kind, tilted_gravity
 
 SIX = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
@@ -132,6 +132,7 @@ def test_the_mounting_puts_readings_right(rng):
     R_base_imu, up = Rotation.random(rng=rng).as_matrix(), spread(rng, 12)
     readings = read(up @ R_base_imu)
     tumble = fit_tumble(readings)
-    mounting = tumbled_mounting(tumble, align(readings, up, tumble=tumble), start=Mounting(position=np.ones(3)))
+    found = align(readings, up, tumble=tumble).rotation
+    mounting = found_mounting(Mounting(position=np.ones(3)), found, tumble.bias, tumble.scale)
     assert_allclose(mounting.gravity(readings, Kind.SPECIFIC_FORCE), -9.81 * up, atol=1e-6)
     assert_allclose(mounting.position, 1.0)

@@ -151,11 +151,13 @@ def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike | None =
     return np.array(rows), np.array(ups)
 
 
-def tumbled_mounting(tumble: Tumble, alignment: Alignment | None, *, start: Mounting | None = None) -> Mounting:
-    """Return a mounting with what was found, and the rest as it was at the start."""
+def found_mounting(
+    start: Mounting | None, rotation: Floats, bias: Floats, scale: Floats, rates: Sequence[Floats] = ()
+) -> Mounting:
+    """Return a mounting with what was found, rates at rest (3,) [rad/s] among it, and the rest as at the start."""
     old = Mounting() if start is None else start
-    rotation = old.rotation if alignment is None else alignment.rotation
-    return replace(old, rotation=rotation, bias=tumble.bias, scale=tumble.scale)
+    rate_bias = np.mean(rates, axis=0) if rates else old.rate_bias
+    return replace(old, rotation=rotation, bias=bias, scale=scale, rate_bias=rate_bias)
 
 
 def _length_faults(y: Floats) -> list[str]:
@@ -208,12 +210,6 @@ class OrientationFit:
     scale: Floats  # (3,) ones where they were not fitted
     residual: float  # [m/s2] RMS of what is left of a reading
     faults: tuple[str, ...]  # why the numbers must not be used
-
-    def mounting(self, start: Mounting | None = None, rate_bias: Floats | None = None) -> Mounting:
-        """Return a mounting with what was found, and the rest as it was at the start."""
-        old = Mounting() if start is None else start
-        found = replace(old, rotation=self.rotation, bias=self.bias, scale=self.scale)
-        return found if rate_bias is None else replace(found, rate_bias=rate_bias)
 
 
 def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:

@@ -1,8 +1,7 @@
 """What a check of a recording found, and what becomes of it: refused, accepted by name, or a note."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from catenary.errors import DataError, InputError
 
@@ -48,10 +47,6 @@ class Finding:
         likely = f"; likely {self.culprit}" if self.culprit else ""
         mend = f"; mend it with {self.remedy}" if self.remedy else ""
         return f"{where}{self.says}{likely}{mend}"
-
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data."""
-        return asdict(self)
 
 
 def require_names(accept: Collection[str]) -> None:

@@ -1,6 +1,6 @@
 """Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import is_zipfile
@@ -63,7 +63,7 @@ class FileReport:
             "facts": self.facts.as_data(),
             "faults": self.faults,
             "remarks": self.remarks,
-            "findings": [finding.as_data() for finding in self.findings],
+            "findings": [asdict(finding) for finding in self.findings],
         }
 
 
