@@ -20,7 +20,7 @@ LIMITS = MotionLimits(PANDA, room_of(PANDA), np.array(LEVEL))
 
 @pytest.fixture(scope="module")
 def motion():
-    return fourier_motion(LIMITS, np.random.default_rng(0), trials=40)
+    return fourier_motion(LIMITS, np.random.default_rng(0), trials=20)
 
 
 def test_a_motion_begins_and_ends_at_rest_in_one_pose(motion):
@@ -37,7 +37,7 @@ def test_velocities_and_accelerations_are_derivatives(motion):
 
 
 def test_more_trials_show_more(motion):
-    better = fourier_motion(LIMITS, np.random.default_rng(0), trials=100)
+    better = fourier_motion(LIMITS, np.random.default_rng(0), trials=60)
     assert better.condition < motion.condition
 
 
@@ -48,8 +48,8 @@ def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(motion):
 
 def test_a_motion_above_a_floor_stays_there_and_shows_nearly_as_much():
     scene = apart(capsule_arm(), [floor_at(0.1)])
-    kept = fourier_motion(replace(LIMITS, scene=scene), np.random.default_rng(0), trials=60)
-    free = fourier_motion(LIMITS, np.random.default_rng(0), trials=60)
+    kept = fourier_motion(replace(LIMITS, scene=scene), np.random.default_rng(0), trials=40)
+    free = fourier_motion(LIMITS, np.random.default_rng(0), trials=40)
     assert kept.checked.clearance.is_kept
     bounds = scene.lower_bounds(scene.place(kept.q))
     assert bounds.min() >= 0.01
@@ -90,10 +90,10 @@ def test_poses_stay_within_the_limits_and_follow_from_the_seed():
 
 
 def test_chosen_poses_are_better_than_random_ones(monkeypatch):
-    chosen = [static_poses(LIMITS, 30, np.random.default_rng(seed)).condition for seed in range(3)]
+    chosen = [static_poses(LIMITS, 15, np.random.default_rng(seed)).condition for seed in range(3)]
     # each pose the only one looked at
     monkeypatch.setattr("catenary.identification.excitation.CANDIDATES", 1)
-    random = [static_poses(LIMITS, 30, np.random.default_rng(seed)).condition for seed in range(10)]
+    random = [static_poses(LIMITS, 15, np.random.default_rng(seed)).condition for seed in range(7)]
     assert np.median(chosen) < np.median(random)
 
 
@@ -121,7 +121,7 @@ PLANE_LIMITS = MotionLimits(PLANAR, room_of(PLANAR, lower=np.full(6, -2.0), uppe
 
 @pytest.fixture(scope="module")
 def design():
-    return fourier_motion(PLANE_LIMITS, np.random.default_rng(0), trials=60, rate=50.0)
+    return fourier_motion(PLANE_LIMITS, np.random.default_rng(0), trials=20, rate=50.0)
 
 
 def test_expected_errors_are_the_spread_of_many_identifications(design):

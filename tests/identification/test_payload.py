@@ -16,17 +16,18 @@ from catenary.spatial import Pose
 from moving_arm import LEVEL, recorded, sinusoids
 
 ARM = load_robot("raven2")
+PLAIN = IdentifyOptions(friction=())
 PLACE = np.array([0.02, -0.1, 0.05])
 
 
 @pytest.fixture(scope="module")
 def found():
-    return identify([recorded(ARM, 0, noise=0.2)], ARM)
+    return identify([recorded(ARM, 0, noise=0.2)], ARM, PLAIN)
 
 
 def loaded(mass, frame="wrist", seed=1):
     heavy = ARM.with_payload(frame, mass, PLACE)
-    return [prepare(recorded(heavy, seed, noise=0.2), ARM, IdentifyOptions())]
+    return [prepare(recorded(heavy, seed, noise=0.2), ARM, PLAIN)]
 
 
 def test_a_point_mass_has_the_torques_of_the_robot_that_carries_it():
@@ -55,8 +56,8 @@ def test_an_unloaded_arm_carries_no_payload(found, at):
 
 
 def test_less_mass_than_identified_is_no_payload(found):
-    samples = [prepare(recorded(ARM, 1), ARM, IdentifyOptions())]
-    heavy = identify([recorded(ARM.with_payload("wrist", 0.5, PLACE), 0)], ARM)
+    samples = [prepare(recorded(ARM, 1), ARM, PLAIN)]
+    heavy = identify([recorded(ARM.with_payload("wrist", 0.5, PLACE), 0)], ARM, PLAIN)
     payload = estimate_payload(heavy, samples, at=("wrist", PLACE))
     assert payload.mass == pytest.approx(-0.5, abs=0.05)
     assert not payload.detected
@@ -89,9 +90,9 @@ def parallelogram():
 
 def test_links_that_move_alike_share_the_probability():
     arm = parallelogram()
-    result = identify([recorded(arm, 0, noise=0.2)], arm)
+    result = identify([recorded(arm, 0, noise=0.2)], arm, PLAIN)
     heavy = arm.with_payload("upper", 0.5, np.array([0.3, 0.0, 0.05]))
-    samples = [prepare(recorded(heavy, 1, noise=0.2), arm, IdentifyOptions())]
+    samples = [prepare(recorded(heavy, 1, noise=0.2), arm, PLAIN)]
     first, second, third = payload_candidates(result, samples)
     assert {first.link, second.link} == {"lower", "upper"}
     assert first.probability == pytest.approx(0.5, abs=0.02)
@@ -106,8 +107,8 @@ def test_what_an_unloaded_recording_of_the_day_shows_is_subtracted(found):
     aged = 0.08  # an arm that grew heavier between days, before the payload came
     today = ARM.with_payload("wrist", aged, PLACE)
     both = ARM.with_payload("wrist", aged + 0.2, PLACE)
-    unloaded = [prepare(recorded(today, 1, noise=0.2), ARM, IdentifyOptions())]
-    with_it = [prepare(recorded(both, 2, noise=0.2), ARM, IdentifyOptions())]
+    unloaded = [prepare(recorded(today, 1, noise=0.2), ARM, PLAIN)]
+    with_it = [prepare(recorded(both, 2, noise=0.2), ARM, PLAIN)]
     biased = estimate_payload(found, with_it, at=("wrist", PLACE))
     fair = estimate_payload(found, with_it, at=("wrist", PLACE), unloaded=unloaded)
     assert biased.mass == pytest.approx(aged + 0.2, abs=0.02)
