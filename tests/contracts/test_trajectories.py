@@ -53,7 +53,6 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
         ARM_HIGH,
     ),
     "go to, together": (lambda: go_to(LOW, HIGH, **BOUNDS), LOW, HIGH),
-    "go to, each by itself": (lambda: go_to(LOW, HIGH, **BOUNDS, together=False), LOW, HIGH),
     "there, a rest, and back": (
         lambda: InTurn([go_to(LOW, HIGH, **BOUNDS), Rest(HIGH, 0.7), go_to(HIGH, LOW, **BOUNDS)]),
         LOW,

@@ -78,18 +78,18 @@ bounds = st.lists(st.floats(0.01, 10.0), min_size=3, max_size=3)
 
 
 @settings(deadline=None)
-@given(positions, positions, bounds, bounds, st.booleans())
+@given(positions, positions, bounds, bounds)
 def test_motion_goes_from_start_to_goal_within_its_bounds(
-    start: list[float], goal: list[float], velocity: list[float], acceleration: list[float], together: bool
+    start: list[float], goal: list[float], velocity: list[float], acceleration: list[float]
 ) -> None:
-    motion = go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration, together=together)
+    motion = go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)
     q, qd, qdd = motion.sample(np.linspace(0.0, motion.duration, 501))
     assert_allclose(q[[0, -1]], [start, goal], atol=1e-12)
     way = np.subtract(goal, start)
     assert (np.diff(q, axis=0) * np.sign(way)).min() >= -1e-9  # never back, never beyond
     assert (np.abs(qd) <= np.multiply(velocity, 1.0 + 1e-9)).all()
     assert (np.abs(qdd) <= np.multiply(acceleration, 1.0 + 1e-9)).all()
-    if together and np.abs(way).max() > 0.0:  # on a straight line
+    if np.abs(way).max() > 0.0:  # on a straight line
         done = (q - start) @ way / (way @ way)
         assert_allclose(q, start + done[:, np.newaxis] * way, atol=1e-9)
 

@@ -133,25 +133,19 @@ def _evaluate_lines(lines: _Lines, times: Floats, q: Floats, qd: Floats, qdd: Fl
 
 
 def go_to(
-    q_start: ArrayLike,
-    q_goal: ArrayLike,
-    *,
-    max_velocity: ArrayLike,
-    max_acceleration: ArrayLike,
-    together: bool = True,
+    q_start: ArrayLike, q_goal: ArrayLike, *, max_velocity: ArrayLike, max_acceleration: ArrayLike
 ) -> SmoothedPath:
-    """Return the shortest smooth motion from rest at one joint position to rest at another.
+    """Return the shortest smooth motion from rest at one joint position to rest at another, on a straight line.
 
-    The velocity rises and falls as a smoothstep over 3/2 v/a and is constant between; where the way is too
-    short to reach max_velocity v it turns to fall at once, at the greatest speed that acceleration a allows.
+    All joints arrive at the same time. The velocity rises and falls as a smoothstep over 3/2 v/a and is constant
+    between; where the way is too short to reach max_velocity v it turns to fall at once, at the greatest speed that
+    acceleration a allows.
 
     Args:
         q_start: (n,) [rad or m].
         q_goal: (n,) [rad or m].
         max_velocity: (n,) bound, positive [rad/s or m/s].
         max_acceleration: (n,) bound, positive [rad/s2 or m/s2].
-        together: All joints arrive at the same time, on a straight line in joint space; otherwise each joint
-            takes its own shortest time.
 
     Raises:
         InputError: An argument has another shape, is not finite, or a bound is not positive.
@@ -163,30 +157,23 @@ def go_to(
     acceleration = as_positive("max_acceleration", max_acceleration, (n,))
     way = np.abs(goal - start)
     moving = way > 0.0
-    if together and moving.any():
-        # as one coordinate from 0 to 1, bounded by the joint that needs the most time
-        ways, slowest = way[moving], (velocity[moving], acceleration[moving])
-        time, blend = _fastest(1.0, *(float((bound / ways).min()) for bound in slowest))
-        times, blends = np.full(n, time), np.full(n, blend)
-    else:
-        times, blends = np.zeros(n), np.ones(n)
-        for j in np.flatnonzero(moving):
-            times[j], blends[j] = _fastest(way[j], velocity[j], acceleration[j])
+    if not moving.any():
+        return SmoothedPath([BrokenLine([0.0], [q], 1.0) for q in start])
+    # as one coordinate from 0 to 1, bounded by the joint that needs the most time
+    time, blend = _fastest(*(float((bound[moving] / way[moving]).min()) for bound in (velocity, acceleration)))
     return SmoothedPath(
         [
-            BrokenLine([0.0, times[j]], [start[j], goal[j]], blends[j])
-            if moving[j]
-            else BrokenLine([0.0], [start[j]], 1.0)
+            BrokenLine([0.0, time], [start[j], goal[j]], blend) if moving[j] else BrokenLine([0.0], [start[j]], 1.0)
             for j in range(n)
         ]
     )
 
 
-def _fastest(way: float, velocity: float, acceleration: float) -> tuple[float, float]:
-    """Return the time of the line and of the blend that cover a way [s]; the motion takes their sum."""
+def _fastest(velocity: float, acceleration: float) -> tuple[float, float]:
+    """Return the time of the line and of the blend that go from 0 to 1 [s]; the motion takes their sum."""
     # at this speed or below, the line takes at least a blend: only then does the motion reach its speed
-    speed = min(velocity, np.sqrt(way * acceleration / PEAK))
-    return way / speed, min(PEAK * speed / acceleration, way / speed)
+    speed = min(velocity, np.sqrt(acceleration / PEAK))
+    return 1.0 / speed, min(PEAK * speed / acceleration, 1.0 / speed)
 
 
 def follow_waypoints(
