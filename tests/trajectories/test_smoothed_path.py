@@ -114,7 +114,7 @@ CORNERS = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]
 
 
 def test_busiest_joint_moves_at_its_speed_past_the_rows() -> None:
-    motion = follow_waypoints(CORNERS, speed=[0.1, 0.2], blend=0.5)
+    motion = follow_waypoints(CORNERS, speed=[0.1, 0.2])
     assert motion.duration == pytest.approx(10.0 + 2.5 + 10.0 + 0.5)
     assert_allclose(motion(5.0).qd, [0.1, 0.0], atol=1e-12)
     assert_allclose(motion(11.5).qd, [0.0, 0.2], atol=1e-12)
@@ -123,31 +123,12 @@ def test_busiest_joint_moves_at_its_speed_past_the_rows() -> None:
 
 def test_dense_rows_are_followed_smoothly() -> None:
     angle = np.linspace(0.0, 2.0 * np.pi, 5000)
-    motion = follow_waypoints(np.column_stack([np.cos(angle), np.sin(angle)]), speed=[0.2, 0.2], blend=0.5)
+    motion = follow_waypoints(np.column_stack([np.cos(angle), np.sin(angle)]), speed=[0.2, 0.2])
     q, qd, qdd = motion.sample(np.linspace(0.0, motion.duration, 5000))
     # averaging an arc of 0.14 rad (0.28 rad/s at most) over the blend cuts its corner by 1/20 of its square
     assert np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < 1e-3
     assert np.abs(qd).max() <= 0.2 * (1.0 + 1e-9)
     assert np.abs(qdd).max() <= 3.0 * 0.2 / 0.5 * (1.0 + 1e-9)
-
-
-def test_motion_starts_where_the_robot_is_and_rests_at_the_first_row() -> None:
-    motion = follow_waypoints(CORNERS, speed=[0.1, 0.2], blend=0.5, q_start=[-0.5, 1.0])
-    assert_allclose(motion(0.0).q, [-0.5, 1.0])
-    there = 5.0 + 0.5
-    assert_allclose(motion(there), [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]], atol=1e-12)
-    onward = follow_waypoints(CORNERS, speed=[0.1, 0.2], blend=0.5)
-    assert motion.duration == pytest.approx(there + onward.duration)
-    assert_allclose(motion(there + 7.0).q, onward(7.0).q, atol=1e-12)
-
-
-def test_robot_that_is_there_starts_at_once_and_one_row_is_a_go_to() -> None:
-    speed = [0.5, 0.5]
-    there = follow_waypoints(CORNERS, speed=speed, q_start=CORNERS[0])
-    assert there.duration == follow_waypoints(CORNERS, speed=speed).duration
-    motion = follow_waypoints([[1.0, 1.0]], speed=speed, q_start=[0.0, 0.5])
-    assert_allclose(motion(motion.duration).q, [1.0, 1.0])
-    assert follow_waypoints([[1.0, 1.0]], speed=speed).duration == 0.0
 
 
 def line(times: object, points: object, blend: float) -> SmoothedPath:
@@ -177,7 +158,6 @@ def followed(**wrong: object) -> SmoothedPath:
         (lambda: followed(points=np.empty((0, 2))), "at least one row"),
         (lambda: followed(points=np.empty((3, 0)), speed=[]), "at least one row of one joint"),
         (lambda: followed(speed=[0.1]), r"speed: expected shape \(2,\)"),
-        (lambda: followed(blend=0.0), "blend: expected more than 0"),
     ],
 )
 def test_what_makes_no_motion_is_refused(make: Callable[[], object], message: str) -> None:

@@ -24,6 +24,7 @@ from catenary.kernels.compiled import compiled
 from catenary.trajectories.reference import SampledTrajectory
 
 PEAK = 1.5  # largest value of w: acceleration / (velocity change / blend)
+BLEND = 0.5  # [s] of waypoints
 
 
 class BrokenLine(NamedTuple):
@@ -176,35 +177,21 @@ def _fastest(velocity: float, acceleration: float) -> tuple[float, float]:
     return 1.0 / speed, min(PEAK * speed / acceleration, 1.0 / speed)
 
 
-def follow_waypoints(
-    points: ArrayLike, *, speed: ArrayLike, blend: float = 0.5, q_start: ArrayLike | None = None
-) -> SmoothedPath:
+def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:
     """Return a motion along rows of joint positions, the joint that has farthest to go moving at its speed.
 
     It passes near the rows, not through them: its velocity is that of the straight way from row to row,
-    averaged over `blend` seconds; `corner_distance` says how near. No joint moves faster
-    than `speed`, nor accelerates by more than 3 speed / blend.
+    averaged over `BLEND` seconds; `corner_distance` says how near. No joint moves faster
+    than `speed`, nor accelerates by more than 3 speed / BLEND.
 
     Args:
         points: (N, n) [rad or m], N at least 1; rows equal to the one before are left out.
         speed: (n,) of each joint, positive [rad/s or m/s].
-        blend: Time over which velocities are averaged [s], positive.
-        q_start: (n,) where the robot is [rad or m]: from there it first goes to the first row, at the same
-            speed, and comes to rest for an instant. The motion begins at the first row when None.
     """
     rows = as_array("points", points, (None, None))
     if len(rows) == 0 or rows.shape[1] == 0:
         raise InputError(f"points: expected at least one row of one joint, got shape {rows.shape}")
     fastest = as_positive("speed", speed, (rows.shape[1],))
-    pause = float(as_positive("blend", blend))
     rows = rows[np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))]
     steps = (np.abs(np.diff(rows, axis=0)) / fastest).max(axis=1, initial=0.0)
-    times = np.append(0.0, np.cumsum(steps))  # [s] when each row is reached
-    if q_start is not None:
-        start = as_array("q_start", q_start, (rows.shape[1],))
-        way = float((np.abs(rows[0] - start) / fastest).max())
-        if way > 0.0:
-            # a stop of one blend at the first row brings the motion to it exactly
-            times = np.concatenate([[0.0, way, way + pause], way + pause + times[1:]])
-            rows = np.concatenate([[start], rows[:1], rows])
-    return SmoothedPath.through(times, rows, pause)
+    return SmoothedPath.through(np.append(0.0, np.cumsum(steps)), rows, BLEND)

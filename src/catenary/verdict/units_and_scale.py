@@ -113,11 +113,9 @@ def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float
     return low, high
 
 
-def range_findings(
-    log: MotionLog, robot: RobotModel | None = None, *, largest: dict[str, float] = CABLE_LARGEST
-) -> list[Finding]:
+def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Finding]:
     """Find commanded positions that the robot cannot reach, or no robot can where it is not known."""
-    low, high = limits_of(log, robot, largest)
+    low, high = limits_of(log, robot, CABLE_LARGEST)
     units: dict[int, str] = {}
     beyond = []
     # single rows may be transmission errors of the robot's own messages
