@@ -1,5 +1,3 @@
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -44,13 +42,6 @@ def test_logistic_function_is_that_of_the_c_library() -> None:
     logistic(Z)
     with np.errstate(over="ignore"):
         assert_allclose(Z[0], 1.0 / (1.0 + np.exp(-v)), rtol=0.0, atol=1e-15)
-
-
-@pytest.mark.parametrize("activate", [tanh, logistic])
-def test_nan_stays_nan(activate: Callable[[np.ndarray], None]) -> None:
-    Z = np.full((2, 9), np.nan)
-    activate(Z)
-    assert np.isnan(Z).all()
 
 
 @pytest.mark.parametrize("name", PREDICTORS)

@@ -43,10 +43,6 @@ def test_errors_are_in_deg_and_mm_and_those_of_paper_and_pencil() -> None:
     assert sliding.max == pytest.approx(4.0)  # -4 mm counts by its size
 
 
-def test_percent_of_no_error_is_not_a_number() -> None:
-    assert np.isnan(judged(offset_model(0.0, 0.0), off_by(np.zeros((40, 2)))).joints[0].percent_of_offset)
-
-
 def test_raw_offset_and_model_are_judged_on_the_same_rows() -> None:
     log = recording(np.random.default_rng(2), rows=60, ok=np.arange(60) % 7 != 0)
     model = fitted(log, kind="linear", history=4)

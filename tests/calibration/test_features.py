@@ -74,13 +74,6 @@ def test_signals_come_first_and_then_the_rows_before_newest_first() -> None:
         assert_array_equal(X[i, 3:], LOG.q_nominal[i - 1 : i - 4 if i > 3 else None : -1].ravel())
 
 
-def test_rows_without_measurement_are_commands_all_the_same() -> None:
-    features = FeatureSet(NAMES, UNITS, history=2)
-    ok = LOG.ok.copy()
-    ok[4:7] = False
-    assert_array_equal(features.matrix(replace(LOG, ok=ok)), features.matrix(LOG))
-
-
 def test_history_and_play_begin_anew_where_the_clock_goes_back() -> None:
     time = np.array([*range(7), *range(5)], dtype=float)
     features = FeatureSet(NAMES, UNITS, history=3, play=(("q:J1", 0.2),))

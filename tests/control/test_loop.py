@@ -155,7 +155,6 @@ def test_what_does_not_fit_the_robot_is_refused(joints: int, options: dict[str, 
 @pytest.mark.parametrize(
     ("state", "message"),
     [
-        (OperatingState("DISABLED", True, False), "DISABLED, expected ENABLED"),
         (OperatingState("PAUSED", True, False), "PAUSED, expected ENABLED"),
         (OperatingState("ENABLED", False, False), "not homed"),
         (OperatingState("ENABLED", True, True), "busy"),

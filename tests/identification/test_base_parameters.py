@@ -71,11 +71,6 @@ def test_massless_links_have_no_parameters():
     assert len(parameters.links) == 3
 
 
-def test_at_rest_only_masses_first_moments_constants_and_springs_show():
-    names = Parameters(load_robot("dvrk_mtm_motors"), "static").names
-    assert {name.split()[0] for name in names} == {"m", "mcx", "mcy", "mcz", "offset", "spring"}
-
-
 # poses at rest, gravity alone
 
 

@@ -23,13 +23,6 @@ def motion():
     return fourier_motion(LIMITS, np.random.default_rng(0), trials=20)
 
 
-def test_a_motion_begins_and_ends_at_rest_in_one_pose(motion):
-    for end in (0, -1):
-        assert_allclose(motion.qd[end], 0.0, atol=1e-12)
-        assert_allclose(motion.qdd[end], 0.0, atol=1e-11)
-    assert_allclose(motion.q[0], motion.q[-1], atol=1e-12)
-
-
 def test_velocities_and_accelerations_are_derivatives(motion):
     step = motion.time[1]
     assert_allclose(motion.qd[1:-1], (motion.q[2:] - motion.q[:-2]) / (2 * step), atol=1e-3)  # (5 w h)^2 / 6

@@ -152,12 +152,3 @@ def test_on_sparse_motion_no_joint_is_worse_for_its_limits_and_intervals_hold(op
         assert_array_less(rmse(ours), 1.01 * rmse(off))  # the first rows of a motion are not known yet
         # the camera was registered anew between the days, which shows on J1 and J2 (README, caveat 1)
         assert min(joint.coverage for joint in ours[2:]) > 0.85
-
-
-@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.npz")), ids=lambda path: path.stem)
-def test_every_recording_is_read_with_units_noted_as_assumed(path: Path) -> None:
-    log = read_log(path)
-    assert log.joint_units == ("rad", "rad", "m", "rad", "rad", "rad")
-    assert log.units_assumed
-    with np.load(path) as raw:
-        assert int(log.ok.sum()) == int(raw["ok"].sum())

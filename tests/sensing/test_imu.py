@@ -111,8 +111,10 @@ def test_a_sensor_away_from_the_origin_feels_the_turning_and_the_origin_does_not
     assert_allclose(base.run(2.0)[-1].gravity, LEVEL, atol=1e-6)  # and it is what is held without the sensor
 
 
-@pytest.mark.parametrize("fallback", ["hold", "fade", "static", "stop"])
-def test_an_interrupted_sensor_is_held_then_falls_back_and_no_base_turns_on(fallback):
+@pytest.mark.parametrize(
+    ("fallback", "expected"), [("hold", TILTED), ("fade", TILTED), ("static", LEVEL), ("stop", TILTED)]
+)
+def test_an_interrupted_sensor_is_held_then_falls_back_without_a_leap_and_no_base_turns_on(fallback, expected):
     base = Base(angular=True, fallback=fallback, stale_after=0.05, age_limit=0.2)
     base.run(1.0, TILTED, [0.0, 0.0, 0.1])
     readings = base.run(2.0)
@@ -126,13 +128,6 @@ def test_an_interrupted_sensor_is_held_then_falls_back_and_no_base_turns_on(fall
     assert readings[100].age == pytest.approx(0.11)
     assert_allclose(readings[150].gravity, TILTED, atol=1e-9)
     assert_array_equal(readings[-1].base_rates, np.zeros((2, 3)))
-
-
-@pytest.mark.parametrize(("fallback", "expected"), [("hold", TILTED), ("fade", TILTED), ("static", LEVEL)])
-def test_each_fallback_goes_where_it_says_without_a_leap(fallback, expected):
-    base = Base(fallback=fallback)
-    base.run(1.0, TILTED)
-    readings = base.run(2.0)
     assert_allclose(readings[-1].gravity, expected, atol=1e-6)
     assert steps(readings).max() <= RECOVER[0] * 0.001 + 1e-9
     assert readings[-1].age == (math.inf if fallback == "static" else pytest.approx(2.009))
@@ -144,7 +139,7 @@ def test_hold_keeps_gravity_of_the_newest_sample_and_not_what_a_parabola_made_of
     assert_allclose(base.run(2.0)[-1].gravity, gravity(2.0), atol=0.01)
 
 
-@pytest.mark.parametrize(("amplitude", "frequency"), [(0.02, 2.0), (0.03, 1.0), (0.01, 5.0), (0.2, 0.5)])
+@pytest.mark.parametrize(("amplitude", "frequency"), [(0.02, 2.0), (0.01, 5.0)])
 def test_a_gyroscope_that_agrees_with_small_quick_rocking_is_believed(amplitude, frequency):
     base, (gravity, rate) = Base(angular=True), rocking(amplitude, frequency)
     base.run(1.0, gravity, rate, hz=200.0)
@@ -264,7 +259,7 @@ def test_pushes_and_biases_of_a_table_or_a_cart_are_no_disagreement(motion, rng)
 
 
 @pytest.mark.parametrize("lever", [0.0, 0.3])
-@pytest.mark.parametrize(("amplitude", "frequency"), [(0.09, 1.0), (0.2, 0.5), (0.02, 2.0)])
+@pytest.mark.parametrize(("amplitude", "frequency"), [(0.09, 1.0), (0.02, 2.0)])
 def test_a_base_that_rocks_about_an_axis_far_from_its_sensor_is_no_disagreement(amplitude, frequency, lever, rng):
     w = 2.0 * math.pi * frequency
     readings = noisy(

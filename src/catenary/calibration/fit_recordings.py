@@ -59,7 +59,7 @@ def fit_logs(
     data, _, _ = _rows(logs, inputs.features, run)
     limits = error_limits(run.max_error, logs[0])
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
-    kinds = {options.kind: options}
+    kinds: dict[str, FitOptions] = {options.kind: options}
     if options.kind == "auto":
         kinds = tried(options, len(inputs.features.names), len(data))
     attempts = {
