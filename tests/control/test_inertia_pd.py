@@ -5,7 +5,6 @@ from numpy.testing import assert_allclose
 from catenary.arrays import Floats
 from catenary.control.inertia_pd import InertiaPD
 from catenary.dynamics.inverse_dynamics import coriolis_matrix, inverse_dynamics, mass_matrix
-from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
@@ -62,16 +61,3 @@ def test_error_obeys_its_linear_equation_exactly_only_with_the_velocity_terms(co
     closed_form = (start + (rate + w * start) * t) * np.exp(-w * t)  # critically damped
     # semi-implicit Euler: w dt = 1e-3 of where it began
     assert np.allclose(q, closed_form, atol=3e-3) == coriolis
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"kp": -1.0}, "zero or more"),
-        ({"kv": [1.0, 2.0]}, "expected shape"),
-        ({"motor_inertia": np.eye(2)}, "motor_inertia: expected shape"),
-    ],
-)
-def test_impossible_settings_are_refused(options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        InertiaPD(load_robot("raven2"), **{"kp": 1.0, "kv": 1.0, **options})  # type: ignore[arg-type]

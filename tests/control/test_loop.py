@@ -1,5 +1,4 @@
 import gc
-import math
 import os
 import time
 from typing import Any
@@ -18,7 +17,7 @@ from catenary.plant import JointState, OperatingState
 from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import FixedGravity, GravityReading, Mailbox, ReadingStatus
+from catenary.sensing.vector import GravityReading, Mailbox, ReadingStatus
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.trajectories.reference import Reference, Rest
@@ -386,18 +385,6 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     assert report.gravity.messages == (Fault.NOTHING_RECEIVED.message, Fault.STUCK.message, Fault.INTERRUPTED.message)
     assert report.gravity.largest_age == pytest.approx(0.011)
     assert "gravity: stuck in 4 ticks: the accelerometer repeats" in str(report)
-
-
-def test_a_simulated_sensor_serves_a_loop_and_a_fixed_vector_has_no_age():
-    served, fixed = (
-        run_loop(MassPlant(np.zeros(2)), PD, still(1.0), gravity=source).gravity
-        for source in (sensed(), FixedGravity())
-    )
-    assert served is not None
-    assert served.ticks["live"] > 950
-    assert served.faults == {}
-    assert fixed is not None
-    assert math.isnan(fixed.largest_age)
 
 
 def test_a_lost_sensor_stops_the_robot_safely_where_that_is_asked_for():
