@@ -63,7 +63,6 @@ for (k = 0; k < joints_size; ++k) {
   correction[joint] = trusted ? prediction[k] : offset[joint];
   inside[joint] = trusted;
 }""",
-    "fill": _each("Y", "Y[k] = number[0];"),
     "distance": """\
 int k;
 far[0] = 1.0;

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation
 from catenary.calibration.intervals import Intervals, check_level
 
@@ -32,7 +33,6 @@ FEWEST_ROWS = 4  # of a block
 CHANCE = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
 LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
 
-Integers = NDArray[np.int64]
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
 
