@@ -15,7 +15,8 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
-from catenary.calibration.model import ANY, CalibrationModel
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.spike_filter import ANY
 from catenary.calibration.valid_range import ValidRange
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import Direction

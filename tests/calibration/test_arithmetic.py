@@ -1,11 +1,8 @@
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.arithmetic import dense, logistic, tanh
-from catenary.errors import InputError
 from oracles.calibration_models import PREDICTORS, predicted, random_network, random_predictor
 
 
@@ -47,13 +44,6 @@ def test_logistic_function_is_that_of_the_c_library() -> None:
         assert_allclose(Z[0], 1.0 / (1.0 + np.exp(-v)), rtol=0.0, atol=1e-15)
 
 
-@pytest.mark.parametrize("activate", [tanh, logistic])
-def test_nan_stays_nan(activate: Callable[[np.ndarray], None]) -> None:
-    Z = np.full((2, 9), np.nan)
-    activate(Z)
-    assert np.isnan(Z).all()
-
-
 @pytest.mark.parametrize("name", PREDICTORS)
 @pytest.mark.parametrize(("inputs", "outputs"), [(1, 1), (3, 2), (5, 7), (16, 3)])
 def test_predictions_equal_matrix_products(name: str, inputs: int, outputs: int) -> None:
@@ -70,9 +60,3 @@ def test_wide_networks_equal_matrix_products_beyond_a_block_of_rows() -> None:
     network = random_network((48, 100, 100, 6), "tanh", rng)
     X = rng.normal(size=(1100, 48))
     assert_allclose(network.predict(X), predicted(network, X), rtol=0.0, atol=1e-11)
-
-
-def test_features_of_another_width_are_refused() -> None:
-    linear = random_predictor("linear", 4, 2, np.random.default_rng(3))
-    with pytest.raises(InputError, match=r"features: expected shape \(N, 4\), got \(5, 3\)"):
-        linear.predict(np.zeros((5, 3)))

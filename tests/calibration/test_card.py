@@ -64,12 +64,6 @@ def test_card_says_what_was_not_estimated_and_describes_the_network() -> None:
     assert (network["hidden"], network["activation"], network["epochs"]) == ((100, 100), "logistic", 200)
 
 
-def test_card_tells_which_joint_takes_which_inputs() -> None:
-    joints = card_of(inputs={"J1": ("q:J2",), "J2": ("q:J2", "q:J3")})["joints"]
-    assert joints[0]["inputs"] == ["q:J2"]
-    assert joints[1]["inputs"] == ["q:J2", "q:J3"]
-
-
 def test_card_names_robot_joints_inputs_and_data() -> None:
     log = recording(np.random.default_rng(0), rows=60, sha256="ab" * 32)
     card = card_of(log, history=1, seed=7)
@@ -95,16 +89,6 @@ def test_card_names_robot_joints_inputs_and_data() -> None:
     spread = errors["cross_validation"]["joints"][2]
     assert (spread["joint"], spread["folds"]) == ("J3", 3)
     assert spread["rmse_mean"] > spread["rmse_sd"] > 0.0
-
-
-def test_card_gives_scaling_and_valid_range_of_every_input() -> None:
-    log = recording(np.random.default_rng(0), rows=60)
-    first, q = card_of(log)["inputs"][0], log.q_nominal[:48, 0]
-    assert (first["training_mean"], first["training_sd"]) == pytest.approx((q.mean(), q.std()))
-    margin = 0.5 * (q.max() - q.min())
-    # a millionth of the spread is added
-    assert first["valid"]["lower"] == pytest.approx(q.min() - margin, abs=1e-5)
-    assert first["valid"]["upper"] == pytest.approx(q.max() + margin, abs=1e-5)
 
 
 def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> None:

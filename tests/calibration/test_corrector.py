@@ -87,14 +87,6 @@ def test_nan_before_the_first_number_does_not_stick_in_the_play_states() -> None
     assert_array_equal(out[5:], expected)
 
 
-def test_unmeasured_joint_is_outside_the_valid_range() -> None:
-    corrector = Corrector(model())
-    q = SIGNALS[:3, :3].copy()
-    q[1, 2] = np.nan
-    _, inside = corrector.run(q, np.tile(np.median(SIGNALS, axis=0), (3, 1)))
-    assert inside[1].tolist() == [True, True, False]
-
-
 def test_joint_state_of_a_robot_with_more_joints_in_another_order() -> None:
     corrector = Corrector(model(history=1, plays=1, rate_hz=1000.0))
     corrector.prepare(["wrist", "j2", "j0", "j1"], ["rad", "m", "rad", "rad"], 1000.0)
@@ -154,10 +146,6 @@ HOT = replace(FEATURES, signals=(*FEATURES.signals[:4], "motor_temperature"))
 def test_robots_that_a_model_is_not_of_are_refused(made: CalibrationModel, robot: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         Corrector(made).prepare(*robot)
-
-
-def test_without_history_any_rate_does() -> None:
-    Corrector(model(), rate_hz=1000.0).prepare(NAMES, UNITS, 500.0)
 
 
 Q, VALUES, OUT, INSIDE = np.zeros(3), np.zeros(5), np.zeros(3), np.zeros(3, dtype=bool)

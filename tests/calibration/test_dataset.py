@@ -105,12 +105,6 @@ def test_blocks_are_contiguous_and_cover_every_recording_alike(count: int) -> No
         assert np.ptp(sizes) <= 1 + int((~logs[number].ok).sum())  # rows without measurement lie in one
 
 
-def test_time_is_the_row_number_where_any_recording_has_none() -> None:
-    data = calibration_data([run(1), replace(run(2), time=None)], PLAIN)
-    assert not data.has_time
-    assert_array_equal(data.time, np.tile(np.arange(50.0), 2))
-
-
 def test_robot_is_the_one_that_any_recording_names_and_sources_say_what_is_simulated() -> None:
     data = calibration_data([run(1), run(2, robot="raven2", simulated=True)], PLAIN)
     assert data.robot == "raven2"

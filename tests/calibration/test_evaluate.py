@@ -31,10 +31,6 @@ def judged(model: CalibrationModel, log: MotionLog, **options: Any) -> Evaluatio
     return evaluate(model, data_of(log, inputs=model.features.signals), **options)
 
 
-def test_rms_of_three_and_four() -> None:
-    assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5))
-
-
 def test_errors_are_in_deg_and_mm_and_those_of_paper_and_pencil() -> None:
     # offset 1 mm; errors 4 mm and -3 mm: raw 3.54 and 4, after the offset 3 and -4: 3.54 and 4
     errors = np.full((40, 2), np.deg2rad(3.0))
@@ -45,10 +41,6 @@ def test_errors_are_in_deg_and_mm_and_those_of_paper_and_pencil() -> None:
     assert (sliding.raw_rmse, sliding.raw_max) == pytest.approx((np.sqrt(12.5), 4.0))
     assert (sliding.offset_rmse, sliding.offset_max) == pytest.approx((np.sqrt(12.5), 4.0))
     assert sliding.max == pytest.approx(4.0)  # -4 mm counts by its size
-
-
-def test_percent_of_no_error_is_not_a_number() -> None:
-    assert np.isnan(judged(offset_model(0.0, 0.0), off_by(np.zeros((40, 2)))).joints[0].percent_of_offset)
 
 
 def test_raw_offset_and_model_are_judged_on_the_same_rows() -> None:
@@ -119,14 +111,6 @@ def test_clock_that_goes_back_begins_new_windows_with_a_name_of_their_own() -> N
         ("run (1)", 10.0, 10),
         ("run (2)", 0.0, 10),
     ]
-
-
-def test_every_row_lies_in_one_window() -> None:
-    rng = np.random.default_rng(4)
-    time = np.cumsum(rng.exponential(size=500))
-    log = off_by(np.zeros((500, 2)), time=time, ok=rng.uniform(size=500) > 0.2)
-    for window in (None, 0.5, 7.0, 1e4):
-        assert sum(w.n for w in judged(offset_model(0.0, 0.0), log, window=window).windows) == log.ok.sum()
 
 
 RUN = recording(np.random.default_rng(5))

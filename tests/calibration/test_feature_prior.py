@@ -1,7 +1,6 @@
 """A prior of feature classes: weights against closed forms and independent searches, and fits that begin at it."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
-import catenary
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
@@ -26,10 +24,6 @@ class Known(NamedTuple):
     log_variances: Floats
     spread: float
     tempering: float
-
-
-def test_independent_errors_count_one_row_each(rng: np.random.Generator) -> None:
-    assert rows_per_independent(rng.normal(size=5000)) == pytest.approx(1.0, abs=0.2)  # noise of the sum
 
 
 def test_autoregressive_errors_count_as_their_closed_form_says(rng: np.random.Generator) -> None:
@@ -63,20 +57,6 @@ def test_weights_are_those_at_the_largest_evidence_times_prior(rng: np.random.Ge
     found = posterior(Z, y, classes, known)
     np.testing.assert_allclose(found.mean, expected, atol=1e-3)  # two searches end where they stop
     np.testing.assert_allclose(found.variance, np.diag(np.linalg.inv(precision)), rtol=2e-2)
-
-
-def test_a_class_that_the_prior_calls_small_stays_small(rng: np.random.Generator) -> None:
-    Z = rng.normal(size=(8, 2))
-    y = Z[:, 0] + Z[:, 1]
-    found = posterior(Z, y, np.array([0, 1]), Known(np.array([0.0, -12.0]), 0.1, 0.0))
-    assert abs(found.mean[1]) < 0.1 < abs(found.mean[0])
-
-
-def test_many_rows_outweigh_the_prior(rng: np.random.Generator) -> None:
-    Z, truth = rng.normal(size=(20_000, 3)), np.array([0.5, -1.0, 2.0])
-    y = Z @ truth + 0.1 * rng.normal(size=len(Z))
-    found = posterior(Z, y, np.zeros(3, dtype=np.int64), Known(np.array([-6.0]), 1.0, 1.0))
-    np.testing.assert_allclose(found.mean, truth, atol=0.01)  # noise 0.1 over the root of 20,000, and a small pull
 
 
 fast = pytest.fixture(short_training)
@@ -115,23 +95,6 @@ def test_the_packages_priors_load_and_say_where_they_are_from() -> None:
 def test_a_strange_name_is_refused_with_the_choices() -> None:
     with pytest.raises(InputError, match="expected simulated"):
         load_prior("dvrk")
-    with pytest.raises(InputError, match="expected simulated"):
-        FitOptions(prior="dvrk")
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"kind": "polynomial"},
-        {"kind": "offset"},
-        {"kind": "neural", "preset": "paper"},
-        {"kind": "linear", "ridge": 1.0},
-        {"kind": "linear", "target": "position"},
-    ],
-)
-def test_models_that_take_no_prior_refuse_one(options: dict[str, object]) -> None:
-    with pytest.raises(InputError, match='prior "simulated"'):
-        FitOptions(prior="simulated", **options)  # type: ignore[arg-type]
 
 
 def test_every_feature_has_the_class_of_its_quantity_and_owner(rng: np.random.Generator) -> None:
@@ -181,26 +144,3 @@ def test_a_fit_says_which_joints_began_at_a_prior(rng: np.random.Generator) -> N
     without = fit_logs([log], FitOptions(kind="neural"), run)
     assert without.model.priors == ()
     assert all(joint["prior"] is None for joint in without.card["joints"])
-
-
-@pytest.mark.usefixtures("fast")
-def test_a_model_with_a_prior_is_saved_corrects_and_has_intervals(rng: np.random.Generator, tmp_path: Path) -> None:
-    log = hysteretic(rng, 300)
-    assert log.q_encoder is not None
-    model = catenary.fit(
-        log.q_nominal, log.q_encoder, units=log.joint_units, model="linear", play=PLAY_SHARES, prior="simulated"
-    )
-    model.save(tmp_path / "arm.npz")
-    loaded = catenary.load_model(tmp_path / "arm.npz")
-    assert loaded.priors == ("simulated",) * 4
-    np.testing.assert_array_equal(loaded.predict(log.q_nominal), model.predict(log.q_nominal))
-    assert np.isfinite(loaded.predict_interval(log.q_nominal)).all()
-
-
-@pytest.mark.usefixtures("fast")
-def test_auto_remembers_which_joints_began_at_a_prior(rng: np.random.Generator) -> None:
-    log = hysteretic(rng, 300)
-    result = fit_logs([log], FitOptions(kind="auto", play=PLAY_SHARES, prior="simulated"), FitRun(accept=("shift",)))
-    took = [choice.chosen in ("linear", "neural") for choice in result.choices]
-    assert any(took)
-    assert result.model.priors == tuple("simulated" if each else None for each in took)

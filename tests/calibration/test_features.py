@@ -51,13 +51,6 @@ def test_play_is_a_block_pushed_by_a_pin(x: np.ndarray, r: float) -> None:
 
 
 @repeatable
-@given(motions, half_widths)
-def test_play_stays_within_its_half_width(x: np.ndarray, r: float) -> None:
-    # x - r and x + r are rounded
-    assert np.all(np.abs(play(x, r) - x) <= r + 1e-13 * (r + np.abs(x)))
-
-
-@repeatable
 @given(motions, half_widths, st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4))
 def test_play_does_not_depend_on_the_rate_of_sampling(x: np.ndarray, r: float, shares: list[float]) -> None:
     finer, kept = [x[0]], [0]
@@ -66,22 +59,6 @@ def test_play_does_not_depend_on_the_rate_of_sampling(x: np.ndarray, r: float, s
         kept.append(len(finer))
         finer.append(b)
     assert_array_equal(play(np.array(finer), r)[kept], play(x, r))
-
-
-@repeatable
-@given(motions, half_widths, st.floats(0.0, 10.0), st.integers(0, 2**32 - 1))
-def test_play_of_a_motion_that_lies_above_another_lies_above(x, r, lift, seed) -> None:
-    above = x + lift * np.random.default_rng(seed).uniform(size=len(x))
-    assert np.all(play(above, r) >= play(x, r))
-
-
-@repeatable
-@given(motions, half_widths, st.tuples(*[st.floats(-100.0, 100.0)] * 4))
-def test_larger_sweep_wipes_out_the_loops_within_it(x, r, turns) -> None:
-    start, back, forth, end = np.sort(turns)
-    direct = play(np.array([*x, start, end]), r)
-    with_loop = play(np.array([*x, start, forth, back, end]), r)
-    assert with_loop[-1] == direct[-1]
 
 
 def test_play_starts_centred_and_of_zero_width_follows_exactly() -> None:
@@ -97,13 +74,6 @@ def test_signals_come_first_and_then_the_rows_before_newest_first() -> None:
         assert_array_equal(X[i, 3:], LOG.q_nominal[i - 1 : i - 4 if i > 3 else None : -1].ravel())
 
 
-def test_rows_without_measurement_are_commands_all_the_same() -> None:
-    features = FeatureSet(NAMES, UNITS, history=2)
-    ok = LOG.ok.copy()
-    ok[4:7] = False
-    assert_array_equal(features.matrix(replace(LOG, ok=ok)), features.matrix(LOG))
-
-
 def test_history_and_play_begin_anew_where_the_clock_goes_back() -> None:
     time = np.array([*range(7), *range(5)], dtype=float)
     features = FeatureSet(NAMES, UNITS, history=3, play=(("q:J1", 0.2),))
@@ -112,12 +82,6 @@ def test_history_and_play_begin_anew_where_the_clock_goes_back() -> None:
     assert_array_equal(X[10, 3:6], LOG.q_nominal[9])
     expected = np.concatenate([dragged(LOG.q_nominal[:7, 0], 0.2), dragged(LOG.q_nominal[7:, 0], 0.2)])
     assert_array_equal(X[:, -1], expected - LOG.q_nominal[:, 0])
-
-
-def test_recording_shorter_than_the_history_has_no_complete_row() -> None:
-    X = FeatureSet(NAMES, UNITS, history=20).matrix(LOG)
-    assert X.shape == (12, 63)
-    assert np.isnan(X).any(axis=1).all()
 
 
 def test_history_and_play_are_of_positions_only_and_play_alone_cannot_leave_its_range() -> None:
@@ -181,12 +145,6 @@ def test_log_that_lacks_an_input_is_refused(signal: str, changes: dict[str, Any]
 def test_feature_set_that_means_nothing_is_refused(signals: Any, history: int, message: str) -> None:
     with pytest.raises(InputError, match=message):
         FeatureSet(signals, ("rad",) * len(signals), history)
-
-
-def test_features_of_a_whole_log_are_those_of_its_parts() -> None:
-    features = FeatureSet(NAMES, UNITS, history=2, play=(("q:J2", 0.1),))
-    part = replace(LOG, q_nominal=LOG.q_nominal[:8], q_encoder=None, ok=LOG.ok[:8], time=LOG.time[:8])
-    assert_allclose(features.matrix(part), features.matrix(LOG)[:8], rtol=0.0)
 
 
 def test_previous_commands_do_not_reach_across_a_gap_in_time_and_play_does() -> None:

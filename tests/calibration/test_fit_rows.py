@@ -27,12 +27,6 @@ def log(seed: int = 0, rows: int = 300, **changes: Any) -> Any:
     return recording(np.random.default_rng(seed), rows=rows, error=bent, **changes)
 
 
-def test_offset_counts_only_rows_with_their_history() -> None:
-    run = log()
-    expected = (run.q_encoder - run.q_nominal)[5:].mean(axis=0)
-    assert_allclose(fitted(run, kind="offset", history=5).offset, expected, rtol=1e-12)
-
-
 MONOMIALS = PolynomialFeatures(2, include_bias=False)
 STANDARDISED_MONOMIALS = [StandardScaler(), MONOMIALS, StandardScaler(), Ridge(alpha=10.0)]
 
@@ -53,12 +47,6 @@ def test_regressions_agree_with_scikit_learn(options: Any, theirs: list[Any], at
     data = calibration_data([log()], model.features)
     expected = make_pipeline(*theirs).fit(data.X, data.error).predict(data.X)
     assert_allclose(model.correction(data.X, data.q_nominal), expected, atol=atol)
-
-
-def test_second_order_error_is_learned_exactly() -> None:
-    new = log(1)
-    model = fitted(log(0, rows=3000), kind="polynomial")
-    assert_allclose(model.calibrate(new), new.q_encoder, atol=1e-9)
 
 
 @pytest.mark.parametrize(("kind", "atol"), [("offset", 0.0), ("linear", 1e-9), ("polynomial", 1e-9)])
@@ -143,13 +131,6 @@ def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: py
     assert_array_equal(seen[0], np.concatenate([np.arange(100) >= 80, np.arange(50) >= 40]))
 
 
-def test_play_states_do_not_narrow_the_valid_range() -> None:
-    model = fitted(log(), kind="linear", play=(0.1,))
-    group = model.groups[0]
-    assert [model.features.names[c] for c in group.watched] == ["q:J1", "q:J2", "q:J3"]
-    assert len(group.columns) == 6
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -164,6 +145,11 @@ def test_play_states_do_not_narrow_the_valid_range() -> None:
         ({"ridge": float("nan")}, "ridge: expected a number of zero or more"),
         ({"kind": "neural", "ridge": 1.0}, "only linear and polynomial take one"),
         ({"kind": "offset", "ridge": 0.0}, "only linear and polynomial take one"),
+        ({"prior": "dvrk"}, "expected simulated"),
+        ({"prior": "simulated", "kind": "polynomial"}, 'prior "simulated"'),
+        ({"prior": "simulated", "kind": "neural", "preset": "paper"}, 'prior "simulated"'),
+        ({"prior": "simulated", "kind": "linear", "ridge": 1.0}, 'prior "simulated"'),
+        ({"prior": "simulated", "kind": "linear", "target": "position"}, 'prior "simulated"'),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(options: dict[str, Any], message: str) -> None:
@@ -194,21 +180,6 @@ def test_fit_without_rows_or_to_rows_of_other_features_is_refused() -> None:
         fitted(log(rows=12), history=3)
     with pytest.raises(InputError, match="data: holds q:J1"):
         fit(data_of(log(), history=1), choose_inputs([log()], FitOptions("linear")), FitOptions("linear"))
-
-
-@pytest.mark.parametrize("first", [0, 1])
-@pytest.mark.parametrize("play", [None, (0.1,)])
-def test_recordings_of_different_joints_are_refused_before_their_inputs_are_chosen(
-    first: int, play: tuple[float, ...] | None
-) -> None:
-    three = log()
-    two = replace(
-        three, name="short", joint_names=three.joint_names[:2], joint_units=three.joint_units[:2],
-        q_nominal=three.q_nominal[:, :2], q_encoder=three.q_encoder[:, :2],
-    )  # fmt: skip
-    logs = [three, two] if first == 0 else [two, three]
-    with pytest.raises(InputError, match=r'has joints J1 .*; recording "(run|short)" has J1'):
-        choose_inputs(logs, FitOptions(kind="linear", play=play))
 
 
 def test_largest_correction_is_what_training_shows_without_failed_measurements() -> None:

@@ -12,7 +12,6 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import FARTHEST, Intervals
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.plant import JointState
 from oracles.calibration_models import random_model
@@ -95,16 +94,6 @@ def test_a_joint_state_has_the_half_widths_of_the_models_joints_and_nan_for_othe
         corrector.correct_state(state, out, inside, np.empty(3))
 
 
-def test_a_saved_model_keeps_its_intervals_and_one_without_has_none(tmp_path) -> None:
-    path = tmp_path / "model.npz"
-    save_model(model(), {}, path)
-    kept = load_model(path)[0].intervals
-    assert kept is not None
-    assert (kept.level, kept.inside.tolist(), kept.outside.tolist()) == (0.9, [0.1, 0.2, 0.3], [0.3, 0.2, 0.7])
-    save_model(replace(model(), intervals=None), {}, path)
-    assert load_model(path)[0].intervals is None
-
-
 @pytest.mark.parametrize(
     ("level", "inside", "outside"),
     [(1.0, [0.1], [0.1]), (0.9, [-0.1], [0.1]), (0.9, [0.2], [0.1]), (0.9, [np.nan], [0.1]), (0.9, [0.1], [0.1, 0.1])],
@@ -143,8 +132,3 @@ def test_a_fit_that_cannot_know_its_intervals_says_why() -> None:
     assert wide is not None
     assert narrow is not None
     assert (wide.inside > narrow.inside).all()
-
-
-def test_a_coverage_that_is_no_share_is_refused() -> None:
-    with pytest.raises(InputError, match="coverage: expected a share"):
-        FitRun(coverage=90.0)

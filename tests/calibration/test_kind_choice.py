@@ -157,8 +157,3 @@ def test_arrays_and_the_command_give_the_same_model_to_the_bit(kind: Any, log: M
     cards = [load_model(tmp_path / name)[1] for name in ("typed.npz", "called.npz")]
     assert cards[0]["errors"] == cards[1]["errors"]
     assert cards[0]["choice"] == cards[1]["choice"]
-
-
-def test_the_card_has_the_settings_of_a_network_that_was_chosen(chosen: FitResult) -> None:
-    kinds = {choice.chosen for choice in chosen.choices}
-    assert ("network" in chosen.card["settings"]) == ("neural" in kinds)

@@ -1,11 +1,9 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 import catenary
-from catenary.calibration.maintenance import refresh_with, trained_positions
+from catenary.calibration.maintenance import refresh_with
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
@@ -30,14 +28,3 @@ def test_python_and_command_refresh_alike_and_learn_from_no_recording_twice() ->
     for learnt, log in ((model, first), (refreshed, second)):
         with pytest.raises(InputError, match="fitted to it or refreshed with it"):
             learnt.refresh(log)
-
-
-def test_positions_that_a_model_was_trained_on_hold_its_recordings() -> None:
-    log = a_day(0, sha256="a" * 64)
-    low, high = trained_positions(catenary.fit(log, model="linear"))
-    assert np.all(low <= log.q_nominal.min(axis=0))
-    assert np.all(high >= log.q_nominal.max(axis=0))
-    no_positions = catenary.fit(replace(log, tau=0.5 * log.q_nominal), model="linear", inputs=["tau"])
-    low, high = trained_positions(no_positions)
-    assert np.all(np.isneginf(low))
-    assert np.all(np.isposinf(high))

@@ -63,13 +63,6 @@ def test_position_that_a_model_gives_end_to_end_becomes_a_correction_and_an_offs
     assert_array_equal(model.correction(np.full((1, 2), 9.0), np.ones((1, 2))), OFFSET[None])
 
 
-def test_calibrated_position_is_the_reported_one_plus_the_correction() -> None:
-    log = recording(np.random.default_rng(0), rows=20, units=("rad", "m"))
-    model = one_of_each()
-    expected = log.q_nominal + model.correction(log.q_nominal, log.q_nominal)
-    assert_array_equal(model.calibrate(log), expected)
-
-
 @pytest.mark.parametrize(
     "change", [{"joint_names": ("J2", "J3")}, {"joint_units": ("rad", "rad")}], ids=["names", "units"]
 )

@@ -17,11 +17,8 @@ from catenary.calibration.neural import (
     NetworkSettings,
     Penalties,
     TrainedNetwork,
-    adam_step,
     fit_neural,
-    logistic_slopes,
     logistic_units,
-    tanh_slopes,
     tanh_units,
 )
 from catenary.calibration.predictors import Network
@@ -89,35 +86,9 @@ def assert_slopes_of(
             assert slopes[place] == pytest.approx(0.5 * outputs * slope, abs=1e-6)
 
 
-def predicted(network: TrainedNetwork, X: np.ndarray, activation: str) -> np.ndarray:
-    none = np.zeros(X.shape[1])
-    ends = np.zeros(len(network.biases[-1])), np.ones(len(network.biases[-1]))
-    layers = tuple(network.weights), tuple(network.biases)
-    return Network(none, none + 1.0, *layers, activation, *ends).predict(X)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("activation", ["logistic", "tanh"])
-@pytest.mark.parametrize(("rows", "outputs"), [(32, 1), (7, 3)])
-def test_gradient_is_that_of_keras_loss(activation: Any, rows: int, outputs: int) -> None:
-    rng = np.random.default_rng(0)
-    X, Y = rng.normal(size=(rows, 4)), rng.normal(size=(rows, outputs))
-    l2 = 0.05  # large enough for the penalty to turn the step
-    network = in_double_precision(TrainedNetwork((4, 6, 5, outputs), activation, 1))
-
-    def loss() -> float:
-        penalty = l2 * sum(np.sum(W**2) for W in network.weights)
-        return float(np.mean((predicted(network, X, activation) - Y) ** 2) + penalty)
-
-    assert_slopes_of(loss, network, network.gradient(X, Y, l2), outputs)
-
-
-@pytest.mark.parametrize("activation", ["logistic", "tanh"])
-@pytest.mark.parametrize(
-    "others",
-    [Penalties(l1=0.02), Penalties(bias_l2=0.03), Penalties(activity_l2=0.04), Penalties(0.02, 0.03, 0.04)],
-    ids=["l1", "bias", "activity", "all"],
-)
-def test_gradient_of_further_penalties_is_that_of_keras_loss(activation: Any, others: Penalties) -> None:
+@pytest.mark.parametrize("others", [Penalties(), Penalties(0.02, 0.03, 0.04)], ids=["l2", "all"])
+def test_gradient_is_that_of_keras_loss(activation: Any, others: Penalties) -> None:
     rng = np.random.default_rng(0)
     rows, outputs, l2 = 11, 2, 0.05
     X, Y = rng.normal(size=(rows, 4)), rng.normal(size=(rows, outputs))
@@ -180,12 +151,6 @@ def test_every_epoch_takes_every_row_once_in_another_order(steps: list[dict[str,
     assert (first != second).any()
 
 
-@pytest.mark.parametrize(("rows", "batch", "steps_of_an_epoch"), [(100, 64, 2), (64, 64, 1), (10, 64, 1), (129, 64, 3)])
-def test_number_of_steps_is_epochs_times_batches(steps, rows, batch, steps_of_an_epoch) -> None:
-    train(*problem(rows), replace(SMALL, batch=batch, epochs=4))
-    assert len(steps) == 4 * steps_of_an_epoch
-
-
 def test_learning_rate_of_best_falls_along_half_a_cosine(steps: list[dict[str, Any]]) -> None:
     train(*problem(600), replace(BEST, l2=1e-3, epochs=20))
     share = np.arange(len(steps)) / len(steps)
@@ -229,15 +194,6 @@ def test_best_network_learns_a_smooth_function() -> None:
     assert np.all(left.std(axis=0) < 0.15 * Y.std(axis=0))
 
 
-@pytest.mark.slow
-def test_paper_network_learns_more_than_a_linear_model() -> None:
-    X, Y = problem(2400)
-    A = np.column_stack([X, np.ones(len(X))])
-    linear = A[2000:] @ np.linalg.lstsq(A[:2000], Y[:2000], rcond=None)[0]
-    network = train(X[:2000], Y[:2000], replace(PAPER, batch=64, l2=1e-5)).predict(X[2000:])
-    assert np.all((network - Y[2000:]).std(axis=0) < 0.5 * (linear - Y[2000:]).std(axis=0))
-
-
 @SHORT
 def test_scale_and_origin_of_inputs_and_outputs_do_not_matter(settings: NetworkSettings) -> None:
     X, Y = problem(300)
@@ -248,16 +204,11 @@ def test_scale_and_origin_of_inputs_and_outputs_do_not_matter(settings: NetworkS
 
 
 @SHORT
-def test_input_that_never_moved_gives_finite_numbers(settings: NetworkSettings) -> None:
+def test_output_that_never_moved_gets_no_ripple_and_such_an_input_no_harm(settings: NetworkSettings) -> None:
     X, Y = problem(300)
-    still = np.column_stack([X, np.full(300, 0.1)])
-    assert np.isfinite(train(still, Y, settings).predict(still)).all()
-
-
-@SHORT
-def test_output_that_never_moved_gets_no_ripple(settings: NetworkSettings) -> None:
-    X, Y = problem(300)
+    X = np.column_stack([X, np.full(300, 0.1)])
     network = train(X, np.column_stack([Y, np.full(300, 0.02)]), settings)
+    assert np.isfinite(network.predict(X)).all()
     assert_allclose(network.predict(X)[:, -1], 0.02, atol=1e-12)  # rounding of the linear model
 
 
@@ -284,42 +235,3 @@ def test_units_give_their_function_wherever_they_are_asked(units, exact) -> None
     expected = exact(layer.astype(np.float64))
     units(layer, np.zeros(1, np.float32))
     assert_allclose(layer, expected, rtol=0.0, atol=3e-7)
-
-
-@pytest.mark.parametrize("units", [tanh_units, logistic_units])
-def test_a_unit_adds_its_own_bias(units) -> None:
-    rng = np.random.default_rng(0)
-    layer, bias = rng.normal(size=(7, 5)).astype(np.float32), rng.normal(size=5).astype(np.float32)
-    added = layer + bias
-    units(layer, bias)
-    units(added, np.zeros(5, np.float32))
-    assert_allclose(layer, added, rtol=0.0, atol=0.0)
-
-
-def test_tanh_is_odd_and_keeps_small_numbers() -> None:
-    layer = np.array([[1e-30, -1e-30, 1e-4, -1e-4, 0.3, -0.3]], np.float32)
-    given = layer.copy()
-    tanh_units(layer, np.zeros(6, np.float32))
-    assert_allclose(layer[:, ::2], -layer[:, 1::2], rtol=0.0, atol=0.0)
-    assert_allclose(layer, np.tanh(given.astype(np.float64)), rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("slopes", "exact"), [(tanh_slopes, np.tanh), (logistic_slopes, logistic)], ids=["tanh", "logistic"]
-)
-def test_slopes_are_finite_differences(slopes, exact) -> None:
-    x, h = np.linspace(-6.0, 6.0, 201)[:, None], 1e-5
-    delta = np.full_like(x, 2.0, np.float32)
-    slopes(delta, exact(x).astype(np.float32))
-    assert_allclose(delta, 2.0 * (exact(x + h) - exact(x - h)) / (2.0 * h), rtol=0.0, atol=1e-6)
-
-
-def test_a_first_step_of_adam_is_the_rate_whatever_the_slope() -> None:
-    # of the first step both means are unbiased: the step is rate * g / (|g| + epsilon)
-    slopes = np.array([1e-3, -5.0, 40.0, 0.0], np.float32)
-    values, means, squares = np.ones(4, np.float32), np.zeros(4, np.float32), np.zeros(4, np.float32)
-    rate = 0.01 * np.sqrt(1.0 - 0.999) / (1.0 - 0.9)
-    adam_step(values, slopes, means, squares, np.float32(rate))
-    assert_allclose(values, 1.0 - 0.01 * np.sign(slopes), rtol=1e-5)
-    assert_allclose(means, 0.1 * slopes, rtol=1e-6)
-    assert_allclose(squares, 0.001 * slopes**2, rtol=1e-5)

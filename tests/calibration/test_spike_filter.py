@@ -47,12 +47,6 @@ def test_a_spike_leaves_no_trace_in_the_rows_after_it(to: float) -> None:
     assert_array_equal(np.delete(X, 300, axis=0), np.delete(clean, 300, axis=0))
 
 
-def test_without_limits_play_states_follow_a_spike() -> None:
-    X, _, leaps = PLAIN.rows(log_of(spiked([300], -3.0)))  # while the joint falls
-    assert leaps == {"q:J1": 0}
-    assert not np.array_equal(X[301:320], PLAIN.matrix(log_of(SLOW))[301:320])
-
-
 @repeatable
 @given(st.lists(st.floats(-STEP, STEP), min_size=1, max_size=60))
 def test_no_motion_within_the_limits_changes_a_bit(moves: list[float]) -> None:
@@ -90,14 +84,6 @@ def test_a_leap_that_stays_was_the_truth_all_along() -> None:
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log_of(moved)))
     assert np.flatnonzero(leaping).tolist() == [251, 252]  # until it is confirmed
-
-
-def test_after_long_garbage_the_joint_is_found_again() -> None:
-    q = SLOW.copy()
-    q[300:310] = np.where(np.arange(10) % 2, 5.0, -5.0)
-    X = LIMITED.matrix(log_of(q))
-    wiped = 310 + int(np.argmax(np.abs(SLOW[310:] - SLOW[310]) > 2.0 * 0.2))  # the wider play state forgot it
-    assert_array_equal(X[wiped:], LIMITED.matrix(log_of(SLOW))[wiped:])
 
 
 def sparse(rng: np.random.Generator, rows: int = 200) -> Floats:

@@ -66,12 +66,6 @@ def test_joint_that_never_moved_is_outside_as_soon_as_it_does(constant: float) -
     assert inside(valid, X + np.array([0.0, np.spacing(constant)])).all()  # rounding
 
 
-def test_direction_that_was_never_taken_is_outside() -> None:
-    a = np.random.default_rng(6).normal(size=1000)
-    X = np.column_stack([a, 2.0 * a + 7.0])
-    assert_array_equal(inside(fit_valid_range(X, MARGIN), X + np.array([0.0, 0.01])), np.zeros(1000, dtype=bool))
-
-
 def test_directions_beyond_a_few_rows_are_watched() -> None:
     rng = np.random.default_rng(7)
     X = rng.normal(size=(12, 40))

@@ -36,7 +36,7 @@ def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, t
     assert content["n_base"] == content["rank"]
     (test,) = content["tests"]
     assert (test["log"], test["verdict"]) == ("run1", "holds")
-    assert [len(test[key]) for key in ("relative_rms", "relative_rms_period", "rms")] == [3, 3, 3]
+    assert [len(test[key]) for key in ("relative_rms", "rms")] == [3, 3]
     assert content["training"][0]["verdict"] is None
 
 

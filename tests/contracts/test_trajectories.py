@@ -12,7 +12,7 @@ from catenary.robots.catalog import load_robot
 from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.trajectories.reference import Embedded, InTurn, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.smoothed_path import follow_waypoints, go_to
+from catenary.trajectories.smoothed_path import SmoothedPath, follow_waypoints, go_to
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, FORMS, zigzag
 
 Floats = NDArray[np.float64]
@@ -53,7 +53,6 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
         ARM_HIGH,
     ),
     "go to, together": (lambda: go_to(LOW, HIGH, **BOUNDS), LOW, HIGH),
-    "go to, each by itself": (lambda: go_to(LOW, HIGH, **BOUNDS, together=False), LOW, HIGH),
     "there, a rest, and back": (
         lambda: InTurn([go_to(LOW, HIGH, **BOUNDS), Rest(HIGH, 0.7), go_to(HIGH, LOW, **BOUNDS)]),
         LOW,
@@ -66,8 +65,8 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
         np.array([HIGH[1], 0.5, HIGH[2], HIGH[0]]),
     ),
     "go to, nowhere": (lambda: go_to(LOW, LOW, **BOUNDS), LOW, LOW),
-    "waypoints": (lambda: follow_waypoints(random_rows(), speed=SPEED, q_start=LOW), LOW, HIGH),
-    "waypoints, blends overlapping": (lambda: follow_waypoints(random_rows(), speed=SPEED, blend=60.0), LOW, HIGH),
+    "waypoints": (lambda: follow_waypoints(random_rows(), speed=SPEED), LOW, HIGH),
+    "blends overlapping": (lambda: SmoothedPath.through(np.arange(len(random_rows())), random_rows(), 60.0), LOW, HIGH),
 }  # fmt: skip
 
 

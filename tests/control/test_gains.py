@@ -78,11 +78,6 @@ def test_no_mode_of_a_long_arm_is_too_fast_for_the_loop() -> None:
         assert np.abs(np.linalg.eigvals(step)).max() < 1.0
 
 
-def test_short_arm_gives_no_stiffness_away() -> None:
-    arm = load_robot("two_link")
-    assert_allclose(gains.gains_from_mass(arm).kp, gains.gains_from_mass(arm, rate_hz=1e6).kp, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("robot", "options", "message"),
     [
@@ -101,10 +96,3 @@ def test_limits_rise_to_the_largest_torque_in_twenty_milliseconds() -> None:
     assert_allclose(sent[18][:2], 19.0 / 20.0 * np.array([7.5, 95.0]), rtol=1e-9)
     assert_allclose(sent[-1][:2], [7.5, 95.0])
     assert sent[0][2] == 1e6  # no largest torque, no largest rate
-
-
-def test_limits_fade_towards_a_joint_limit() -> None:
-    limits = gains.default_limits([np.inf, 95.0, np.inf], *BOX)
-    for _ in range(30):
-        sent = limits.apply(np.array([4.0, 90.0, 0.0]), np.array([1.5, 0.499, 0.0]), 1e-3)
-    assert_allclose(sent, [0.0, 45.0, 0.0], atol=1e-9)

@@ -1,8 +1,6 @@
 import gc
-import math
 import os
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +8,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector
-from catenary.calibration.intervals import Intervals
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop import FADE, Tick, run_loop
 from catenary.control.loop_report import LoopReport
@@ -21,11 +17,10 @@ from catenary.plant import JointState, OperatingState
 from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import FixedGravity, GravityReading, Mailbox, ReadingStatus
+from catenary.sensing.vector import GravityReading, Mailbox, ReadingStatus
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.trajectories.reference import Reference, Rest
-from oracles.calibration_models import random_model
 from oracles.ideal_plant import MassPlant
 
 ZERO = np.zeros(2)
@@ -72,13 +67,6 @@ def test_pd_holds_a_mass_on_its_trajectory() -> None:
     assert 0.0 < min(report.tracking_nominal)
     assert report.jitter is None  # simulated time runs as fast as it can
     assert report.overruns is None
-
-
-def test_torque_moves_a_mass_as_newton_says() -> None:
-    plant = MassPlant(ZERO)
-    run_loop(plant, Pushing(np.array([2.0, -1.0])), Swing(0.0), duration=0.999)
-    # semi-implicit Euler: q = a dt^2 k (k + 1) / 2 after k = 1000 ticks
-    assert_allclose(plant.q, np.array([2.0, -1.0]) * 1e-6 * 1000 * 1001 / 2, rtol=1e-9)
 
 
 def test_without_controller_the_references_positions_are_sent() -> None:
@@ -140,21 +128,6 @@ def test_controller_sees_calibrated_positions() -> None:
     assert max(report.tracking_calibrated) < min(report.tracking_nominal)
 
 
-def test_a_deployed_model_corrects_in_the_loop() -> None:
-    signals = 0.1 * np.random.default_rng(0).normal(size=(400, 4))
-    model = random_model("linear", signals, np.random.default_rng(1), joints=2, torques=2, plays=1)
-    model = replace(model, intervals=Intervals(0.9, np.array([0.1, 0.2]), np.array([0.3, 0.4])))
-    seen: list[Tick] = []
-    run_loop(MassPlant(ZERO), None, Swing(0.5), corrector=Corrector(model), observers=[seen.append])
-    q = np.array([tick.q_nominal for tick in seen])
-    expected, inside = Corrector(model).run(q, np.hstack([q, 0.0 * q]))
-    assert_array_equal([tick.state.q for tick in seen], expected)
-    assert_array_equal([tick.inside for tick in seen], inside)
-    widths = np.array([tick.state.q_interval for tick in seen])
-    assert_array_equal(widths[inside], np.broadcast_to([0.1, 0.2], inside.shape)[inside])
-    assert (widths[~inside] >= 0.3).all()
-
-
 def test_a_slower_loop_lets_the_robot_take_several_of_its_ticks() -> None:
     plant = MassPlant(ZERO)
     report = run_loop(plant, PD, Swing(0.1), rate_hz=500.0)
@@ -181,7 +154,6 @@ def test_what_does_not_fit_the_robot_is_refused(joints: int, options: dict[str, 
 @pytest.mark.parametrize(
     ("state", "message"),
     [
-        (OperatingState("DISABLED", True, False), "DISABLED, expected ENABLED"),
         (OperatingState("PAUSED", True, False), "PAUSED, expected ENABLED"),
         (OperatingState("ENABLED", False, False), "not homed"),
         (OperatingState("ENABLED", True, True), "busy"),
@@ -278,15 +250,6 @@ def test_whatever_ends_the_loop_the_robot_holds_and_pauses(error: BaseException)
     assert "ended after 5 ticks" in error.__notes__[0]
 
 
-def test_a_robot_without_position_control_is_left_without_torque() -> None:
-    plant = MassPlant(ZERO)
-    plant.supports = frozenset({"servo_jf"})
-    with pytest.raises(ValueError, match="a mistake"):
-        run_loop(plant, Pushing(np.full(2, 5.0), error=ValueError("a mistake")), Swing(1.0))
-    assert_array_equal(plant.tau, ZERO)
-    assert plant.state.state == "PAUSED"
-
-
 def test_a_second_interrupt_does_not_keep_the_robot_from_being_paused(monkeypatch) -> None:
     def interrupt(q: Floats) -> None:
         raise KeyboardInterrupt
@@ -322,14 +285,6 @@ def test_at_the_end_of_torque_control_the_robot_holds_or_is_paused(supports, las
     assert plant.log[-1][0] == last
     assert_array_equal(plant.tau, ZERO)
     assert plant.state.state == state
-
-
-def test_a_torque_that_is_no_number_is_never_sent() -> None:
-    plant = MassPlant(ZERO)
-    report = run_loop(plant, Pushing(np.array([np.nan, 1.0])), Swing(0.01))
-    sent = np.array([values for verb, values in plant.log if verb == "servo_jf"])
-    assert_array_equal(sent, np.tile([0.0, 1.0], (11, 1)))
-    assert report.not_finite_ticks == 11
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -419,13 +374,6 @@ def test_the_states_gravity_is_what_the_source_says_at_the_states_time():
         assert state.gravity_age == pytest.approx(at + 0.001)
 
 
-def test_without_a_source_the_robots_own_report_stands():
-    seen: list[Tick] = []
-    report = run_loop(MassPlant(np.zeros(2)), PD, still(0.01), observers=[seen.append])
-    assert_array_equal(seen[-1].state.gravity, [0.0, 0.0, -9.81])
-    assert report.gravity is None
-
-
 def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     both = Fault.STUCK | Fault.INTERRUPTED
     statuses = [ReadingStatus.NOMINAL] * 2 + [ReadingStatus.LIVE] * 5 + [ReadingStatus.STALE] * 4
@@ -439,18 +387,6 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     assert "gravity: stuck in 4 ticks: the accelerometer repeats" in str(report)
 
 
-def test_a_simulated_sensor_serves_a_loop_and_a_fixed_vector_has_no_age():
-    served, fixed = (
-        run_loop(MassPlant(np.zeros(2)), PD, still(1.0), gravity=source).gravity
-        for source in (sensed(), FixedGravity())
-    )
-    assert served is not None
-    assert served.ticks["live"] > 950
-    assert served.faults == {}
-    assert fixed is not None
-    assert math.isnan(fixed.largest_age)
-
-
 def test_a_lost_sensor_stops_the_robot_safely_where_that_is_asked_for():
     plant = MassPlant(np.zeros(2))
     lost = sensed(InjectedFault("drop_out", 0.5), fallback="stop")
@@ -461,12 +397,3 @@ def test_a_lost_sensor_stops_the_robot_safely_where_that_is_asked_for():
     report = caught.value.loop_report  # type: ignore[attr-defined]
     assert report.ticks == pytest.approx(696, abs=2)  # 495 ms, the last sample, and the age limit of 200 ms
     assert report.gravity.ticks["stop"] == 1
-
-
-@pytest.mark.parametrize("fallback", ["hold", "fade", "static"])
-def test_a_lost_sensor_stops_nothing_otherwise(fallback):
-    lost = sensed(InjectedFault("drop_out", 0.5), fallback=fallback)
-    report = run_loop(MassPlant(np.zeros(2)), PD, still(1.0), gravity=lost)
-    assert report.finished
-    assert report.gravity is not None
-    assert report.gravity.faults["interrupted"] > 400

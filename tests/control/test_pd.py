@@ -1,10 +1,8 @@
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.control.pd import JointPD
-from catenary.errors import InputError
 from catenary.plant import JointState
 from catenary.trajectories.reference import Reference
 
@@ -30,16 +28,3 @@ def test_critically_damped_mass_follows_its_closed_form() -> None:
         q = q + dt * qd
     t = 10_000 * dt
     assert_allclose(q, (1.0 + w * t) * np.exp(-w * t), rtol=1e-2)  # semi-implicit Euler, w dt = 2e-4
-
-
-@pytest.mark.parametrize(
-    ("kp", "kd", "message"),
-    [
-        ([1.0, -1.0], [0.0, 0.0], "kp: expected zero or more"),
-        ([1.0, 1.0], [0.0], "kd: expected shape"),
-        ([np.nan], [0.0], "expected finite"),
-    ],
-)
-def test_impossible_gains_are_refused(kp: list[float], kd: list[float], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        JointPD(kp, kd)

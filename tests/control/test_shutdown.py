@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 from catenary.arrays import Floats
 from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
-from catenary.errors import InputError, NotFiniteError
+from catenary.errors import NotFiniteError
 from catenary.plant import JointState
 from catenary.trajectories.reference import Reference, Rest
 from catenary.workflows.robot.motion import move_to
@@ -94,10 +94,3 @@ def test_setpoints_are_not_streamed_to_a_robot_that_is_not_measured() -> None:
     assert len(sent) == 9 + 20 + 1
     assert sent[-1][1] == sent[8][1]  # where it was set when it was measured last
     assert plant.state.state == "PAUSED"
-
-
-def test_less_than_a_tick_is_no_limit() -> None:
-    plant = MassPlant(AT)
-    with pytest.raises(InputError, match="give_up_after: expected 1 tick or more, got 0"):
-        run_loop(plant, PD, Rest(AT, 0.1), give_up_after=0)
-    assert plant.log == []

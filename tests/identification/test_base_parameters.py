@@ -49,12 +49,6 @@ def test_as_many_base_parameters_as_are_published(name, count):
     assert base_of(load_robot(name)).count == count
 
 
-def test_a_vertical_first_axis_hides_two_gravity_parameters_that_a_tilted_base_shows():
-    model = load_robot("panda")
-    level, tilted = base_of(model, "static"), base_of(model, "static", [1.0, 2.0, -9.0])
-    assert tilted.count == level.count + 2
-
-
 def test_base_parameters_give_the_torques_of_all_parameters(rng):
     base = base_of(RAVEN)
     phi = np.concatenate([link_parameters(RAVEN.tree), rng.normal(size=9)])
@@ -75,11 +69,6 @@ def test_massless_links_have_no_parameters():
     parameters = Parameters(load_robot("raven2_full"), "full")
     assert all("tool" not in name and "wrist" not in name for name in parameters.names[:30])
     assert len(parameters.links) == 3
-
-
-def test_at_rest_only_masses_first_moments_constants_and_springs_show():
-    names = Parameters(load_robot("dvrk_mtm_motors"), "static").names
-    assert {name.split()[0] for name in names} == {"m", "mcx", "mcy", "mcz", "offset", "spring"}
 
 
 # poses at rest, gravity alone
@@ -143,11 +132,6 @@ def test_gravity_base_parameters_hold_the_arm(tree, seed, turning):
     assert_allclose(torque, gravity_torque(m, q[0], gravity), atol=1e-6)
 
 
-def test_no_smaller_set_than_the_compact_forms_for_any_gravity(random_robots):
-    for robot in random_robots[:8]:
-        assert gravity_base_parameters(robot.model, None).count <= len(compact_regressor(robot.model).labels)
-
-
 def test_planar_arm_leaves_the_papers_three_and_their_counterparts_across():
     arm = load_robot("planar_3r")
     base = gravity_base_parameters(arm)
@@ -161,12 +145,6 @@ def test_planar_arm_leaves_the_papers_three_and_their_counterparts_across():
     ]
     values = base.combination @ standard_gravity_parameters(arm).values
     assert_allclose(values[[0, 2, 4]], compact_regressor(arm).parameters(), atol=1e-12)
-
-
-def test_the_force_along_the_insertion_is_its_weight():
-    base = gravity_base_parameters(load_robot("raven2_full"))
-    assert base.count == gravity_base_parameters(load_robot("raven2")).count == 5
-    assert base.identifiable[8] == "alone"
 
 
 def test_condition_is_that_of_columns_of_one_length():

@@ -31,9 +31,3 @@ def test_a_series_begins_and_ends_at_rest(seed, harmonics):
     assert_allclose(qd, 0.0, atol=1e-12)
     assert_allclose(qdd, 0.0, atol=1e-11)
     assert_allclose(q[0], q[1], atol=1e-11)
-
-
-def test_a_scaled_series_moves_about_the_same_centre():
-    one = series(0, 5, 8.0)
-    times = np.linspace(0, 8, 50)
-    assert_allclose(one.scaled(0.5).sample(times)[0], 0.5 * one.sample(times)[0])

@@ -1,6 +1,7 @@
 """Simulated arms of known friction: the parts that are there are found, and none where there are none."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,17 +37,22 @@ TRUTHS = {
 }
 
 
+@cache
+def identified(kind):
+    return identify([run(TRUTHS[kind], 0)], ARM, tests=[run(TRUTHS[kind], 1)])
+
+
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_part_that_is_there_is_found_and_predicts_better(kind):
     logs, test = [run(TRUTHS[kind], 0)], run(TRUTHS[kind], 1)
-    found = identify(logs, ARM, tests=[test])
+    found = identified(kind)
     assert (("elbow", kind)) in {(part.friction, part.kind) for part in found.friction}
     given = identify(logs, ARM, IdentifyOptions(friction=()), tests=[test])
     assert found.tests[0].rms[1] < 0.9 * given.tests[0].rms[1]
 
 
 def test_the_size_of_presliding_friction_and_its_distance_are_found():
-    found = identify([run(TRUTHS["presliding"], 0)], ARM)
+    found = identified("presliding")
     (part,) = (p for p in found.friction if (p.friction, p.kind) == ("elbow", "presliding"))
     assert part.scale is not None
     assert 0.01 < part.scale < 0.05  # the grid's neighbours of 0.02
@@ -76,6 +82,6 @@ def test_parts_that_are_not_allowed_are_not_added():
 
 def test_friction_of_a_robots_file_stands_as_it_is():
     logs = [run(TRUTHS["presliding"], 0)]
-    found = identify(logs, ARM)
+    found = identified("presliding")
     again = identify(logs, replace(found.model, actuation=replace(found.model.actuation, values=None)))
     assert not {(p.friction, p.kind) for p in found.friction} & {(p.friction, p.kind) for p in again.friction}

@@ -36,12 +36,6 @@ def test_presliding_friction_depends_on_the_path_and_not_on_time(slower):
     assert_allclose(np.interp(t, fine, z), coarse, atol=0.01)
 
 
-def test_friction_loses_energy_over_a_closed_path():
-    s = 0.1 * np.sin(np.linspace(0.0, 4.0 * np.pi, 4001))
-    z = presliding(s, DISTANCE)
-    assert 0.5 * (z[2001:] + z[2000:-1]) @ np.diff(s[2000:]) > 0.0
-
-
 def test_a_step_passes_the_filter_that_the_torque_passed():
     arm = load_robot("raven2")
     log = recorded(arm, 0)

@@ -13,14 +13,14 @@ from catenary.identification.consistency import pseudo_inertia
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
-from catenary.identification.torque_doubts import swapped_axes
-from catenary.robots.actuation import Actuation, KnownTorque, default_actuation
+from catenary.robots.actuation import KnownTorque, default_actuation
 from catenary.robots.catalog import load_robot
 from moving_arm import LEVEL, recorded, sinusoids
 
 ARM = load_robot("raven2")
 # a filtered torque has rounded steps where Coulomb friction changes sign, the regressor has sharp ones
 FILTERED = 0.1
+PLAIN = IdentifyOptions(friction=())
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_smooth_torques_are_identified_exactly():
 
 
 def test_standard_deviations_cover_the_true_parameters():
-    result = identify([recorded(ARM, 2, noise=1.0)], ARM)
+    result = identify([recorded(ARM, 2, noise=1.0)], ARM, PLAIN)
     true = result.base.combination @ np.concatenate([link_parameters(ARM.tree), np.full(9, 0.3)])
     beyond = np.abs(result.beta - true) / result.std
     assert np.median(beyond) < 2.0
@@ -59,7 +59,7 @@ def test_standard_deviations_cover_the_true_parameters():
 
 def test_noise_free_recordings_of_two_days_are_better_than_one_noisy():
     noisy = [recorded(ARM, seed, noise=1.0) for seed in (3, 4)]
-    one, two = identify(noisy[:1], ARM), identify(noisy, ARM)
+    one, two = identify(noisy[:1], ARM, PLAIN), identify(noisy, ARM, PLAIN)
     assert (two.std < one.std).mean() > 0.9
     assert len(two.training) == 2
 
@@ -70,8 +70,8 @@ def test_known_torques_are_subtracted_and_added_again():
     log = recorded(ARM, 0)
     load = np.zeros(log.tau.shape)
     load[:, 1] = 4.0 * log.q_nominal[:, 0] ** 2 + 7.0
-    result = identify([replace(log, tau=log.tau + load)], aided)
-    plain = identify([log], ARM)
+    result = identify([replace(log, tau=log.tau + load)], aided, PLAIN)
+    plain = identify([log], ARM, PLAIN)
     q = log.q_nominal[:50]
     assert_allclose(result.predict(q) - plain.predict(q), load[:50], atol=0.05)
 
@@ -97,12 +97,6 @@ def test_poses_at_rest_show_the_gravity_torque(rng):
         result.predict(other, other)
 
 
-def test_one_row_is_predicted_as_many_are(found):
-    q = np.array([[0.3, 1.2, 0.3], [0.7, 1.5, 0.4]])
-    assert_allclose(found.predict(q[1], q[0], q[0]), found.predict(q, q[[0, 0]], q[[0, 0]])[1], atol=1e-12)
-    assert found.predict(q[:0]).shape == (0, 3)
-
-
 def test_gravity_may_be_another_than_the_recordings(found):
     q = np.array([0.3, 1.2, 0.3])
     less = [0.0, 0.0, -9.81 / 2]
@@ -112,15 +106,12 @@ def test_gravity_may_be_another_than_the_recordings(found):
 
 @pytest.mark.parametrize("weighting", ["none", "range", "spread", "residual"])
 def test_every_weighting_finds_the_dynamics(weighting):
-    result = identify([recorded(ARM, 0)], ARM, IdentifyOptions(weighting=weighting), tests=[recorded(ARM, 1)])
+    log = recorded(ARM, 0)
+    result = identify([log], ARM, replace(PLAIN, weighting=weighting), tests=[recorded(ARM, 1)])
     assert (result.tests[0].relative_rms < FILTERED).all()
-
-
-def test_weights_even_out_axes_of_different_size():
-    loud = recorded(ARM, 0)
-    result = identify([loud], ARM, IdentifyOptions(weighting="spread"))
-    filtered = prepare(loud, ARM, IdentifyOptions()).tau
-    assert_allclose(result.weights * filtered.std(axis=0), 1.0, rtol=1e-9)
+    if weighting == "spread":
+        filtered = prepare(log, ARM, PLAIN).tau
+        assert_allclose(result.weights * filtered.std(axis=0), 1.0, rtol=1e-9)
 
 
 def test_recordings_that_do_not_move_show_too_little():
@@ -131,11 +122,6 @@ def test_recordings_that_do_not_move_show_too_little():
     assert caught.value.rank < caught.value.n_base
 
 
-def test_no_recording_is_refused():
-    with pytest.raises(InputError, match="at least one recording"):
-        identify([], ARM)
-
-
 def test_an_arm_that_changed_has_drifted_and_torques_without_sense_fail(found):
     heavier = recorded(ARM.with_payload("wrist", 0.3, [0.0, 0.0, 0.1]), 1)
     log = recorded(ARM, 1)
@@ -144,24 +130,11 @@ def test_an_arm_that_changed_has_drifted_and_torques_without_sense_fail(found):
         assert found.test([prepare(other, ARM, IdentifyOptions())]).tests[-1].verdict in verdicts
 
 
-def test_swapped_axes_are_found(found):
-    log = recorded(ARM, 1)
-    order = [1, 0, 2]
-    for keys in (("tau",), ("q_nominal", "qd", "tau")):
-        samples = prepare(log, ARM, IdentifyOptions())
-        names = {"q_nominal": "q"}
-        mixed = replace(samples, **{names.get(k, k): getattr(samples, names.get(k, k))[:, order] for k in keys})
-        if keys != ("tau",):
-            mixed = replace(mixed, qdd=mixed.qdd[:, order])
-        assert swapped_axes(found, mixed)[0] == (0, 1)
-    assert swapped_axes(found, samples)[0] is None
-
-
 def test_consistent_parameters_are_those_of_bodies(consistent):
     for place in range(3):
         J = pseudo_inertia(consistent.phi[consistent.base.parameters.link_columns(place)])
         assert np.linalg.eigvalsh(J)[0] > 0.0
-    assert (consistent.phi[list(consistent.base.parameters.never_negative)] >= -1e-9).all()
+    assert (consistent.base.parameters.bounds @ consistent.phi >= -1e-9).all()
 
 
 def test_pseudo_inertia_is_the_second_moment_of_the_mass(rng):
@@ -185,7 +158,7 @@ def test_a_consistent_fit_is_a_robot_that_moves_as_the_regressor_says(consistent
 
 
 def test_base_parameters_alone_make_no_robot():
-    free = identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=False))
+    free = identify([recorded(ARM, 0)], ARM, replace(PLAIN, consistent=False))
     with pytest.raises(MissingInertiaError, match='"shoulder"'):
         free.robot()
 
@@ -217,15 +190,10 @@ def test_poses_at_rest_make_a_robot_of_gravity_that_refuses_motion(rng):
 
 
 def test_masses_of_the_robots_file_stand_where_torques_leave_a_choice():
-    found = identify([recorded(ARM, 0, noise=0.3)], ARM)
-    other = identify([recorded(ARM, 0, noise=0.3)], ARM, IdentifyOptions(prior=False))
+    found = identify([recorded(ARM, 0, noise=0.3)], ARM, PLAIN)
+    other = identify([recorded(ARM, 0, noise=0.3)], ARM, replace(PLAIN, prior=False))
     mass, smallest = (result.robot().tree.mass for result in (found, other))
     assert_allclose(mass, ARM.tree.mass, rtol=0.1)
     assert (np.abs(smallest / ARM.tree.mass - 1.0) > 0.2).any()
     assert found.prior_weight > 0.0
     assert other.prior_weight is None
-
-
-def test_a_file_without_actuation_has_friction_on_every_joint():
-    assert [f.name for f in default_actuation(ARM.joint_names).friction] == ["shoulder", "elbow", "insertion"]
-    assert Actuation().friction == ()

@@ -21,7 +21,7 @@ LIMITS = MotionLimits(PANDA, ROOM, np.array(LEVEL))
 
 
 @given(st.integers(0, 10**6), st.floats(0.02, 1.0), st.floats(0.3, 1.0), st.floats(1.0, 6.0))
-@settings(max_examples=8)
+@settings(max_examples=4)
 def test_designed_motions_keep_every_limit_whatever_they_are(seed, slow, weak, brisk):
     room = room_of(
         PANDA,

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import ExcitationError, InputError
 from catenary.identification.identification import Identification, identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
@@ -177,21 +176,3 @@ def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> 
     )
     assert result.identification.tests[0].verdict != "holds"
     assert any("mixed: accepted swapped: q1, q2: axes q1 and q2 look swapped" in note for note in result.notes)
-
-
-def test_a_wrong_sampling_rate_is_noticed(dvrk: Path, tmp_path: Path) -> None:
-    log = log_of(dvrk, "psm_half_105g_insertion.npz", "dvrk_psm_motors")
-    path = tmp_path / "half.npz"
-    np.savez(path, q=log.q_nominal, dq=log.qd, tau=log.tau, fs=200.0)  # its velocities fit 100 Hz
-    with pytest.raises(InputError, match="another sampling rate than stated"):
-        prepare(read_torque_log(path, load_robot("dvrk_psm_motors")), load_robot("dvrk_psm_motors"), IdentifyOptions())
-
-
-def test_one_moving_axis_shows_too_little(dvrk: Path) -> None:
-    log, model = log_of(dvrk, "psm_one.npz", "dvrk_psm_motors"), load_robot("dvrk_psm_motors")
-    from dataclasses import replace
-
-    q, qd = log.q_nominal.copy(), np.array(log.qd)
-    q[:, 1:], qd[:, 1:] = q[0, 1:], 0.0
-    with pytest.raises(ExcitationError, match=r"show \d+ of 49 base parameters"):
-        identify([replace(log, q_nominal=q, qd=qd)], model)

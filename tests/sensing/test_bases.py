@@ -1,4 +1,5 @@
 import math
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from tests.campaign.parts.sensors import NAMED
 
 UP, X, Y = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 ROLL_AND_PITCH = (Wave(math.radians(8.0), 0.1, X), Wave(math.radians(4.0), 0.14, Y, 0.7))
-DECK = SwayingBase(ROLL_AND_PITCH, (Wave(2.0, 0.12, UP, 0.3),))
 
 
 def sensed(base, seconds, mounted_on, *faults, rate_hz=100.0, reads_hz=100.0, **options):
@@ -73,7 +73,7 @@ def test_motions_that_make_no_sense_are_refused(wrong):
         BaseSpectrum(**wrong)
 
 
-@pytest.mark.parametrize(("heave", "frequency"), [(2.0, 0.12), (3.0, 0.05), (3.0, 0.3)])
+@pytest.mark.parametrize(("heave", "frequency"), [(3.0, 0.05), (3.0, 0.3)])
 def test_what_a_sea_does_to_a_deck_is_passed_on(heave, frequency):
     deck = SwayingBase(ROLL_AND_PITCH, (Wave(heave, frequency, UP, 2.0),))
     times, readings, true = sensed(deck, 7.0, "ship")
@@ -107,8 +107,9 @@ def test_a_wrong_scale_from_the_start_is_found_in_the_mean_of_a_sea():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mounted_on", ["ship", "vehicle", "cart"])
-@pytest.mark.parametrize("kind", FAULT_KINDS)
+@pytest.mark.parametrize(
+    ("kind", "mounted_on"), list(zip(FAULT_KINDS, cycle(["ship", "vehicle", "cart"]), strict=False))
+)
 def test_every_fault_is_found_on_a_deck_that_heaves(kind, mounted_on):
     heave = {"ship": 2.0, "vehicle": 2.0, "cart": 0.5}[mounted_on]
     # at 3 s it reads 11.4 m/s2; at 10.9 gravity taken away leaves what numbers in g say

@@ -107,12 +107,6 @@ def test_a_sensor_that_begins_wrong_is_named_and_never_believed(gravity, fault):
     assert check.reference is None
 
 
-def test_a_base_may_hang_where_that_is_asked_for():
-    check = GravityCheck(SensorRules(max_tilt=math.pi))
-    assert not any(fed(check, [-LEVEL] * 10))
-    assert check.reference is not None
-
-
 @pytest.mark.parametrize(
     ("gravity", "fault"),
     [

@@ -18,11 +18,6 @@ TURNED = Mounting(
 )
 
 
-def test_specific_force_at_rest_is_gravity_upwards():
-    assert_allclose(Mounting().gravity(np.array([0.0, 0.0, 9.81]), Kind.SPECIFIC_FORCE), [0.0, 0.0, -9.81])
-    assert_allclose(Mounting().gravity(np.array([0.0, 0.0, -9.81]), Kind.FREE_FALL), [0.0, 0.0, -9.81])
-
-
 def test_a_sensor_with_its_x_axis_up_reads_gravity_there():
     # its x along the base's z, its y along the base's y
     R_base_imu = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.tumble import align, fit_tumble, level_and_tilts, tumbled_mounting
+from catenary.sensing.tumble import align, fit_tumble, found_mounting, level_and_tilts
 from catenary.sensing.vector import Kind, tilted_gravity
 
 SIX = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
@@ -110,16 +110,18 @@ def test_a_wrong_sign_is_told_from_a_wrong_order_of_axes(readings):
 def test_a_level_base_and_tilts_that_nobody_measured_give_the_rotation(seed, roll, pitch):
     R_base_imu = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     rows = [-tilted_gravity(r, p) @ R_base_imu for r, p in ((0.0, 0.0), (roll, 0.0), (0.0, pitch))]
-    for tilts in (rows[1:2], rows[1:]):
-        found = align(*level_and_tilts(rows[0], *tilts), expected=R_base_imu)
+    readings, up = level_and_tilts(*rows)
+    for count in (2, 3):
+        found = align(readings[:count], up[:count], expected=R_base_imu)
         assert_allclose(found.rotation, R_base_imu, atol=1e-8)
         assert not found.faults
 
 
 def test_level_and_two_tilts_show_a_wrong_sign_and_mirrored_axes():
     rows = [-tilted_gravity(r, p) for r, p in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))]
-    for shown in (rows, rows[:2]):  # one tilt is enough for the sign
-        assert "wrong sign" in align(*level_and_tilts(*[-r for r in shown])).faults[0]
+    readings, up = level_and_tilts(*[-r for r in rows])
+    for count in (2, 3):  # one tilt is enough for the sign
+        assert "wrong sign" in align(readings[:count], up[:count]).faults[0]
     assert "wrong axes" in align(*level_and_tilts(*[r[[1, 0, 2]] for r in rows])).faults[0]
 
 
@@ -132,6 +134,7 @@ def test_the_mounting_puts_readings_right(rng):
     R_base_imu, up = Rotation.random(rng=rng).as_matrix(), spread(rng, 12)
     readings = read(up @ R_base_imu)
     tumble = fit_tumble(readings)
-    mounting = tumbled_mounting(tumble, align(readings, up, tumble=tumble), start=Mounting(position=np.ones(3)))
+    found = align((readings - tumble.bias) / tumble.scale, up).rotation
+    mounting = found_mounting(Mounting(position=np.ones(3)), found, tumble.bias, tumble.scale)
     assert_allclose(mounting.gravity(readings, Kind.SPECIFIC_FORCE), -9.81 * up, atol=1e-6)
     assert_allclose(mounting.position, 1.0)

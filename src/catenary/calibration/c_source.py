@@ -63,7 +63,6 @@ for (k = 0; k < joints_size; ++k) {
   correction[joint] = trusted ? prediction[k] : offset[joint];
   inside[joint] = trusted;
 }""",
-    "fill": _each("Y", "Y[k] = number[0];"),
     "distance": """\
 int k;
 far[0] = 1.0;
@@ -209,12 +208,6 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz:
     """Return C that defines `PREFIX_correct(state, q, signals, q_calibrated, inside)` and `PREFIX_reset(state)`.
 
     `PREFIX_interval(state)` gives the half-widths of the last tick's intervals.
-
-    Args:
-        prefix: Begins every name.
-        model: The model.
-        decimation: Ticks between the previous positions that it takes; see `Corrector`.
-        rate_hz: Of the ticks; see `CalibrationModel.tick_steps`.
     """
     n, memory = len(model.joint_names), model.features.memory(decimation)
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))

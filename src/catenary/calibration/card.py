@@ -1,4 +1,4 @@
-"""The model card: everything a stranger must know before trusting a calibration, and what its readers rely on."""
+"""The model card: everything a stranger must know before trusting a calibration."""
 
 import math
 from collections.abc import Mapping
@@ -6,10 +6,8 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
-from pydantic import JsonValue
-
 from catenary import __version__
-from catenary.calibration.dataset import CalibrationData, TrainingSource
+from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import extrapolation
@@ -17,7 +15,6 @@ from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.kind_choice import JointChoice
 from catenary.calibration.model import REACH, CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
-from catenary.config import Recorded, parse_settings
 from catenary.units import DISPLAY
 
 LIBRARIES = ("numpy", "scikit-learn", "numba")
@@ -37,13 +34,6 @@ def model_card(
     """Describe a fitted model and how it came to be.
 
     Args:
-        model: The model.
-        data: The rows that it was fitted to.
-        options: What was asked for.
-        run: Which rows it saw, and how it was tested.
-        spread: Errors of the cross-validation over blocks of time, empty when it was not run.
-        held_out: Evaluation on the recordings' last part, when one was held out.
-        notes: What was decided on the way.
         choices: Of a model of kind "auto", by which errors each joint's kind was chosen.
     """
     features, intervals = model.features, model.intervals
@@ -162,61 +152,3 @@ def _settings(options: FitOptions, kinds: set[str]) -> dict[str, Any]:
         chosen: NetworkSettings = PAPER if options.network == "paper" else BEST
         settings["network"] = asdict(chosen)
     return settings
-
-
-class CardInput(Recorded):
-    """An input of the model."""
-
-    name: str
-
-
-class CardRun(Recorded):
-    """Settings of the run."""
-
-    seed: int | None
-    max_error: tuple[float | None, ...] | None = None  # deg and mm; None is no limit
-
-
-class CardFolds(Recorded):
-    """Errors of the cross-validation."""
-
-    joints: tuple[Spread, ...]
-
-
-class CardErrors(Recorded):
-    """Errors of a joint on the recordings' last part."""
-
-    name: str
-    unit: str
-    rmse: float
-    offset_rmse: float
-
-
-class CardEvaluation(Recorded):
-    """What errors the card tells."""
-
-    cross_validation: CardFolds | None
-    held_out: tuple[CardErrors, ...] | None
-
-
-class CardFile(Recorded):
-    """What readers of a card take from it; more may stand there."""
-
-    robot: str | None
-    simulated: bool
-    kind: str
-    preset: str | None
-    inputs: tuple[CardInput, ...]
-    target: str
-    scaling: str
-    data: tuple[TrainingSource, ...]
-    rows: int
-    run: CardRun
-    version: dict[str, JsonValue]
-    errors: CardEvaluation
-    notes: tuple[str, ...]
-
-
-def check_card(card: Card, where: str) -> None:
-    """Refuse a card that lacks what its readers rely on; `where` opens the message."""
-    parse_settings(card, CardFile, f"{where}: card")

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation
 from catenary.calibration.intervals import Intervals, check_level
 
@@ -32,7 +33,6 @@ FEWEST_ROWS = 4  # of a block
 CHANCE = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
 LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
 
-Integers = NDArray[np.int64]
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
 
@@ -41,10 +41,6 @@ def estimate_intervals(errors: CrossValidation, *, level: float = 0.9) -> Interv
 
     Inside the valid range they are of the rows inside the ranges of the fold's models; outside, of the fixed offset on
     all rows. Where hardly a block has rows inside, that of the offset counts inside too.
-
-    Args:
-        errors: Errors that models left on blocks which they did not see.
-        level: Share of errors to hold.
 
     Returns:
         The half-widths; None where there are too few rows for the level.
@@ -70,7 +66,6 @@ def block_quantile(scores: Floats, block: Integers, level: float) -> float:
     Args:
         scores: (N,) absolute errors.
         block: (N,) which block each is of.
-        level: Share of the scores of a block to come.
     """
     names, of_row, rows = np.unique(block, return_inverse=True, return_counts=True)
     if len(names) < FEWEST_BLOCKS:
@@ -93,7 +88,6 @@ def time_blocks(recording: Integers, *, level: float) -> Integers:
 
     Args:
         recording: (N,) number of the recording of each row, in the order of time.
-        level: Share of errors that an interval is to hold.
     """
     rows = len(recording)
     wanted = max(FEWEST_BLOCKS, math.ceil(BEYOND / (1.0 - level) - 1e-9))
@@ -125,7 +119,6 @@ def coverage_verdict(held: NDArray[np.bool_], recording: Integers, level: float)
     Args:
         held: (N,) whether each row's error lies within its interval.
         recording: (N,) as for `time_blocks`.
-        level: Share that the intervals are to hold.
     """
     from scipy.stats import binom
 

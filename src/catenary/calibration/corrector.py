@@ -34,7 +34,6 @@ class Corrector:
         """Compile the model's tick.
 
         Args:
-            model: The model.
             rate_hz: Rate of the loop [Hz]; matters to models with history only.
             decimation: Ticks between previous positions; None divides the loop's rate by the training rows'.
 
@@ -199,7 +198,6 @@ class Corrector:
         """Take one tick of the robot that `prepare` was told of.
 
         Args:
-            state: What the robot reports.
             out: (n,) receives the calibrated positions [rad|m]; joints without a model pass through.
             inside: (n,) receives the flags; true for joints without a model.
             interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN for joints without any.

@@ -104,8 +104,6 @@ def calibration_data(
     A row is usable when it has a measurement (`ok`) and `features.history` predecessors.
 
     Args:
-        logs: Recordings with q_encoder.
-        features: What a model will take.
         max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
     """
     if not logs:

@@ -88,8 +88,6 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     predecessors that the model needs.
 
     Args:
-        model: The model.
-        data: Rows with the model's features.
         window: Length of a time window in s (rows, where there is no time); a tenth of the data when None.
     """
     data.require_joints_of(model)
@@ -162,9 +160,7 @@ def cross_validate(
 
     Args:
         data: Rows of one or more recordings; each recording is cut into `folds` blocks.
-        fit: Fits a model to rows.
         folds: At least 2.
-        progress: Called with the share done.
     """
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")

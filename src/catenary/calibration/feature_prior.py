@@ -157,8 +157,6 @@ def prior_of_features(prior: Prior, features: FeatureSet, X: Floats) -> PriorOfF
     """Return a prior beside features.
 
     Args:
-        prior: What is known of their weights.
-        features: Of the fit.
         X: (N, F) rows of training, whose ranges the play states' widths are shares of.
     """
     ranges = {signal: float(np.ptp(X[:, k])) for k, signal in enumerate(features.signals)}

@@ -228,11 +228,6 @@ def gather(
         owners: (K,) which of these each follows.
         widths: (K,) half-widths of the play states.
         course: (N, J) see `find_leaps`.
-        now: See Memory, as of all that follow.
-        ring: As long as the largest lag.
-        play: Play states.
-        kept: Play states.
-        followed: Play states.
         X: (N, S + H P + K) receives the features.
     """
     for row in range(len(signals)):

@@ -1,8 +1,9 @@
 """A whole fit: which rows it sees, the model, its error on data that it did not see, and its card."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, c
 from catenary.calibration.feature_prior import load_prior
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
-from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
+from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
 from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError
@@ -58,57 +59,45 @@ def fit_logs(
     data, _, _ = _rows(logs, inputs.features, run)
     limits = error_limits(run.max_error, logs[0])
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
+    kinds: dict[str, FitOptions] = {options.kind: options}
     if options.kind == "auto":
         kinds = tried(options, len(inputs.features.names), len(data))
-    else:
-        kinds = {options.kind: options}
     attempts = {
-        name: _Attempt.prepared(logs, of_kind, run, part_of(progress, i, len(kinds)))
+        name: _attempt(logs, of_kind, run, part_of(progress, i, len(kinds)))
         for i, (name, of_kind) in enumerate(kinds.items())
     }
     if options.kind == "auto":
-        validations = {name: attempt.validation for name, attempt in attempts.items() if attempt.validation}
+        validations = {name: validation for name, (validation, _) in attempts.items() if validation}
         choices = choose(validations)
         needed = dict.fromkeys(choice.chosen for choice in choices)
         model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
         validation: CrossValidation | None = joined(validations, choices)
     else:
-        choices, (attempt,) = (), attempts.values()
+        choices, attempt = (), attempts[options.kind]
         model, validation = attempt.fitted(progress), attempt.validation
     return _concluded(logs, options, run, model, validation, choices, found)
 
 
-@dataclass(frozen=True)
-class _Attempt:
-    """A kind of model on its rows, validated; it can be fitted to all of them."""
+class _Attempt(NamedTuple):
+    """A kind of model, validated on blocks of what is not held out; it can be fitted to all of that."""
 
-    options: FitOptions
-    inputs: Inputs
-    data: CalibrationData
     validation: CrossValidation | None
+    fitted: Callable[[Progress], CalibrationModel]
 
-    @classmethod
-    def prepared(cls, logs: Sequence[MotionLog], options: FitOptions, run: FitRun, progress: Progress) -> "_Attempt":
-        """Validate a kind of model on blocks of what is not held out."""
-        inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
-        data, _, _ = _rows(logs, inputs.features, run)
-        validation: CrossValidation | None = None
-        if run.folds:
-            share = run.folds / (run.folds + 1.0)
-            validation = cross_validate(
-                data,
-                lambda rows, tell: fit(rows, inputs, options, progress=tell),
-                folds=run.folds,
-                progress=lambda done: progress(share * done),
-            )
-        return cls(options, inputs, data, validation)
 
-    def fitted(self, progress: Progress) -> CalibrationModel:
-        """Fit it to all rows."""
-        validated = 0.0 if self.validation is None else 0.8
-        return fit(
-            self.data, self.inputs, self.options, progress=lambda done: progress(validated + (1.0 - validated) * done)
-        )
+def _attempt(logs: Sequence[MotionLog], options: FitOptions, run: FitRun, progress: Progress) -> _Attempt:
+    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
+    data, _, _ = _rows(logs, inputs.features, run)
+    if not run.folds:
+        return _Attempt(None, lambda tell: fit(data, inputs, options, progress=tell))
+    share = run.folds / (run.folds + 1.0)
+    validation = cross_validate(
+        data,
+        lambda rows, tell: fit(rows, inputs, options, progress=tell),
+        folds=run.folds,
+        progress=lambda done: progress(share * done),
+    )
+    return _Attempt(validation, lambda tell: fit(data, inputs, options, progress=lambda done: tell(0.8 + 0.2 * done)))
 
 
 def _rows(
@@ -134,8 +123,7 @@ def _concluded(
 ) -> FitResult:
     """Return a fitted model with its intervals, errors and card."""
     data, late, everything = _rows(logs, model.features, run)
-    notes = (*data_notes(logs, everything), *found)
-    notes = (*notes, *prior_notes(model))
+    notes = (*data_notes(logs, everything), *found, *prior_notes(model))
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))

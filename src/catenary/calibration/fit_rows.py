@@ -12,10 +12,10 @@ from catenary.calibration.dataset import CalibrationData, in_one_order, sampling
 from catenary.calibration.feature_prior import load_prior, prior_of_features
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
-from catenary.calibration.model import ANY, CalibrationModel, JointGroup, Target
+from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import AnyPredictor, Linear, fit_linear, fit_offset, fit_polynomial
-from catenary.calibration.spike_filter import largest_step, room_of
+from catenary.calibration.spike_filter import ANY, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -182,8 +182,6 @@ def extrapolation(kind: str, features: FeatureSet, columns: Integers) -> float:
     """Return how far beyond the training data a kind of model may go, as a share of their range.
 
     Args:
-        kind: Of the model.
-        features: All that there are.
         columns: Those that it takes; the first are the signals as they are, the others memory.
     """
     memory = bool((columns >= len(features.signals)).any())

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags, Integers, Step
+from catenary.calibration.arithmetic import Flags, Integers
 from catenary.cards import StoredFloats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
@@ -45,19 +45,6 @@ def check_level(level: float) -> None:
     """Refuse a level that is no share."""
     if not 0.0 < level < 1.0:
         raise InputError(f"coverage: expected a share between 0 and 1, such as 0.9, got {level}")
-
-
-def no_intervals(interval: Floats) -> list[Step]:
-    """Return the step that says of every joint (N, n) that there is no interval: NaN."""
-    return [Step(fill, (np.array([np.nan]),), (interval,))]
-
-
-@compiled
-def fill(number: Floats, Y: Floats) -> None:
-    """Write one number (1,) everywhere in Y (N, m)."""
-    for row in range(len(Y)):
-        for k in range(Y.shape[1]):
-            Y[row, k] = number[0]
 
 
 @compiled

@@ -57,11 +57,7 @@ def tried(options: FitOptions, features: int, rows: int) -> dict[str, FitOptions
 
 
 def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...]:
-    """Choose a kind for every joint by its errors over blocks of time.
-
-    Args:
-        validations: Of every kind, the simplest first, on the same rows.
-    """
+    """Choose a kind for every joint by its errors over blocks of time."""
     first, *others = validations.values()
     if any(not np.array_equal(each.recording, first.recording) for each in others):
         raise InputError("model auto: the kinds' inputs leave different rows; give one of them")
@@ -83,7 +79,6 @@ def block_squares(errors: Floats, recording: NDArray[np.int64]) -> Floats:
     """Return mean squares of errors (N, n) over K blocks of time, (K, n).
 
     Args:
-        errors: In the order of time.
         recording: (N,) number of the recording of each row.
     """
     block = time_blocks(recording, level=BLOCKS_OF_LEVEL)

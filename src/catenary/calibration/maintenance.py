@@ -37,13 +37,8 @@ def judge_recordings(
     """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing.
 
     Args:
-        model: The model.
-        card: Its card.
-        logs: Of the model's joints.
-        accept: Names of findings to go on with.
         max_error: (n,) [rad|m]; rows with larger errors are left out.
         learning: The model is to learn from them: they must not be short, nor the arm at rest.
-        done: What was not done where they are refused.
     """
     try:
         return verdict(
@@ -136,10 +131,6 @@ def refresh_with(
     """Refresh a model with recordings of a new day; see `refresh_model`.
 
     Args:
-        model: The model.
-        card: Its card.
-        logs: Recordings of its joints.
-        accept: Findings about them to go on with, by name.
         max_error: Per joint, deg and mm; rows with larger errors are left out.
         sha256: Of the model's file; None for one in memory.
     """

@@ -11,8 +11,9 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration import arithmetic
 from catenary.calibration.arithmetic import Flags, Step
 from catenary.calibration.features import FeatureSet, Many, Memory, Positive
-from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
+from catenary.calibration.intervals import FARTHEST, Intervals, distance, widen
 from catenary.calibration.predictors import AnyPredictor
+from catenary.calibration.spike_filter import ANY
 from catenary.calibration.valid_range import ValidRange
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.config import IN_FILES
@@ -23,7 +24,6 @@ from catenary.recording.mend import MENDS
 Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]
 Mends = Annotated[Mapping[Annotated[str, Field(pattern=MENDS)], tuple[str, ...]], Field(max_length=50)]
-ANY = 1e300  # [rad|m] any correction, any position
 REACH = 2.0  # times the largest correction that training showed: the largest that is believed
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
@@ -184,7 +184,9 @@ class CalibrationModel:
             leaping: (N,) see `correct`.
         """
         leaping = np.zeros(len(X), dtype=bool) if leaping is None else leaping
-        steps = [] if interval is None or self.intervals is not None else no_intervals(interval)
+        steps: list[Step] = []
+        if interval is not None and self.intervals is None:
+            steps = [Step(arithmetic.repeat, (np.full(len(self.joint_names), np.nan),), (interval,))]
         lower, upper = np.outer((-ANY, ANY), np.ones_like(self.offset)) if self.limits is None else self.limits
         bounds = (REACH * self.largest, lower - self.largest, upper + self.largest)
         for group in self.groups:
@@ -215,7 +217,6 @@ class CalibrationModel:
         """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion.
 
         Args:
-            memory: What features take from earlier rows.
             q: (N, n) reported positions [rad|m].
             signals: (N, S) values of `features.signals`.
             calibrated: (N, n) receives the calibrated positions [rad|m].

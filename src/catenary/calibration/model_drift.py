@@ -58,7 +58,6 @@ def find_drift(
     without, where its RMSE is beyond `factor` times the error that the card tells.
 
     Args:
-        model: The model.
         logs: Recordings with q_encoder, the oldest first.
         known: (n,) errors that the card tells [deg|mm]; None where it tells none.
         factor: More than 0.

@@ -23,8 +23,9 @@ from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.fit_rows import EXTRAPOLATION, largest_shown
 from catenary.calibration.intervals import Intervals
-from catenary.calibration.model import ANY, CalibrationModel, JointGroup
+from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Network, Quadratic
+from catenary.calibration.spike_filter import ANY
 from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
 from catenary.units import DISPLAY

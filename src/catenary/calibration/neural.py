@@ -162,8 +162,6 @@ class TrainedNetwork:
         Args:
             X: (N, F) inputs.
             Y: (N, m) outputs that are wanted.
-            l2: Weight on the squared weights.
-            others: Weights on magnitudes of weights, on biases and on what hidden units give.
         """
         rows, layers = len(X), [X]
         for k, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
@@ -247,13 +245,8 @@ def fit_neural(
     on the rows marked `late` (N,) after training on the others is taken.
 
     Args:
-        X: Features.
-        Y: Targets.
-        settings: Shape and training of the network.
-        seed: Of the initial weights and the order of the rows.
         late: Rows to choose `l2` on.
         linear: Fits the linear model that the network corrects, in place of ridge regression.
-        progress: Called with the share done.
     """
     candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
     if not late.any() or late.all():

@@ -47,8 +47,6 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
     signals, units and joints as JSON; `card` is the model card.
 
     Args:
-        model: Of any kind.
-        card: Its card.
         decimation: Steps between previous positions; 1 where the graph is stepped at the training rows' rate.
     """
     if decimation < 1:

@@ -10,7 +10,7 @@ from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 
 MARGIN = 4.0  # times the fastest step of the training rows: other motions may be faster
-ANY = 1e300  # the limit of a joint whose steps are not known: finite, as C writes it too
+ANY = 1e300  # any step, correction or position: finite, as C writes it too
 CONFIRM = 3  # rows in a row that have not returned are the truth: the joint is there
 # Steps beyond this share of a limit are of another motion, twice as fast as any row of training. Where they are
 # several per cent of the rows (SEVERAL of them, each counting less by FADE a row later), nothing is a spike.

@@ -14,7 +14,6 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.realtime import Timing
-from catenary.kernels.compiled import compiled
 from catenary.sensing.checks import Fault
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.units import DISPLAY, TORQUE_UNIT
@@ -86,7 +85,10 @@ class RunningRms:
 
     def add(self, a: Floats, b: Floats) -> None:
         """Count a - b, each (n,)."""
-        _add_squares(a, b, self._squares, self._counts)
+        difference = a - b
+        known = np.isfinite(difference)
+        np.add(self._squares, difference * difference, out=self._squares, where=known)
+        self._counts += known
 
     def value(self) -> tuple[float, ...]:
         """Return the RMS (n,); NaN where it never was a number."""
@@ -122,15 +124,6 @@ class GravityTally:
             messages=tuple(fault.message for fault in faults),
             largest_age=self._largest_age,
         )
-
-
-@compiled
-def _add_squares(a: Floats, b: Floats, squares: Floats, counts: Floats) -> None:
-    for j in range(len(squares)):
-        difference = a[j] - b[j]
-        if np.isfinite(difference):
-            squares[j] += difference * difference
-            counts[j] += 1.0
 
 
 @dataclass(frozen=True)

@@ -67,9 +67,7 @@ def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
     """Hold where a robot is measured to be, or go limp, then pause; what fails on the way is told with the error.
 
     Args:
-        plant: In any state.
         last: (n,) where it was measured last [rad|m]; stands in for joints that are not measured now.
-        error: What ends the motion.
     """
 
     def stay() -> None:

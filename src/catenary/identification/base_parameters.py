@@ -84,7 +84,6 @@ class BaseParameters:
         """Yield parts of a recording's rows with their matrix (N, n, b), a chunk at a time.
 
         Args:
-            samples: The recording.
             gravity: (3,) [m/s2] where it holds none itself.
         """
         loads = self.parameters.loads(samples)
@@ -98,9 +97,7 @@ class BaseParameters:
         """Return one base parameter as the sum that it is: mx(elbow) + 0.4 m(hand).
 
         Args:
-            index: Which one.
             names: (k,) of all parameters; their own when None.
-            digits: Of the factors.
         """
         names = self.parameters.names if names is None else names
         text = names[int(self.columns[index])]
@@ -123,10 +120,8 @@ def base_parameters(
     """Find the base parameters on random and recorded motion together, the best conditioned columns first.
 
     Args:
-        parameters: All parameters.
         gravity: (3,) [m/s2] in base axes.
         recorded: q, qd, qdd, (N, n) each, of what was recorded.
-        rng: Source of the random motion.
         base: "still", gravity is the same all the time; "tilted", its direction varies; "turning", the base also
             turns while it is recorded.
     """

@@ -45,7 +45,6 @@ def consistent_fit(base: BaseParameters, R: Floats, prior: Floats | None = None,
     dynamic identification: a convex programming approach", IEEE Trans. Robotics 36(2), 2020).
 
     Args:
-        base: The base parameters.
         R: (b + 1, b + 1) triangle of the weighted [Y_b | tau].
         prior: (k,) parameters; of links with no mass there nothing is expected. None where nothing is known.
         weight: Of the prior, at least LEAST_PRIOR.
@@ -225,7 +224,6 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
     """Return what the base parameters leave open that gravity from another direction would show.
 
     Args:
-        base: Base parameters of recordings under one gravity.
         phi: (k,) parameters of bodies that were fitted.
     """
     parameters = base.parameters

@@ -134,7 +134,6 @@ def fourier_motion(
 
     Args:
         limits: What to keep, of which robot; it needs no inertia.
-        rng: Source of the coefficients.
         period: [s].
         harmonics: Three or more: with fewer nothing begins at rest.
         rate: Rows per second.

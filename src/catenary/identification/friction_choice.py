@@ -67,12 +67,9 @@ def choose_friction(
     """Return the actuation with the parts of friction that held-out blocks show, and what each of them gained.
 
     Args:
-        base: Base parameters with friction as the actuation has it.
         gravity: (3,) [m/s2] where recordings hold none.
         samples: Recordings to fit; `carried` is what the links ask of the actuators in them.
         weights: (n,) of the axes.
-        actuation: The robot's.
-        kinds: Which parts may be added.
     """
     candidates, terms = _candidates(actuation, samples, kinds, base.count)
     if not candidates:

@@ -15,7 +15,7 @@ from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
 from catenary.identification.consistency import LEAST_PRIOR, consistent_fit, prior_of, unseen_of, weight_of_prior
 from catenary.identification.friction_choice import FrictionPart, choose_friction
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
+from catenary.identification.identify_options import IdentifyOptions, actuation_of
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
 from catenary.identification.parameters import Parameters
 from catenary.identification.residuals import (
@@ -98,7 +98,7 @@ class Identification:
         worst = np.max([r.relative_rms for r in self.training], axis=0)
         for part in samples:
             predicted = self.predict_samples(part)
-            result = residual(part, predicted, filter_of(self.model, self.options).period_samples)
+            result = residual(part, predicted)
             axes = [int(i) for i in unpredicted(result, worst)]
             reasons = {i: reason_of(self.model, i, part, predicted, self.seen) for i in axes}
             telling = [i for i in axes if not reasons[i].tells_nothing]
@@ -108,7 +108,7 @@ class Identification:
 
     def compare(self, samples: Samples) -> LogResidual:
         """Compute the residual on a recording."""
-        return residual(samples, self.predict_samples(samples), filter_of(self.model, self.options).period_samples)
+        return residual(samples, self.predict_samples(samples))
 
     def predict_samples(self, samples: Samples) -> Floats:
         """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its history."""

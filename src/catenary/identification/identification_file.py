@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import JsonValue
 
 from catenary import __version__
 from catenary.archives import content_in_words, read_arrays
 from catenary.cards import card_of, write_with_card
-from catenary.config import IN_FILES, Recorded, parse_settings, plain_data
+from catenary.config import IN_FILES, parse_settings, plain_data
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.identification.base_parameters import BaseParameters
@@ -47,13 +46,6 @@ class IdentificationRecord:
 
 
 OWN = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))
-
-
-class IdentificationCard(Recorded):
-    """What readers of a card take from it; more may stand there."""
-
-    notes: tuple[str, ...]
-    version: dict[str, JsonValue]
 
 
 def identification_card(
@@ -155,9 +147,7 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
         )
         if record.seen is not None and any(values.shape != (n,) for values in vars(record.seen).values()):
             raise ValueError(f"seen: expected {n} numbers each")
-        card = card_of(arrays, path, REMEDY)
-        parse_settings(card, IdentificationCard, "card")
-        return result, card
+        return result, card_of(arrays, path, REMEDY)
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except (KeyError, TypeError, ValueError, IndexError, OverflowError, InputError) as error:

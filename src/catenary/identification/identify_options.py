@@ -28,7 +28,7 @@ class IdentifyOptions:
     cutoff_hz: float | None = None
     order: Annotated[int, Field(ge=1, le=10)] | None = None
     cut_samples: int | None = None
-    period_samples: int | None = None  # of the excitation: residuals are told over the first period, too
+    period_samples: int | None = None  # of the excitation: a payload's residuals repeat with it
     weighting: Weighting | None = None
     consistent: bool = True  # only parameters that bodies and friction can have
     friction: tuple[str, ...] = FRICTION_PARTS  # parts that held-out blocks may add to that of the robot's file

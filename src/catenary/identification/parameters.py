@@ -89,11 +89,6 @@ class Parameters:
         return len(self.links) * self.per_link
 
     @cached_property
-    def never_negative(self) -> tuple[int, ...]:
-        """Columns whose parameter cannot be below zero."""
-        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in NEVER_NEGATIVE)
-
-    @cached_property
     def bounds(self) -> Floats:
         """Rows (r, k) of B phi >= 0: no friction drives, no rotor or spring is below zero.
 
@@ -101,7 +96,7 @@ class Parameters:
         is at most the viscous friction.
         """
         place = {(t.kind, t.name): self._first + k for k, t in enumerate(self.actuation)}
-        rows = [{column: 1.0} for column in self.never_negative]
+        rows = [{self._first + k: 1.0} for k, term in enumerate(self.actuation) if term.kind in NEVER_NEGATIVE]
         for (kind, name), column in place.items():
             if kind == "stribeck":
                 rows.append({column: 1.0} | _one(place.get(("coulomb", name))))
@@ -131,10 +126,7 @@ class Parameters:
 
         Args:
             q: (N, n), and so are its rates.
-            qd: Velocities.
-            qdd: Accelerations.
             gravity: (3,) or (N, 3) [m/s2] in base axes.
-            base: How the base turns, if it does.
             loads: (N, t) of the actuation's terms, per unit; as in steady sliding, without load, when None.
         """
         whole = torque_regressor(self.model, q, qd, qdd, gravity, base)

@@ -281,10 +281,8 @@ def _spread(result: Identification, inverse: Floats, left: Floats, rate: float) 
     """Return the covariance (k, k) of sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
 
     Args:
-        result: Gives the period of the excitation.
         inverse: (k, N, n) what the estimate takes of every residual.
         left: (N, n) residuals.
-        rate: Rows per second.
     """
     terms = np.einsum("kta,ta->tk", inverse, left)
     rows = len(terms)

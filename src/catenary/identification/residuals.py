@@ -34,22 +34,15 @@ class LogResidual:
     log: str
     rows: int
     relative_rms: Axes  # (n,) NaN on an axis without torque
-    relative_rms_period: Axes | None  # (n,) over the first period after the cut
     rms: Axes  # (n,) [Nm or N]
     verdict: Verdict | None = None  # none is given on the recordings that were fitted
     reasons: tuple[str, ...] = ()  # why it is not "holds", for each axis that is not predicted
 
 
-def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResidual:
+def residual(samples: Samples, predicted: Floats) -> LogResidual:
     """Compare a recording with predictions (N, n) of its torque, less what is known beforehand."""
     error = samples.tau - predicted
-    return LogResidual(
-        samples.name,
-        len(samples),
-        relative(error, samples.tau),
-        None if period is None else relative(error[:period], samples.tau[:period]),
-        rms(error),
-    )
+    return LogResidual(samples.name, len(samples), relative(error, samples.tau), rms(error))
 
 
 def unpredicted(test: LogResidual, training: Floats) -> NDArray[np.int64]:
@@ -58,7 +51,6 @@ def unpredicted(test: LogResidual, training: Floats) -> NDArray[np.int64]:
     They have more than twice the training residual, and more than a tenth of their torque.
 
     Args:
-        test: Residual on the recording.
         training: (n,) largest relative RMS on the recordings that were fitted.
     """
     with np.errstate(invalid="ignore"):
@@ -128,11 +120,7 @@ def reason_of(model: RobotModel, axis: int, samples: Samples, predicted: Floats,
     """Return why an axis of a recording is not predicted.
 
     Args:
-        model: The robot.
-        axis: Which.
-        samples: The recording.
         predicted: (N, n) what was predicted of its torques.
-        seen: How the recordings moved that were fitted, if known.
     """
     name, unit = model.joint_names[axis], model.joint_units[axis]
     left = samples.tau[:, axis] - predicted[:, axis]

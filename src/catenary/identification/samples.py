@@ -23,9 +23,8 @@ from catenary.identification.identify_options import IdentifyOptions, actuation_
 from catenary.plant import MotionLog
 from catenary.robots.actuation import SignalFilter
 from catenary.robots.model import RobotModel
+from catenary.verdict.units_and_scale import LARGEST, limits_of
 
-LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a coordinate without limits is no rad and no m
-MARGIN = 0.25  # of its range by which a coordinate may leave its limits
 FAITHFUL = 0.5  # least correlation of a velocity with the derivative of its position
 MOVING = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
 SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
@@ -37,20 +36,15 @@ def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
     log = log.in_order_of(model, of=f'robot "{model.name}" has')
     if log.tau is None:
         raise InputError(f"{where}: has no torques (`tau`), which dynamics are identified from")
-    for i, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
-        q = log.q_nominal[:, i]
-        low, high = model.lower[i], model.upper[i]
-        if np.isfinite(high - low):
-            slack = MARGIN * (high - low)
-            low, high = low - slack, high + slack
-        else:
-            low, high = -LARGEST[unit], LARGEST[unit]
-        if float(np.min(q)) < low or float(np.max(q)) > high:
-            wrong = "degrees" if unit == "rad" else "mm"
-            raise InputError(
-                f"{where}: joint {name} goes from {np.min(q):.4g} to {np.max(q):.4g}, expected {unit} between "
-                f"{low:.4g} and {high:.4g}: is it in {wrong}, or another joint's?"
-            )
+    low, high = limits_of(log, model, LARGEST)
+    least, most = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
+    for i in np.flatnonzero((least < low) | (most > high)):
+        name, unit = model.joint_names[i], model.joint_units[i]
+        wrong = "degrees" if unit == "rad" else "mm"
+        raise InputError(
+            f"{where}: joint {name} goes from {least[i]:.4g} to {most[i]:.4g}, expected {unit} between {low[i]:.4g} "
+            f"and {high[i]:.4g}: is it in {wrong}, or another joint's?"
+        )
     return log
 
 
@@ -58,8 +52,6 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
     """Refuse velocities that are not those of the positions.
 
     Args:
-        where: Opens the message.
-        model: The robot.
         derivative: (N, n) derivative of the positions.
         qd: (N, n) recorded velocities, filtered in the same way.
     """
@@ -342,16 +334,13 @@ FOLDS = 5
 TURNS = 2  # blocks of each recording in every fold
 
 
-def fold_of_rows(samples: Samples, folds: int = FOLDS) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+def fold_of_rows(samples: Samples) -> NDArray[np.int64]:
     """Return which fold each row is in (N,): blocks of time, one fold after the other, and once more around."""
-    block = np.arange(len(samples)) * (folds * TURNS) // max(len(samples), 1)
-    return np.asarray(block % folds, dtype=np.int64)
+    block = np.arange(len(samples)) * (FOLDS * TURNS) // max(len(samples), 1)
+    return np.asarray(block % FOLDS, dtype=np.int64)
 
 
-def folds_of(samples: Sequence[Samples], folds: int = FOLDS) -> list[list[Samples]]:
+def folds_of(samples: Sequence[Samples]) -> list[list[Samples]]:
     """Return the recordings' rows by fold; a fold may lack a recording that is too short."""
-    out: list[list[Samples]] = []
-    for f in range(folds):
-        parts = [part.rows(fold_of_rows(part, folds) == f, part.name) for part in samples]
-        out.append([part for part in parts if len(part)])
-    return out
+    parts = [[part.rows(fold_of_rows(part) == f, part.name) for part in samples] for f in range(FOLDS)]
+    return [[part for part in each if len(part)] for each in parts]

@@ -32,7 +32,6 @@ def torque_findings(
 
     Args:
         result: What was identified; where the recording was fitted, by a free fit: friction of a wrong sign tells.
-        samples: A recording.
         fitted: It is one of those that were fitted.
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """

@@ -18,29 +18,17 @@ _MAX_CUTOFF_HZ, _MIN_CUTOFF_HZ = 35.0, 4.0  # windows of 0.07 and 0.6 s
 
 @dataclass(frozen=True)
 class BaseSpectrum:
-    """How a base moves: how far, how hard and how fast.
+    """How a base moves: how far, how hard and how fast."""
 
-    Args:
-        acceleration: Largest acceleration, jolts included [m/s2].
-        slow_acceleration: Of it what lasts for seconds: heave, surge, braking [m/s2]; 0 for none.
-        slowest_hz: Lowest frequency of slow accelerations [Hz].
-        fastest_hz: Highest frequency of slow accelerations [Hz].
-        rocking_hz: Highest frequency that gravity is followed to [Hz].
-        angle: Rocking to either side, which shortens the mean of gravity [rad].
-        turning: Fastest turning [rad/s].
-        jolt: Accelerations that appear from one sample to the next [m/s2].
-        push: Hardest push across gravity while the base does not turn [m/s2]; inf where that tells nothing.
-    """
-
-    acceleration: float = 6.0
-    slow_acceleration: float = 0.0
-    slowest_hz: float = 1.0
-    fastest_hz: float = 1.0
-    rocking_hz: float = 3.0
-    angle: float = 0.0
-    turning: float = 4.0
-    jolt: float = 1.0
-    push: float = 1.4
+    acceleration: float = 6.0  # [m/s2] the largest, jolts included
+    slow_acceleration: float = 0.0  # [m/s2] of it what lasts for seconds: heave, surge, braking; 0 for none
+    slowest_hz: float = 1.0  # lowest frequency of slow accelerations
+    fastest_hz: float = 1.0  # their highest
+    rocking_hz: float = 3.0  # highest frequency that gravity is followed to
+    angle: float = 0.0  # [rad] rocking to either side, which shortens the mean of gravity
+    turning: float = 4.0  # [rad/s] the fastest
+    jolt: float = 1.0  # [m/s2] accelerations that appear from one sample to the next
+    push: float = 1.4  # [m/s2] the hardest across gravity while the base does not turn; inf where that tells nothing
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

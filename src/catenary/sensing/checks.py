@@ -97,50 +97,31 @@ _MESSAGES = {
 class SensorRules:
     """What is believed of a sensor; the defaults fit a table: a base that people tilt, rock or push about.
 
-    Rules of bases that move by themselves: `bases.rules_for`.
-
-    Args:
-        max_step: Largest difference between a reading and what those before it foretell [m/s2].
-        max_rate_step: The same of angular rates [rad/s].
-        max_rate: Fastest turning of the base [rad/s]; rocking by 20 degrees at 1 Hz is 2.2.
-        max_acceleration: Largest acceleration of the base [m/s2]: a reading's length is gravity's, give or take it.
-        rest_lower: Least length of a reading at rest, and of the mean over `mean_time` [m/s2].
-        rest_upper: The largest [m/s2].
-        rest_spread: Standard deviation of readings at rest, of the three axes together, at most [m/s2].
-        mean_time: Time over which the accelerations of a base that moves average out [s].
-        slow_acceleration: Acceleration that lasts for seconds [m/s2], as a ship's heave or a car's braking: readings
-            that seem to be at rest, and the first ones, may be as much longer or shorter than rest_lower and
-            rest_upper say; 0 for a base that does not move by itself.
-        slow_jerk: How fast it changes, at most [m/s3].
-        max_tilt: Largest angle from level when samples begin [rad]; pi for a base that may hang upside down.
-        max_push: Largest difference between a reading and gravity as the gyroscope foretells it that does not show
-            in the reading's length [m/s2], while the gyroscope says that the base stands still: a table or a cart is
-            not pushed harder. 1.4 is tipping by 8 degrees; inf asks for no agreement.
-        still_rate: Turning below which a gyroscope says that the base stands still [rad/s]; more than its bias.
-        stuck_samples: Identical readings in a row that make a sensor stuck; 0 believes a sensor without any noise.
-        confirm: Good readings in a row before a sensor is believed, at first or after a fault.
-        accept_jump_after: Time for which a jump that nothing explains must last to be believed, and for which an
-            accelerometer and a gyroscope that disagreed must agree [s].
-        future: Time by which a stamp may lie ahead of the reader's clock [s].
+    Rules of bases that move by themselves: `bases.rules_for`. Lengths are of readings, gravity's at rest.
     """
 
-    max_step: float = 1.2
-    max_rate_step: float = 0.3
-    max_rate: float = 4.0
-    max_acceleration: float = 6.0
-    rest_lower: float = 9.0
-    rest_upper: float = 10.6
-    rest_spread: float = 0.3
-    mean_time: float = 1.0
+    max_step: float = 1.2  # [m/s2] between a reading and what those before it foretell
+    max_rate_step: float = 0.3  # [rad/s] the same of angular rates
+    max_rate: float = 4.0  # [rad/s] fastest turning of the base; rocking by 20 degrees at 1 Hz is 2.2
+    max_acceleration: float = 6.0  # [m/s2] of the base: a length is gravity's, give or take it
+    rest_lower: float = 9.0  # [m/s2] least length at rest, and of the mean over `mean_time`
+    rest_upper: float = 10.6  # [m/s2] the largest
+    rest_spread: float = 0.3  # [m/s2] standard deviation at rest, of the three axes together, at most
+    mean_time: float = 1.0  # [s] over which the accelerations of a base that moves average out
+    # [m/s2] that lasts for seconds, as a ship's heave or a car's braking: what seems to be at rest, and the first
+    # readings, may be as much longer or shorter than rest_lower and rest_upper say; 0: it does not move by itself
     slow_acceleration: float = 0.0
-    slow_jerk: float = 0.0
-    max_tilt: float = math.radians(120.0)
+    slow_jerk: float = 0.0  # [m/s3] how fast it changes, at most
+    max_tilt: float = math.radians(120.0)  # [rad] from level when samples begin; pi for a base that may hang
+    # [m/s2] between a reading and gravity as the gyroscope foretells it that does not show in its length, while the
+    # gyroscope says that the base stands still: no table is pushed harder. 1.4 is a tip of 8 degrees; inf asks nothing
     max_push: float = 1.4
-    still_rate: float = 0.15
-    stuck_samples: int = 10
-    confirm: int = 5
+    still_rate: float = 0.15  # [rad/s] below which a gyroscope says that the base stands still; more than its bias
+    stuck_samples: int = 10  # identical readings in a row make a sensor stuck; 0 believes one without any noise
+    confirm: int = 5  # good readings in a row before a sensor is believed, at first or after a fault
+    # [s] for which a jump that nothing explains must last to be believed, and sensors that disagreed must agree
     accept_jump_after: float = 0.5
-    future: float = 0.005
+    future: float = 0.005  # [s] by which a stamp may lie ahead of the reader's clock
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():

@@ -1,24 +1,13 @@
 """Fallbacks: gravity in place of a measured one that is missing, and transfers without a jolt."""
 
-from typing import Literal, get_args
-
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import InputError
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 # hold: the last vector; fade: gravity along the mean direction of the last seconds; static: of a level base;
 # stop: the last vector, and the robot is stopped
-Fallback = Literal["hold", "fade", "static", "stop"]
-FALLBACKS: tuple[str, ...] = get_args(Fallback)
-
-
-def as_fallback(value: str) -> Fallback:
-    """Return the fallback of a name."""
-    if value not in FALLBACKS:
-        raise InputError(f'fallback "{value}": expected one of {", ".join(FALLBACKS)}')
-    return value  # type: ignore[return-value]  # just checked
+FALLBACKS = ("hold", "fade", "static", "stop")
 
 
 class SlowAttitude:

@@ -47,7 +47,7 @@ class RestRate:
             self.bias = self.bias + (1.0 - math.exp(-dt / self.DRAW)) * (self._mean - self.bias)
 
 
-class ForetoldSwing:
+class PredictedSwing:
     """How far gravity should swing by the angular rates of a gyroscope, to compare with how far it does.
 
     The same high-pass and the same mean as GravityCheck's of the readings themselves: of a sensor that is right both
@@ -89,8 +89,8 @@ class ForetoldSwing:
         return self._variance > self._large**2
 
 
-class ForetoldGravity:
-    """Gravity as the gyroscope foretells it, to find a base that tips while its gyroscope says that it stands still.
+class PredictedGravity:
+    """Gravity as the gyroscope predicts it, to find a base that tips while its gyroscope says that it stands still.
 
     Gravity as last sensed is turned along by the angular rates and drawn slowly towards the readings. A reading of a
     base that stands still by its gyroscope may differ from it by `max_push` and by accelerations that show in the
@@ -137,7 +137,7 @@ class ForetoldGravity:
         """Take a reading (3,) [m/s2]; return whether the sensors disagree."""
         dt, self._stamp = stamp - self._stamp, stamp
         if self._gravity is None or not 0.0 < dt < GravityCheck.REST:
-            # without rates nothing is foretold
+            # without rates nothing is predicted
             self._gravity = gravity if stamp - self._rate_stamp < GravityCheck.GAP else None
             self._off, self._length, self._bias, self._began = np.zeros(3), norm(gravity), np.zeros(3), stamp
             self.disagrees = False

@@ -10,8 +10,8 @@ from catenary.errors import InputError
 from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, rules_for, unseen_swing
 from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules
 from catenary.sensing.delay_free_filter import DelayFreeFilter
-from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
-from catenary.sensing.gyro_prediction import ForetoldGravity, ForetoldSwing, RestRate
+from catenary.sensing.fallback import FALLBACKS, SlowAttitude, SmoothTransfer
+from catenary.sensing.gyro_prediction import PredictedGravity, PredictedSwing, RestRate
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
 from catenary.spatial import LEVEL, cross
@@ -88,15 +88,17 @@ class SensedGravity:
             if not 0.0 < value < math.inf:
                 raise InputError(f"{name}: expected more than 0 s, got {value}")
         self.mailbox, self.mounting = mailbox, Mounting() if mounting is None else mounting
-        self.angular, self.fallback = angular, as_fallback(fallback)
+        if fallback not in FALLBACKS:
+            raise InputError(f'fallback "{fallback}": expected one of {", ".join(FALLBACKS)}')
+        self.angular, self.fallback = angular, fallback
         self._rules = rules_for(mounted_on) if rules is None else rules
         self._stale_after, self._age_limit, self._start_limit = stale_after, age_limit, start_limit
         self._feed = feed
         m, r = self.mounting, self._rules
         self._raw = RawCheck(r, m.acceleration_range, (Fault.NOT_FINITE, Fault.STUCK, Fault.SATURATED))
         self._raw_rate = RawCheck(r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED))
-        self._check, self._check_rate, self._swing = (GravityCheck(r), RateCheck(r), ForetoldSwing(unseen_swing(r)))
-        self._foretold, self._rest_rate = ForetoldGravity(r), RestRate(r.still_rate)
+        self._check, self._check_rate, self._swing = (GravityCheck(r), RateCheck(r), PredictedSwing(unseen_swing(r)))
+        self._predicted, self._rest_rate = PredictedGravity(r), RestRate(r.still_rate)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
         self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
@@ -131,7 +133,7 @@ class SensedGravity:
     def reset(self) -> None:
         """Forget what was believed: the base was moved, or the sensor repaired, while it was not read."""
         self._check.forget()
-        self._foretold.forget()
+        self._predicted.forget()
         self._force.clear()
         self._rate.clear()
         self._mode, self._last_time = (ReadingStatus.NOMINAL, False, 0), math.nan
@@ -169,11 +171,11 @@ class SensedGravity:
     def _take_force(self, sample: SensorSample) -> Fault:
         stamp, vector, kind = sample
         gravity = self.mounting.gravity(np.array(vector), kind)
-        if self._foretold.disagrees:
-            if self._foretold.compare(stamp, gravity):
+        if self._predicted.disagrees:
+            if self._predicted.compare(stamp, gravity):
                 return Fault.DISAGREEMENT
             self._check.forget()  # both are met anew
-            self._check.doubted_until = stamp + ForetoldGravity.DRAW
+            self._check.doubted_until = stamp + PredictedGravity.DRAW
             self._force.clear()
         # after a second without any sample; wrong ones keep their reason to be doubted
         if self._force.newest > -math.inf and stamp - self._check.last_stamp > _FORGET:
@@ -183,7 +185,7 @@ class SensedGravity:
         expected = self._force.at(min(stamp, self._force.newest + self._horizon))[0]
         fault = self._check.fault(stamp, gravity, expected, rate)
         if fault is Fault.NONE and self._check.reference is not None:
-            if self._foretold.compare(stamp, gravity):
+            if self._predicted.compare(stamp, gravity):
                 return Fault.DISAGREEMENT
             if stamp - self._force.newest > 0.5 * self._force.window:
                 self._force.clear()  # a parabola over a gap would be a guess
@@ -204,8 +206,8 @@ class SensedGravity:
             fault = Fault.RATE_CONTRADICTS
         if fault is not Fault.NONE or not self._check_rate.believed:
             return fault
-        self._foretold.turn(stamp, rate)
-        if self._foretold.disagrees:
+        self._predicted.turn(stamp, rate)
+        if self._predicted.disagrees:
             return Fault.DISAGREEMENT
         if stamp - self._rate.newest > 0.5 * self._rate.window:
             self._rate.clear()

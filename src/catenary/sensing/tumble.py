@@ -83,29 +83,25 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
     return Tumble(bias, scale, residual, missing, tuple(faults))
 
 
-def align(
-    readings: ArrayLike, up: ArrayLike, *, tumble: Tumble | None = None, expected: ArrayLike | None = None
-) -> Alignment:
+def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = None) -> Alignment:
     """Fit the sensor's rotation to readings at rest whose direction of up is known in other axes.
 
-    The rotation that brings the readings nearest to `up` (Kabsch's solution of Wahba's problem), once each is
-    corrected and of length one. Two directions that are not parallel are enough; with three that are not in one
-    plane, a sensor whose axes are mirrored is found out: its sign or the order of its axes is wrong.
+    The rotation that brings the readings nearest to `up` (Kabsch's solution of Wahba's problem), once each is of
+    length one. Two directions that are not parallel are enough; with three that are not in one plane, a sensor whose
+    axes are mirrored is found out: its sign or the order of its axes is wrong.
 
     Args:
-        readings: (N, 3) means at rest [m/s2], N >= 2.
+        readings: (N, 3) means at rest [m/s2], N >= 2, corrected for bias and scale.
         up: (N, 3) where up was, in the axes to which the rotation leads: (0, 0, 1) for a level base.
-        tumble: Corrects the readings.
         expected: (3, 3) rotation that is roughly expected, to tell a wrong sign from swapped axes; the same axes
             when None, in which case other rotations are no fault.
     """
-    y = as_array("readings", readings, (None, 3))
-    told = as_array("up", up, (len(y), 3))
+    force = as_array("readings", readings, (None, 3))
+    told = as_array("up", up, (len(force), 3))
     rough = np.eye(3) if expected is None else as_array("expected", expected, (3, 3))
-    force = y if tumble is None else (y - tumble.bias) / tumble.scale
     lengths, told_lengths = np.linalg.norm(force, axis=1), np.linalg.norm(told, axis=1)
-    if len(y) < 2 or not (lengths > 0.0).all() or not (told_lengths > 0.0).all():
-        raise InputError(f"align: expected at least two readings and directions that are not zero, got {len(y)}")
+    if len(force) < 2 or not (lengths > 0.0).all() or not (told_lengths > 0.0).all():
+        raise InputError(f"align: expected at least two readings and directions that are not zero, got {len(force)}")
     force, told = force / lengths[:, None], told / told_lengths[:, None]
     U, sizes, Vt = np.linalg.svd(told.T @ force)
     if sizes[1] < _PARALLEL * sizes[0]:
@@ -120,7 +116,7 @@ def align(
             faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
         else:
             faults.append(f"wrong axes: {_axes_text(rough.T @ orthogonal)}: not right-handed")
-    elif len(y) >= 2 and np.mean(np.sum(told * (force @ rough.T), axis=1)) < -0.5:
+    elif np.mean(np.sum(told * (force @ rough.T), axis=1)) < -0.5:
         # two directions cannot show a mirror, but all of them upside down do
         faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
     elif expected is not None and _rotation_deg(rotation @ rough.T) > _ALIGNED:
@@ -133,7 +129,7 @@ def align(
     return Alignment(rotation, residual, tuple(faults))
 
 
-def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike | None = None) -> tuple[Floats, Floats]:
+def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> tuple[Floats, Floats]:
     """Return readings and directions of up for `align`, of a base that was level, then tilted by unknown angles.
 
     Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive (x
@@ -141,22 +137,19 @@ def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike | None =
     after the roll, and after a pitch from level, with which a mirrored sensor is found out; returns readings (N, 3) and
     up (N, 3) in base axes.
     """
-    rows = [as_array("level", level, (3,)), as_array("roll", roll, (3,))]
-    ups = [np.array([0.0, 0.0, 1.0])]
-    angle = _between(rows[0], rows[1])
-    ups.append(np.array([0.0, np.sin(angle), np.cos(angle)]))
-    if pitch is not None:
-        rows.append(as_array("pitch", pitch, (3,)))
-        angle = _between(rows[0], rows[2])
-        ups.append(np.array([-np.sin(angle), 0.0, np.cos(angle)]))
-    return np.array(rows), np.array(ups)
+    named = {"level": level, "roll": roll, "pitch": pitch}
+    rows = np.array([as_array(name, reading, (3,)) for name, reading in named.items()])
+    a, b = _between(rows[0], rows[1]), _between(rows[0], rows[2])
+    return rows, np.array([[0.0, 0.0, 1.0], [0.0, np.sin(a), np.cos(a)], [-np.sin(b), 0.0, np.cos(b)]])
 
 
-def tumbled_mounting(tumble: Tumble, alignment: Alignment | None, *, start: Mounting | None = None) -> Mounting:
-    """Return a mounting with what was found, and the rest as it was at the start."""
+def found_mounting(
+    start: Mounting | None, rotation: Floats, bias: Floats, scale: Floats, rates: Sequence[Floats] = ()
+) -> Mounting:
+    """Return a mounting with what was found, rates at rest (3,) [rad/s] among it, and the rest as at the start."""
     old = Mounting() if start is None else start
-    rotation = old.rotation if alignment is None else alignment.rotation
-    return replace(old, rotation=rotation, bias=tumble.bias, scale=tumble.scale)
+    rate_bias = np.mean(rates, axis=0) if rates else old.rate_bias
+    return replace(old, rotation=rotation, bias=bias, scale=scale, rate_bias=rate_bias)
 
 
 def _length_faults(y: Floats) -> list[str]:
@@ -209,12 +202,6 @@ class OrientationFit:
     scale: Floats  # (3,) ones where they were not fitted
     residual: float  # [m/s2] RMS of what is left of a reading
     faults: tuple[str, ...]  # why the numbers must not be used
-
-    def mounting(self, start: Mounting | None = None, rate_bias: Floats | None = None) -> Mounting:
-        """Return a mounting with what was found, and the rest as it was at the start."""
-        old = Mounting() if start is None else start
-        found = replace(old, rotation=self.rotation, bias=self.bias, scale=self.scale)
-        return found if rate_bias is None else replace(found, rate_bias=rate_bias)
 
 
 def fit_orientations(readings: ArrayLike, up: ArrayLike) -> OrientationFit:

@@ -3,7 +3,8 @@
 Dynamic-gravity-compensation paper, section IV: "sequential sinusoidal motions along each Cartesian direction",
 amplitude 3.1 inch, period 4 s, two full cycles. The tool moves by amplitude sin(phase) about its start.
 A sine begins at full speed; the paper leaves that to the robot's controller. Here the phase speeds up and
-slows down over `ramp` seconds, so that every axis begins and ends at rest at the start and takes `ramp` longer.
+slows down over a quarter of the period, so that every axis begins and ends at rest at the start and takes as much
+longer.
 """
 
 from collections.abc import Sequence
@@ -26,6 +27,7 @@ from catenary.trajectories.smoothed_path import SmoothedPath
 AMPLITUDE = 3.1 * 0.0254  # [m] dynamic-gravity-compensation paper, section IV
 PERIOD = 4.0  # [s] the same
 CYCLES = 2  # the same
+RAMP = 0.25  # of the period, ours
 
 # Where a model states no velocity limit: near a singularity joints would have to move faster than any robot
 _FASTEST = {"rad": 10.0, "m": 1.0}  # [rad/s], [m/s], ours
@@ -48,7 +50,6 @@ class CartesianSinusoids(SampledTrajectory):
         period: float = PERIOD,
         cycles: int = CYCLES,
         axes: Sequence[str] = ("x", "y", "z"),
-        ramp: float | None = None,
         step: float = 0.01,
     ) -> None:
         """Solve the inverse kinematics along the whole motion.
@@ -58,21 +59,18 @@ class CartesianSinusoids(SampledTrajectory):
             q_start: (n,) where the motion begins, and returns to after every axis [rad or m].
             amplitude: Of the sine [m], to either side of the start.
             period: Of the sine [s].
-            cycles: Of each axis.
             axes: Of the base frame, in their order.
-            ramp: Time over which the phase speeds up, and slows down [s]; a quarter of the period when None.
             step: Between solutions [s].
         """
         start = as_array("q_start", q_start, (model.n,))
         swing, seconds = as_positive("amplitude", amplitude), float(as_positive("period", period))
-        ramp = 0.25 * seconds if ramp is None else float(as_positive("ramp", ramp))
         step = float(as_positive("step", step))
         if cycles < 1:
             raise InputError(f"cycles: expected at least 1, got {cycles}")
         if not axes or any(axis not in ("x", "y", "z") for axis in axes):
             raise InputError(f"axes: expected some of x, y, z, got {list(axes)}")
         self.axes = tuple(axes)
-        self._phases = _phases(len(self.axes), seconds, cycles, ramp)
+        self._phases = _phases(len(self.axes), seconds, cycles, RAMP * seconds)
         self.duration = self._phases.duration
         self._swing = swing * np.array([[name == axis for name in "xyz"] for axis in self.axes], float)
         self._start = forward_kinematics(model, start)

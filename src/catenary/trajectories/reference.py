@@ -123,7 +123,6 @@ class Embedded(SampledTrajectory):
         """Place a trajectory among a robot's joints.
 
         Args:
-            trajectory: Of len(joints) joints.
             joints: Where they are among the robot's, each once.
             q_hold: (n,) where the robot's joints stand [rad or m]; not read for those that move.
         """

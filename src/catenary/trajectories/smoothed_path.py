@@ -24,6 +24,7 @@ from catenary.kernels.compiled import compiled
 from catenary.trajectories.reference import SampledTrajectory
 
 PEAK = 1.5  # largest value of w: acceleration / (velocity change / blend)
+BLEND = 0.5  # [s] of waypoints
 
 
 class BrokenLine(NamedTuple):
@@ -133,25 +134,19 @@ def _evaluate_lines(lines: _Lines, times: Floats, q: Floats, qd: Floats, qdd: Fl
 
 
 def go_to(
-    q_start: ArrayLike,
-    q_goal: ArrayLike,
-    *,
-    max_velocity: ArrayLike,
-    max_acceleration: ArrayLike,
-    together: bool = True,
+    q_start: ArrayLike, q_goal: ArrayLike, *, max_velocity: ArrayLike, max_acceleration: ArrayLike
 ) -> SmoothedPath:
-    """Return the shortest smooth motion from rest at one joint position to rest at another.
+    """Return the shortest smooth motion from rest at one joint position to rest at another, on a straight line.
 
-    The velocity rises and falls as a smoothstep over 3/2 v/a and is constant between; where the way is too
-    short to reach max_velocity v it turns to fall at once, at the greatest speed that acceleration a allows.
+    All joints arrive at the same time. The velocity rises and falls as a smoothstep over 3/2 v/a and is constant
+    between; where the way is too short to reach max_velocity v it turns to fall at once, at the greatest speed that
+    acceleration a allows.
 
     Args:
         q_start: (n,) [rad or m].
         q_goal: (n,) [rad or m].
         max_velocity: (n,) bound, positive [rad/s or m/s].
         max_acceleration: (n,) bound, positive [rad/s2 or m/s2].
-        together: All joints arrive at the same time, on a straight line in joint space; otherwise each joint
-            takes its own shortest time.
 
     Raises:
         InputError: An argument has another shape, is not finite, or a bound is not positive.
@@ -163,61 +158,40 @@ def go_to(
     acceleration = as_positive("max_acceleration", max_acceleration, (n,))
     way = np.abs(goal - start)
     moving = way > 0.0
-    if together and moving.any():
-        # as one coordinate from 0 to 1, bounded by the joint that needs the most time
-        ways, slowest = way[moving], (velocity[moving], acceleration[moving])
-        time, blend = _fastest(1.0, *(float((bound / ways).min()) for bound in slowest))
-        times, blends = np.full(n, time), np.full(n, blend)
-    else:
-        times, blends = np.zeros(n), np.ones(n)
-        for j in np.flatnonzero(moving):
-            times[j], blends[j] = _fastest(way[j], velocity[j], acceleration[j])
+    if not moving.any():
+        return SmoothedPath([BrokenLine([0.0], [q], 1.0) for q in start])
+    # as one coordinate from 0 to 1, bounded by the joint that needs the most time
+    time, blend = _fastest(*(float((bound[moving] / way[moving]).min()) for bound in (velocity, acceleration)))
     return SmoothedPath(
         [
-            BrokenLine([0.0, times[j]], [start[j], goal[j]], blends[j])
-            if moving[j]
-            else BrokenLine([0.0], [start[j]], 1.0)
+            BrokenLine([0.0, time], [start[j], goal[j]], blend) if moving[j] else BrokenLine([0.0], [start[j]], 1.0)
             for j in range(n)
         ]
     )
 
 
-def _fastest(way: float, velocity: float, acceleration: float) -> tuple[float, float]:
-    """Return the time of the line and of the blend that cover a way [s]; the motion takes their sum."""
+def _fastest(velocity: float, acceleration: float) -> tuple[float, float]:
+    """Return the time of the line and of the blend that go from 0 to 1 [s]; the motion takes their sum."""
     # at this speed or below, the line takes at least a blend: only then does the motion reach its speed
-    speed = min(velocity, np.sqrt(way * acceleration / PEAK))
-    return way / speed, min(PEAK * speed / acceleration, way / speed)
+    speed = min(velocity, np.sqrt(acceleration / PEAK))
+    return 1.0 / speed, min(PEAK * speed / acceleration, 1.0 / speed)
 
 
-def follow_waypoints(
-    points: ArrayLike, *, speed: ArrayLike, blend: float = 0.5, q_start: ArrayLike | None = None
-) -> SmoothedPath:
+def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:
     """Return a motion along rows of joint positions, the joint that has farthest to go moving at its speed.
 
     It passes near the rows, not through them: its velocity is that of the straight way from row to row,
-    averaged over `blend` seconds; `corner_distance` says how near. No joint moves faster
-    than `speed`, nor accelerates by more than 3 speed / blend.
+    averaged over `BLEND` seconds; `corner_distance` says how near. No joint moves faster
+    than `speed`, nor accelerates by more than 3 speed / BLEND.
 
     Args:
         points: (N, n) [rad or m], N at least 1; rows equal to the one before are left out.
         speed: (n,) of each joint, positive [rad/s or m/s].
-        blend: Time over which velocities are averaged [s], positive.
-        q_start: (n,) where the robot is [rad or m]: from there it first goes to the first row, at the same
-            speed, and comes to rest for an instant. The motion begins at the first row when None.
     """
     rows = as_array("points", points, (None, None))
     if len(rows) == 0 or rows.shape[1] == 0:
         raise InputError(f"points: expected at least one row of one joint, got shape {rows.shape}")
     fastest = as_positive("speed", speed, (rows.shape[1],))
-    pause = float(as_positive("blend", blend))
     rows = rows[np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))]
     steps = (np.abs(np.diff(rows, axis=0)) / fastest).max(axis=1, initial=0.0)
-    times = np.append(0.0, np.cumsum(steps))  # [s] when each row is reached
-    if q_start is not None:
-        start = as_array("q_start", q_start, (rows.shape[1],))
-        way = float((np.abs(rows[0] - start) / fastest).max())
-        if way > 0.0:
-            # a stop of one blend at the first row brings the motion to it exactly
-            times = np.concatenate([[0.0, way, way + pause], way + pause + times[1:]])
-            rows = np.concatenate([[start], rows[:1], rows])
-    return SmoothedPath.through(times, rows, pause)
+    return SmoothedPath.through(np.append(0.0, np.cumsum(steps)), rows, BLEND)

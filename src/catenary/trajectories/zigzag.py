@@ -89,7 +89,6 @@ def zigzag_rows(
     """Return the rows of a zig-zag path as published: joint positions, equal distances apart, corners sharp.
 
     Args:
-        direction: Of the sweeps.
         sparsity: Distance between sweeps in the unit cube, 0.01 to 1.
         form: Of J1-J2-J3; the other directions have one form, `generator`.
         lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
@@ -121,7 +120,6 @@ def zigzag(
     than in the sweeps, and comes to rest there: each path is as it would be alone.
 
     Args:
-        direction: Of the sweeps.
         sparsities: Distance between sweeps in the unit cube, of each path, 0.01 to 1.
         form: Of J1-J2-J3; the other directions have one form, `generator`.
         lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.

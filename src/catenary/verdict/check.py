@@ -34,7 +34,6 @@ def findings_of(
     """Return what is wrong with a recording, and what is worth knowing, the gravest first.
 
     Args:
-        log: The recording.
         robot: Whose limits positions are held against, by the names of joints.
         max_error: (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out.
         trained: Least and largest positions that a model of it was trained on, each (n,) [rad|m].
@@ -58,7 +57,6 @@ def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
     """Find what is wrong between measurements and commands, each thing once, under its first cause.
 
     Args:
-        pairs: Rows.
         wrong: Joints of which something is known to be wrong; they may stand still for that.
     """
     turns = turn_findings(pairs)
@@ -97,13 +95,8 @@ def verdict(
     """Refuse recordings that no model should be made from; return notes on what is worth knowing.
 
     Args:
-        logs: The recordings.
-        accept: Names of findings to go on with.
-        robot: As for `findings_of`.
-        max_error: As for `findings_of`.
         testing: Nothing is learnt from them: they may be short, and their joints may rest.
         trained: Least and largest positions that a model of them was trained on, each (n,) [rad|m].
-        done: What was not done where they are refused.
     """
     require_names(accept)
     found = [
@@ -117,11 +110,6 @@ def verdict(
 
 def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
     """Refuse tests of which rows were trained on, to the last bit, whatever their file is called.
-
-    Args:
-        train: Recordings to fit.
-        test: Recordings to judge by.
-        accept: Names of findings to go on with.
 
     Returns:
         Notes on those that were accepted.

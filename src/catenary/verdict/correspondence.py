@@ -29,16 +29,16 @@ def joints_in_place(pairs: Pairs) -> NDArray[np.int64]:
         return own
     inside = np.ix_(moving, moving)
     unexplained = np.log(np.maximum(1.0 - pairs.correlation[inside] ** 2, NEVER_BELOW))
-    found = _cycles(unexplained)
+    found = _assigned(unexplained)
     if (found == np.arange(len(moving))).all():
         # commands that move as one are told apart by where they stand, in the same units
-        found = _cycles(_distances(pairs)[inside], among=unexplained)
+        found = _assigned(_distances(pairs)[inside], among=unexplained)
     place = own.copy()
     place[moving] = moving[found]
     return place
 
 
-def _cycles(cost: Floats, among: Floats | None = None) -> NDArray[np.int64]:
+def _assigned(cost: Floats, among: Floats | None = None) -> NDArray[np.int64]:
     """Return the assignment of least cost, with those of its cycles undone that do not clearly gain.
 
     Args:
@@ -48,18 +48,24 @@ def _cycles(cost: Floats, among: Floats | None = None) -> NDArray[np.int64]:
     from scipy.optimize import linear_sum_assignment
 
     found = np.asarray(linear_sum_assignment(cost)[1], dtype=np.int64)
-    left = set(range(len(found)))
-    while left:
-        cycle = [min(left)]
-        while (following := int(found[cycle[-1]])) != cycle[0]:
-            cycle.append(following)
-        left -= set(cycle)
-        rows = np.array(cycle)
+    for rows in map(np.array, _cycles_of(found)):
         gain = float(np.mean(cost[rows, rows] - cost[rows, found[rows]]))
         worse = among is not None and np.any(among[rows, found[rows]] > among[rows, rows] + np.log(1.5))
         if gain < np.log(CLEARLY) or worse:
             found[rows] = rows
     return found
+
+
+def _cycles_of(permutation: NDArray[np.int64]) -> list[list[int]]:
+    """Return the cycles of a permutation: cycle[k + 1] is where cycle[k] leads."""
+    cycles, left = [], set(range(len(permutation)))
+    while left:
+        cycle = [min(left)]
+        while (following := int(permutation[cycle[-1]])) != cycle[0]:
+            cycle.append(following)
+        left -= set(cycle)
+        cycles.append(cycle)
+    return cycles
 
 
 def _distances(pairs: Pairs) -> Floats:
@@ -74,7 +80,6 @@ def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[lis
     """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     names, own = pairs.names, np.arange(len(place))
@@ -159,12 +164,7 @@ def _mixed(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
 
 def _swaps(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     names, findings = pairs.names, []
-    left = set(np.flatnonzero(place != np.arange(len(place))).tolist())
-    while left:
-        cycle = [min(left)]
-        while (following := int(place[cycle[-1]])) != cycle[0]:
-            cycle.append(following)
-        left -= set(cycle)
+    for cycle in (each for each in _cycles_of(place) if len(each) > 1):
         each = [
             f"measured {names[i]} follows the command of {names[place[i]]} (correlation "
             f"{pairs.correlation[i, place[i]]:.2f}, {pairs.correlation[i, i]:.2f} with its own)"
@@ -176,15 +176,8 @@ def _swaps(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
                 tuple(names[i] for i in sorted(cycle)),
                 ", ".join(each),
                 "columns in another order",
-                " ".join(f"--swap {names[a]},{names[b]}" for a, b in _exchanges(cycle)),
+                # the column at cycle[k] belongs to cycle[k + 1]: each exchange with the first puts one in place
+                " ".join(f"--swap {names[cycle[0]]},{names[other]}" for other in cycle[1:]),
             )
         )
     return findings
-
-
-def _exchanges(cycle: list[int]) -> list[tuple[int, int]]:
-    """Return exchanges that, one after the other, put the columns of a cycle in place.
-
-    The column at cycle[k] belongs to cycle[k + 1]; exchanging the first with each in turn puts one in place each time.
-    """
-    return [(cycle[0], other) for other in cycle[1:]]

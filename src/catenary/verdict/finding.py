@@ -1,8 +1,7 @@
 """What a check of a recording found, and what becomes of it: refused, accepted by name, or a note."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from catenary.errors import DataError, InputError
 
@@ -49,10 +48,6 @@ class Finding:
         mend = f"; mend it with {self.remedy}" if self.remedy else ""
         return f"{where}{self.says}{likely}{mend}"
 
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data."""
-        return asdict(self)
-
 
 def require_names(accept: Collection[str]) -> None:
     """Refuse names to accept that no finding has."""
@@ -62,13 +57,7 @@ def require_names(accept: Collection[str]) -> None:
 
 
 def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (), *, done: str = "fitted") -> list[str]:
-    """Refuse recordings with a finding that nobody accepted; return notes on all others.
-
-    Args:
-        findings: Each with the name of its recording.
-        accept: Names of findings to go on with.
-        done: What was not done where they are refused.
-    """
+    """Refuse recordings with a finding that nobody accepted; return notes on all others."""
     require_names(accept)
     refused = [(where, each) for where, each in findings if each.refuses and each.name not in accept]
     if refused:

@@ -30,7 +30,6 @@ def lag_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     """Find measurements that lie rows before or after their commands.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     log = pairs.log

@@ -30,7 +30,6 @@ def leap_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     """Find errors that leap at one row and stay.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     found = [_leap(pairs, i, pairs.m[:, i] - pairs.q[:, place[i]]) for i in range(len(pairs.names))]

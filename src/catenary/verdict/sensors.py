@@ -7,7 +7,7 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers, slack_of
+from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers, scales, slack_of
 
 # A joint behind slack repeats its number to the last bit at every reversal, until its motor has taken the slack up: as
 # far as the errors of the rows on which it moves lie apart, which are those of both ways through the slack.
@@ -33,7 +33,6 @@ def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     """Find measurements that stand still while their joint is moved.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     stuck: list[tuple[list[int], NDArray[np.bool_]]] = []  # joints that stand still on the same rows, these rows
@@ -155,8 +154,7 @@ def outlier_findings(log: MotionLog) -> list[Finding]:
     """Note measurements far from all others, with limits that would leave them out."""
     if log.q_encoder is None or log.ok.sum() < 3:
         return []
-    scale = np.array([DISPLAY[unit][1] for unit in log.joint_units])
-    errors = scale * (log.q_encoder - log.q_nominal)[log.ok]
+    errors = scales(log) * (log.q_encoder - log.q_nominal)[log.ok]
     counts, spreads = outliers(errors)
     return [
         Finding(
@@ -178,8 +176,7 @@ def _max_error(log: MotionLog, rows: NDArray[np.bool_]) -> str:
     assert log.q_encoder is not None
     if not rows.any():
         return "--max-error"
-    scale = np.array([DISPLAY[unit][1] for unit in log.joint_units])
-    errors = scale * (log.q_encoder - log.q_nominal)[rows]
+    errors = scales(log) * (log.q_encoder - log.q_nominal)[rows]
     far = np.abs(np.median(errors, axis=0)) + OUTLIER_SPREADS * np.maximum(outliers(errors)[1], 0.1)
     return f"--max-error {','.join(_plain(limit) for limit in far)}"
 

@@ -19,7 +19,6 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
     """Find stamps that repeat or are shuffled, and stamps in ms or other units.
 
     Args:
-        log: The recording.
         in_si: Positions are in rad and m, so that speeds mean something.
     """
     if log.time is None:

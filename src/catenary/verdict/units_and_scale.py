@@ -37,7 +37,6 @@ def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     """Find measurements, or commands, in another unit or of another scale.
 
     Args:
-        pairs: Rows.
         place: (n,) which command each measurement follows.
     """
     wrong: dict[tuple[str, str], list[int]] = {}
@@ -114,11 +113,9 @@ def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float
     return low, high
 
 
-def range_findings(
-    log: MotionLog, robot: RobotModel | None = None, *, largest: dict[str, float] = CABLE_LARGEST
-) -> list[Finding]:
+def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Finding]:
     """Find commanded positions that the robot cannot reach, or no robot can where it is not known."""
-    low, high = limits_of(log, robot, largest)
+    low, high = limits_of(log, robot, CABLE_LARGEST)
     units: dict[int, str] = {}
     beyond = []
     # single rows may be transmission errors of the robot's own messages
@@ -169,7 +166,6 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
     """Find positions far beyond a model's training that lie within it in another unit.
 
     Args:
-        log: The recording.
         trained: Least and largest positions that the model was trained on, each (n,) [rad|m]; infinite where unknown.
     """
     low, high = trained

@@ -9,7 +9,6 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats
-from catenary.calibration.card import check_card
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.corrector import decimation_at
 from catenary.calibration.dataset import calibration_data, data_notes, error_limits
@@ -75,7 +74,6 @@ def held_against(
         max_error: Per joint, deg and mm; as in the model's fit when None.
     """
     model, card = load_model(model_path)
-    check_card(card, str(model_path))
     logs = recordings_for(model, paths, reading)
     max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
     return HeldAgainst(model, card, logs, max_error, said)

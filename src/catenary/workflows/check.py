@@ -1,6 +1,6 @@
 """Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import is_zipfile
@@ -8,7 +8,6 @@ from zipfile import is_zipfile
 import numpy as np
 
 from catenary.archives import read_arrays
-from catenary.calibration.card import check_card
 from catenary.calibration.dataset import error_limits
 from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
@@ -64,7 +63,7 @@ class FileReport:
             "facts": self.facts.as_data(),
             "faults": self.faults,
             "remarks": self.remarks,
-            "findings": [finding.as_data() for finding in self.findings],
+            "findings": [asdict(finding) for finding in self.findings],
         }
 
 
@@ -234,7 +233,6 @@ def _torque_errors(result: Identification, on: LogResidual, part: Part) -> Torqu
 
 def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
-    check_card(card, str(path))
     unseen = {
         one["joint"]: UnseenErrors(one["rmse_mean"], one["rmse_sd"], one["offset_rmse_mean"])
         for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]

@@ -12,7 +12,7 @@ from catenary.recording.import_formats.imu_recording import ImuRecording
 from catenary.recording.import_formats.table_files import read_table_file
 from catenary.robots.model import RobotModel
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import fit_orientations
+from catenary.sensing.tumble import fit_orientations, found_mounting
 from catenary.sensing.vector import Kind, Mailbox, tilted_gravity
 from catenary.spatial import STANDARD_GRAVITY
 from catenary.workflows.sense import STILL, Feed, StillReading
@@ -130,7 +130,7 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting | N
         )
     fit = fit_orientations(np.array([s.force for s in still]), up)
     rates = [s.rate for s in still if s.rate is not None]
-    mounting = fit.mounting(start, np.mean(rates, axis=0) if rates else None)
+    mounting = found_mounting(start, fit.rotation, fit.bias, fit.scale, rates)
     section = TumbleSection(
         readings=len(still), residual_m_s2=fit.residual, rotation_residual_deg=None, remarks=fit.faults
     )

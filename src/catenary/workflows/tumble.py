@@ -1,14 +1,14 @@
 """The tumble: a sensor by hand on each of its sides, then mounted on a base that is level, rolled, pitched."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import align, fit_tumble, level_and_tilts, tumbled_mounting
+from catenary.sensing.tumble import align, fit_tumble, found_mounting, level_and_tilts
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import BaseSamples
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
@@ -91,9 +91,7 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
     if not faults and alignment.faults:  # the sensor is right, so the base was tilted otherwise
         faults += [f"on the base: was it tilted as told, y side up, then x side down? {f}" for f in alignment.faults]
     rates = [r.rate for r in readings.values() if r.rate is not None]
-    mounting = tumbled_mounting(fit, alignment, start=start)
-    if rates:
-        mounting = replace(mounting, rate_bias=np.mean(rates, axis=0))
+    mounting = found_mounting(start, alignment.rotation, fit.bias, fit.scale, rates)
     section = TumbleSection(
         readings=len(readings),
         residual_m_s2=None if np.isnan(fit.residual) else fit.residual,
