@@ -21,7 +21,7 @@ def test_what_was_taken_and_what_overflowed_is_what_came(steps: list[int], depth
     got, sent = [], 0
     for step in steps:
         if step:
-            one.push(sent, 0)
+            one.push((sent,), 0)
             sent += 1
         else:
             got += [received.message for received in one.take()]
@@ -35,9 +35,9 @@ def test_callbacks_of_several_topics_run_in_the_order_of_arrival() -> None:
     topics = [subscription(inbox, callback=lambda one, i=i: got.append((i, one.message))) for i in range(3)]
     order = [0, 2, 1, 1, 0, 2, 2]
     for count, i in enumerate(order):
-        topics[i].push(count, 0)
+        topics[i].push((count,), 0)
     assert inbox.run() == len(order)
-    assert got == [(i, count) for count, i in enumerate(order)]
+    assert got == [(i, (count,)) for count, i in enumerate(order)]
 
 
 def test_what_comes_in_a_callback_waits_for_the_next_run() -> None:
@@ -45,12 +45,12 @@ def test_what_comes_in_a_callback_waits_for_the_next_run() -> None:
 
     def again(one: Received) -> None:
         got.append(one.message)
-        echo.push(one.message + 1, 0)
+        echo.push((*one.message, 1), 0)
 
     echo = subscription(inbox, callback=again)
-    echo.push(0, 0)
+    echo.push((0,), 0)
     assert inbox.run() == 1
-    assert got == [0]
+    assert got == [(0,)]
 
 
 def test_damaged_messages_are_left_out_and_counted() -> None:

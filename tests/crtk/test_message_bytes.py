@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from catenary.crtk.message import HEADER, has_header, header, message_class
-from catenary.crtk.message_bytes import CDR, ROS1, Bounds, Encoding, codec, most_bytes, names_within
+from catenary.crtk.message_bytes import CDR, ROS1, Encoding, codec
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import MESSAGES, NUMBERS, SERVICES, TIMES, Field, fields, ros2_name, typestore
 from oracles.random_messages import assert_same, random_message
@@ -190,25 +190,8 @@ def test_a_message_of_another_type_is_refused(encoding: Encoding) -> None:
         codec(JOINTS, encoding).encode(message_class("std_msgs/String")())
 
 
-def test_largest_message_of_a_type_is_that_of_its_definition() -> None:
-    # header: seq, time, text; then texts and three times numbers, each behind their count
-    assert most_bytes(JOINTS, Bounds(4, 10)) == 4 + 8 + 14 + 4 + 4 * 14 + 3 * (4 + 4 * 8)
-    assert most_bytes(POSE, Bounds(4, 10)) == 4 + 8 + 14 + 7 * 8
-
-
-def test_names_are_counted_before_they_are_decoded() -> None:
-    few, encode = names_within(JOINTS, Bounds(entries=3, text=10)), codec(JOINTS).encode
-    assert few(encode(JointState(name=("a", "", "b"), position=np.zeros(100))))
-    assert not few(encode(JointState(name=("",) * 4)))
-    assert few(b"")  # the decoder refuses it
-    assert few(encode(JointState(name=("a", "", "b")))[:30])
-    assert names_within(POSE, Bounds(3, 10))(b"\xff" * 100)
-
-
 @pytest.mark.parametrize("name", MESSAGES)
 def test_hostile_lengths_cost_no_more_than_the_bytes_that_came(name: str) -> None:
-    """Every word a length of 4 G: it is refused, or left to the decoder, which refuses it."""
-    data = b"\xff" * 400
-    names_within(name, Bounds(32, 128))(data)
+    """Every word a length of 4 G."""
     with contextlib.suppress(FileFormatError):
-        codec(name).decode(data)
+        codec(name).decode(b"\xff" * 400)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from catenary.crtk.message import Message, has_header
-from catenary.crtk.message_bytes import ANY, Bounds, most_bytes, names_within
+from catenary.crtk.message_bytes import ANY
 from catenary.errors import FileFormatError, InputError
 
 
@@ -100,9 +100,9 @@ class Subscription:
 
     With a callback they are handed over in the transport's `poll`; without, `take` gives them. At most `depth` wait;
     then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were no message of the
-    type; they are left out. `oversized` counts those of more than `largest` bytes, or of more names than `bounds` let
-    pass, which are dropped as they come in, before anybody decodes them. `repeated` counts what a latching publisher
-    gave again after its connection had been broken: a message that had come already is not given twice.
+    type; they are left out. `oversized` counts those of more than `largest` bytes, which are dropped as they come in.
+    `repeated` counts what a latching publisher gave again after its connection had been broken: a message that had come
+    already is not given twice.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Subscription:
         decode: Callable[[Any], Message],
         callback: Callback | None = None,
         depth: int = 1000,
-        bounds: Bounds | None = None,
+        largest: int = ANY,
     ) -> None:
         """Prepare to receive; transports call this, not users."""
         if depth < 1:
@@ -121,8 +121,7 @@ class Subscription:
         self.topic = topic
         self.type_name = type_name
         self.depth = depth
-        self.largest = None if bounds is None else most_bytes(type_name, bounds)  # bytes
-        self._has_few_names = None if bounds is None else names_within(type_name, bounds)
+        self.largest = largest
         self.overflowed = 0
         self.oversized = 0
         self.damaged = 0
@@ -145,24 +144,18 @@ class Subscription:
 
     def has_room_for(self, size: int) -> bool:
         """Return whether it takes messages of so many bytes; one that it does not take is counted."""
-        if size <= (ANY if self.largest is None else self.largest):
+        if size <= self.largest:
             return True
-        self._count_oversized()
-        return False
-
-    def _count_oversized(self) -> None:
         with self._inbox.lock:
             self.oversized += 1
+        return False
 
     def push(self, data: Any, time: int, origin: Origin | None = None, sent: int | None = None) -> None:
-        """Take in a message's bytes at `time` [ns], ROS 1's where it has bounds; transports call this.
+        """Take in a message's bytes at `time` [ns]; transports call this.
 
         `sent` [ns] is the publisher's time of the day, where the transport tells. Any thread may call.
         """
-        if self.largest is not None and not self.has_room_for(len(data)):
-            return
-        if self._has_few_names is not None and not self._has_few_names(data):
-            self._count_oversized()
+        if not self.has_room_for(len(data)):
             return
         with self._inbox.lock:
             if self._closed:

@@ -14,12 +14,12 @@ import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 from catenary.crtk.clock import SECOND, Clock, Rate
 from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_bytes import Bounds, codec
+from catenary.crtk.message_bytes import ANY, ROS1, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
@@ -79,6 +79,7 @@ class Publisher(ABC):
 class Transport(ABC):
     """Carries messages and calls under one name."""
 
+    encoding = ROS1  # of the bytes that its subscriptions are given
     lapses: tuple[int, ...] = (0,)  # [ns] from the end of a program until it is no longer connected: these, about
 
     def __init__(self, name: str, clock: Clock | None = None) -> None:
@@ -123,7 +124,7 @@ class Transport(ABC):
         callback: Callback | None = None,
         *,
         depth: int = DEPTH,
-        bounds: Bounds | None = None,
+        largest: int = ANY,
     ) -> Subscription:
         """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
 
@@ -132,7 +133,7 @@ class Transport(ABC):
             type_name: Message type, such as sensor_msgs/JointState.
             callback: Gets the messages.
             depth: Messages that wait at most.
-            bounds: Beyond which a message is dropped and counted, undecoded; any when None.
+            largest: Bytes beyond which a message is dropped and counted, undecoded.
 
         Raises:
             InputError: The name is invalid, the type unknown, or `depth` below 1.
@@ -140,8 +141,8 @@ class Transport(ABC):
         """
         self.require_open()
         topic = absolute(topic)
-        decode = self._decoder(type_name, bounds)
-        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, callback, depth, bounds)
+        decode = codec(type_name, self.encoding).decode
+        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, callback, depth, largest)
         self._subscribe(subscription, type_name)
         return subscription
 
@@ -232,10 +233,6 @@ class Transport(ABC):
         self.close()
 
     # what a transport does of these, with names and types that have been checked
-
-    def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
-        """Return what makes a message of the bytes that a subscription is given: ROS 1's, where it has bounds."""
-        return codec(type_name).decode
 
     @abstractmethod
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher: ...

@@ -22,10 +22,10 @@ from catenary.crtk.dds.services import Services
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
 from catenary.crtk.inbox import Origin, Subscription
 from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import CDR, NO_MESSAGE, Bounds, codec
+from catenary.crtk.message_bytes import CDR, codec
 from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, other_type
 from catenary.errors import TransportError
-from catenary.recording.messages import current_name, ros2_name, typestore
+from catenary.recording.messages import current_name
 
 _USUAL = Quality()
 _DEPTH = 4000  # messages that DDS keeps of a topic until the receiver takes them; what it drops, nobody counts
@@ -48,7 +48,6 @@ class ListenedTopic:
         self._latched: dict[str, tuple[bytes, int, Origin, int]] = {}  # by publisher
         self._origins: dict[int, tuple[Endpoint, Origin]] = {}  # by Cyclone's handle of the writer
         self._readers: dict[Quality, DataReader[Any]] = {}
-        self._to_ros1 = partial(typestore(2).cdr_to_ros1, typename=ros2_name(type_name))
         publishers = program.directory.publishers(self.dds_name)
         for publisher in publishers:
             self.hear(publisher)
@@ -72,7 +71,7 @@ class ListenedTopic:
     def add(self, subscription: Subscription) -> None:
         """Give a subscription what comes from now on, and what publishers have latched."""
         for latched in self._latched.values():
-            self._give(subscription, *latched)
+            subscription.push(*latched)
         self._subscriptions.append(subscription)
 
     def remove(self, subscription: Subscription) -> bool:
@@ -119,20 +118,7 @@ class ListenedTopic:
         if origin is not None and origin.is_latching:
             self._latched[origin.process.partition(" ")[0]] = sample.data, time, origin, sent
         for subscription in self._subscriptions:
-            self._give(subscription, sample.data, time, origin, sent)
-
-    def _give(self, subscription: Subscription, data: bytes, time: int, origin: Origin | None, sent: int) -> None:
-        """Give a subscription a message: as it is, or where it has bounds as ROS 1's bytes, which these are about."""
-        if subscription.largest is None:
-            subscription.push(data, time, origin, sent)
-            return
-        # at most twice as many bytes as ROS 1's: padding, and an end of each text
-        if not subscription.has_room_for(len(data) // 2):
-            return
-        try:
-            subscription.push(bytes(self._to_ros1(data)), time, origin, sent)
-        except NO_MESSAGE:
-            subscription.damaged += 1
+            subscription.push(sample.data, time, origin, sent)
 
     def _origin(self, handle: int) -> tuple[Endpoint | None, Origin | None]:
         """Say where a message came from; nothing of a writer that came and went at once."""
@@ -207,6 +193,7 @@ class DdsPublisher(Publisher):
 class DdsTransport(Transport):
     """A node of ROS 2, in a program of DDS; a thread of its own receives."""
 
+    encoding = CDR
     # one that ends says so; one that is killed is missed when its lease has run out, Cyclone's or Fast DDS's
     lapses = (0, 10 * SECOND, 20 * SECOND)
 
@@ -259,9 +246,6 @@ class DdsTransport(Transport):
 
     def _dds_name(self, topic: str) -> str:
         return dds_topic(self._arguments.network_name(topic))
-
-    def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
-        return codec(type_name, CDR).decode if bounds is None else super()._decoder(type_name, bounds)
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         topic = subscription.topic
