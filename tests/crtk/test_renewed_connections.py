@@ -25,9 +25,9 @@ def mend(network: LoopbackNetwork, name: str) -> None:
     """Make them again; latched messages come again."""
     for one in publishers(network, name):
         one.origin, one.is_connected = one.origin._replace(connection=object()), True
-        for _, subscription in network.topics[one.topic].subscriptions:
+        for heard in network.topics[one.topic].heard.values():
             if one.latched is not None:
-                subscription.push(one.latched, network.clock.now(), one.origin)
+                heard.give(one.latched, network.clock.now(), one.origin)
 
 
 def publishers(network: LoopbackNetwork, name: str) -> list[LoopbackPublisher]:

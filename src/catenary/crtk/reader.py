@@ -79,10 +79,36 @@ TRACKER = "tracker/measured_js"  # below a namespace: where a tracker sees the j
 _READS = ("measured_js", "setpoint_js", "operating_state")
 
 
-class CrtkReader:
+class NeverMoved:
+    """What a `Plant` that takes no commands does with them: refuse each."""
+
+    why_not = ""
+    supports: frozenset[str] = frozenset()
+
+    def servo_jp(self, q: ArrayLike) -> None:
+        """Refuse."""
+        raise self._refused("servo_jp")
+
+    def servo_jr(self, dq: ArrayLike) -> None:
+        """Refuse."""
+        raise self._refused("servo_jr")
+
+    def servo_jf(self, tau: ArrayLike) -> None:
+        """Refuse."""
+        raise self._refused("servo_jf")
+
+    def state_command(self, command: StateCommand) -> None:
+        """Refuse."""
+        raise self._refused(command)
+
+    def _refused(self, verb: str) -> UnsupportedCommandError:
+        return UnsupportedCommandError(f"{verb}: {self.why_not}")
+
+
+class CrtkReader(NeverMoved):
     """One arm of a robot that speaks CRTK, over any transport; arrays are in the order of `joint_names`."""
 
-    supports: frozenset[str] = frozenset()
+    why_not = "this robot is only read"
 
     def __init__(
         self,
@@ -246,28 +272,6 @@ class CrtkReader:
     def age(self) -> float:
         """Seconds since the latest state came in."""
         return self._latest["measured_js"].age()
-
-    # what only a client that commands obeys
-
-    def servo_jp(self, q: ArrayLike) -> None:
-        """Refuse."""
-        raise self._only_read("servo_jp")
-
-    def servo_jr(self, dq: ArrayLike) -> None:
-        """Refuse."""
-        raise self._only_read("servo_jr")
-
-    def servo_jf(self, tau: ArrayLike) -> None:
-        """Refuse."""
-        raise self._only_read("servo_jf")
-
-    def state_command(self, command: StateCommand) -> None:
-        """Refuse."""
-        raise self._only_read(command)
-
-    @staticmethod
-    def _only_read(verb: str) -> UnsupportedCommandError:
-        return UnsupportedCommandError(f"{verb}: this robot is only read")
 
     def wait(self) -> None:
         """Sleep until the next tick, on a grid of the client's own."""

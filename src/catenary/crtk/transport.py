@@ -14,10 +14,10 @@ import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from catenary.crtk.clock import SECOND, Clock, Rate
-from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
+from catenary.crtk.inbox import Callback, Inbox, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.message_bytes import ANY, ROS1, codec
 from catenary.errors import InputError, TransportError
@@ -76,6 +76,38 @@ class Publisher(ABC):
     def _end(self) -> None: ...
 
 
+class HeardTopic:
+    """What a program receives of one topic, by one connection per publisher, for all its subscriptions."""
+
+    def __init__(self, type_name: str, end: Callable[[], None]) -> None:
+        """Prepare; `end` is called when nobody listens any more."""
+        self.type_name, self.end = current_name(type_name), end
+        self.subscriptions: tuple[Subscription, ...] = ()
+        self._latched: dict[str, tuple[Any, int, Origin, int | None]] = {}  # by publisher
+        self._lock = threading.RLock()
+
+    def add(self, subscription: Subscription) -> None:
+        """Give a subscription what comes from now on, and what publishers have latched."""
+        with self._lock:
+            for latched in self._latched.values():
+                subscription.push(*latched)
+            self.subscriptions = (*self.subscriptions, subscription)
+
+    def remove(self, subscription: Subscription) -> bool:
+        """Take a subscription away; return whether none is left."""
+        with self._lock:
+            self.subscriptions = tuple(one for one in self.subscriptions if one is not subscription)
+        return not self.subscriptions
+
+    def give(self, data: Any, time: int, origin: Origin | None, sent: int | None = None) -> None:
+        """Give a message's bytes that came at `time` [ns] to all subscriptions, as `Subscription.push` has it."""
+        with self._lock:
+            if origin is not None and origin.is_latching:
+                self._latched[origin.process.partition(" ")[0]] = data, time, origin, sent
+            for subscription in self.subscriptions:
+                subscription.push(data, time, origin, sent)
+
+
 class Transport(ABC):
     """Carries messages and calls under one name."""
 
@@ -94,6 +126,8 @@ class Transport(ABC):
         self.clock = clock or Clock()
         self.inbox = Inbox()
         self._publishers: dict[str, Publisher] = {}
+        self._heard: dict[str, HeardTopic] = {}
+        self._heard_lock = threading.RLock()
 
     def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE) -> Publisher:
         """Return a publisher of a topic.
@@ -114,17 +148,12 @@ class Transport(ABC):
         known = self._publishers.get(topic)
         if known is not None and not known.is_closed:
             raise TransportError(f'"{self.name}" publishes {topic} already')
+        self._refuse_other_type(topic, type_name)
         made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=queue)
         return made
 
     def subscribe(
-        self,
-        topic: str,
-        type_name: str,
-        callback: Callback | None = None,
-        *,
-        depth: int = DEPTH,
-        largest: int = ANY,
+        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH, largest: int = ANY
     ) -> Subscription:
         """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
 
@@ -237,9 +266,32 @@ class Transport(ABC):
     @abstractmethod
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher: ...
 
-    @abstractmethod
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         """Have messages pushed into a subscription, as its decoder reads them; the type is as the program spells it."""
+        topic = subscription.topic
+        with self._heard_lock:
+            found = self._heard.get(topic)
+            if found is None:
+                self._refuse_other_type(topic, type_name)
+                found = self._heard[topic] = self._hear(topic, type_name)
+            elif found.type_name != subscription.type_name:
+                raise other_type(topic, type_name, found.type_name)
+            found.add(subscription)
+        subscription.on_close(lambda: self._unsubscribe(topic, subscription))
+
+    def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
+        with self._heard_lock:
+            found = self._heard.get(topic)
+            if found is not None and found.remove(subscription):
+                self._heard.pop(topic).end()
+
+    @abstractmethod
+    def _hear(self, topic: str, type_name: str) -> HeardTopic:
+        """Begin to receive a topic that nobody in this program has subscribed to yet."""
+
+    @abstractmethod
+    def _refuse_other_type(self, topic: str, type_name: str) -> None:
+        """Refuse a topic that somebody publishes as another type."""
 
     @abstractmethod
     def _serve(self, name: str, type_name: str, handler: Handler) -> None: ...

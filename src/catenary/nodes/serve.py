@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.control.realtime import RealTime
+from catenary.crtk.reader import NeverMoved
 from catenary.crtk.serving.crtk_dialect import CrtkDialect
 from catenary.crtk.serving.dialect import Dialect
 from catenary.crtk.serving.raven_dialect import RavenDialect
@@ -21,10 +22,10 @@ from catenary.crtk.serving.server import ServedEncoders, Server, has_encoders
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName, crtk_topics
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError, UnsupportedCommandError
+from catenary.errors import InputError
 from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
-from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
+from catenary.plant import Column, JointState, OperatingState, Plant
 from catenary.recording.topics import psm_topic, psm_topics
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
@@ -256,11 +257,11 @@ def _state_text(arm: ServedArm) -> str:
     return " ".join([*words, "busy"] if state.is_busy else words)
 
 
-class ParkedArm:
+class ParkedArm(NeverMoved):
     """A `Plant` that is DISABLED for good, in the place of an arm that a robot has but nobody uses."""
 
+    why_not = "the arm is parked"
     simulated = True
-    supports: frozenset[str] = frozenset()
     columns: tuple[Column, ...] = ()
 
     def __init__(
@@ -293,19 +294,3 @@ class ParkedArm:
 
     def wait(self) -> None:
         """Stand."""
-
-    def state_command(self, command: StateCommand) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError(f'state command "{command}": the arm is parked')
-
-    def servo_jp(self, q: Floats) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError("servo_jp: the arm is parked")
-
-    def servo_jr(self, dq: Floats) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError("servo_jr: the arm is parked")
-
-    def servo_jf(self, tau: Floats) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError("servo_jf: the arm is parked")

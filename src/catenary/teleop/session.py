@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from textwrap import wrap
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from catenary.robots.model import RobotModel
 from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.teleop.driver import TeleopDriver
 from catenary.teleop.key_motion import BACKWARD, FORWARD
-from catenary.teleop.terminal import KeyReader
+from catenary.teleop.terminal import KeyReader, RawTerminal
 from catenary.visible import visible
 
 BAR = 20  # characters of a joint's range
@@ -90,22 +90,6 @@ DRAW = 0.05  # [s] between two pictures
 KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes it"}
 
 
-class Terminal(Protocol):
-    """Where keys come from and lines go."""
-
-    ended: str | None
-    wants_suspension: bool
-
-    @property
-    def size(self) -> tuple[int, int]: ...  # noqa: D102
-
-    def read(self) -> bytes: ...  # noqa: D102
-
-    def draw(self, lines: list[str]) -> None: ...  # noqa: D102
-
-    def suspend(self) -> None: ...  # noqa: D102
-
-
 class TeleopSession:
     """Reads keys, moves the robot, shows it, tick by tick."""
 
@@ -114,7 +98,7 @@ class TeleopSession:
         plant: Plant,
         model: RobotModel | None,
         name: str,
-        terminal: Terminal,
+        terminal: RawTerminal,
         *,
         observe: Callable[[], str | None] = lambda: None,
     ) -> None:

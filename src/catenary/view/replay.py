@@ -17,7 +17,7 @@ from catenary.plant import Joints, MotionLog, places_of
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.view.curves import SPACING, JointColumns
-from catenary.view.page_process import StatePage
+from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes, arm_shapes
 from catenary.view.shown import (
     ButtonsControl,
@@ -211,7 +211,7 @@ class Replay:
 
     def run(
         self,
-        page: StatePage,
+        page: PageProcess,
         ended: Callable[[], bool] = lambda: False,
         *,
         clock: Callable[[], float] = time.monotonic,

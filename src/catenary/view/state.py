@@ -76,24 +76,24 @@ class SharedState:
         self._memory = SharedMemory(name, create=name is None, size=_HEAD.size + self._room)
         self._is_owner = name is None
         self.name = self._memory.name
-        self._is_closed = False
+        self._bytes = self._memory.buf  # None once it is closed
         self._seen = self._number = 0
 
     def put(self, state: ViewState) -> None:
         """Leave a state in place of the last one; its controls' values are left out where there is no room for them."""
-        if self._is_closed:
+        if self._bytes is None:
             return
         content = _as_bytes(state)
         if len(content) > self._room:
             content = _as_bytes(state._replace(values={}))
         self._number += 1
         whole = _HEAD.pack(self._number, len(content), crc32(content)) + content
-        self._memory.buf[: len(whole)] = whole
+        self._bytes[: len(whole)] = whole
 
     def take(self) -> ViewState | None:
         """Return the newest state; None when none came since the last one that was taken."""
-        for _ in range(0 if self._is_closed else TRIES):
-            copy = bytes(self._memory.buf)
+        for _ in range(0 if self._bytes is None else TRIES):
+            copy = bytes(self._bytes or b"")
             number, size, checksum = _HEAD.unpack_from(copy)
             if number == self._seen:
                 return None
@@ -106,7 +106,7 @@ class SharedState:
 
     def close(self) -> None:
         """Let go of the memory; it is gone once its owner has."""
-        self._is_closed = True
+        self._bytes = None
         self._memory.close()
         if self._is_owner:
             self._memory.unlink()

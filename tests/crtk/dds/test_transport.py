@@ -119,7 +119,7 @@ def test_two_publishers_of_different_quality_are_heard_beside_each_other(robot: 
 
     heard = robot.subscribe("/t", TEXT)
     writers = [peer.writer("rt/t", Text, *policies(*quality)) for quality in QUALITIES]
-    until(lambda: len(robot._topics["/t"]._readers) == 3)  # nothing of a best effort is latched
+    until(lambda: len(robot._heard["/t"]._readers) == 3)  # nothing of a best effort is latched
     until(lambda: all(writer.get_matched_subscriptions() for writer in writers))
     for k, writer in enumerate(writers):
         writer.write(Text(str(k)))
