@@ -60,14 +60,6 @@ def test_a_client_that_stood_still_for_seconds_makes_no_joint_leap(robot, caplog
     assert_array_equal(robot.setpoint, before)
 
 
-def test_increments_of_a_named_joint_go_to_it(robot):
-    before = robot.setpoint
-    names = tuple(reversed(robot.plant.joint_names))
-    robot.joints("servo_jr", [0, 0, 0, 0, 0, 0, 1e-3], names=names)
-    robot.tick(3)
-    assert_allclose(robot.setpoint - before, shoulder(1e-3), atol=EXACT)
-
-
 def test_a_velocity_lapses_a_tenth_of_a_second_after_its_last_command(robot):
     before = robot.setpoint
     robot.say("servo_jv", JointState(velocity=shoulder(0.5)))

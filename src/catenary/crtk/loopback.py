@@ -45,13 +45,11 @@ class _Service:
 class LoopbackNetwork:
     """What transports of one process share: topics, services, names, time.
 
-    With `threaded` false, a program of one thread can serve and call: a call polls the server. Callbacks then run in an
-    order that depends on the program only. With `threaded` true, servers poll in threads of their own and a call waits.
+    A program of one thread can serve and call: a call polls the server.
     """
 
-    def __init__(self, *, clock: Clock | None = None, threaded: bool = False) -> None:
+    def __init__(self, *, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()
-        self.threaded = threaded
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}
         self.services: dict[str, _Service] = {}
@@ -161,7 +159,7 @@ class Loopback(Transport):
         sent = asked.encode(request, 0)
         waiting = Request(lambda: answer.decode(answer.encode(service.handler(asked.decode(sent)), 0)))
         service.transport.inbox.put(waiting.run)
-        return answer_of(name, waiting, timeout, None if self.network.threaded else service.transport.poll)
+        return answer_of(name, waiting, timeout, service.transport.poll)
 
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic."""

@@ -331,16 +331,18 @@ class CrtkReader(NeverMoved):
 
     def _missing(self) -> list[str]:
         """Say which topics lack messages."""
-        needed = [self._latest["measured_js"]]
-        if self._state is None:
-            needed.append(self._latest["operating_state"])
-        faults = [self._silence(latest) for latest in needed if latest.message() is None]
+        faults = [self._silence(latest) for latest in self._needed() if latest.message() is None]
         measured = self._latest["measured_js"].message()
         if measured is not None and not np.isfinite(measured.position).all():
             faults.append(f"{self._latest['measured_js'].topic}: holds NaN or infinity")
         if self._state is not None and self._state.message() is None:
             faults.append(self._silence(self._state.latest))
         return faults
+
+    def _needed(self) -> list[Latest]:
+        """Return what has to have come, beside raven_state."""
+        verbs = ("measured_js", "operating_state") if self._state is None else ("measured_js",)
+        return [self._latest[verb] for verb in verbs]
 
     def _silence(self, latest: Latest) -> str:
         """Say who is expected to send on a topic of which nothing came."""

@@ -5,10 +5,9 @@ Nothing is repeated, also not what a latching publisher gives again after its co
 where a program does not keep up, the oldest message gives way and a counter says so
 (`Subscription.overflowed`, `Publisher.overflowed`).
 
-Callbacks and services run where `poll` is called, in that thread and nowhere else; `Spinner` calls it in another.
+Services run where `poll` is called, in that thread and nowhere else.
 """
 
-import logging
 import math
 import re
 import threading
@@ -17,7 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Self
 
 from catenary.crtk.clock import SECOND, Clock, Rate
-from catenary.crtk.inbox import Callback, Inbox, Origin, Request, Subscription
+from catenary.crtk.inbox import Inbox, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.message_bytes import ANY, ROS1, codec
 from catenary.errors import InputError, TransportError
@@ -25,7 +24,6 @@ from catenary.recording.messages import current_name, service_md5_sum
 
 Handler = Callable[[Message], Message]
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
-_logger = logging.getLogger(__name__)
 QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 DEPTH = 1000  # messages that wait for the program: 1 s
 
@@ -152,15 +150,12 @@ class Transport(ABC):
         made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=queue)
         return made
 
-    def subscribe(
-        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH, largest: int = ANY
-    ) -> Subscription:
-        """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
+    def subscribe(self, topic: str, type_name: str, *, depth: int = DEPTH, largest: int = ANY) -> Subscription:
+        """Begin to receive: the subscription's `take` gives what has come.
 
         Args:
             topic: Its name; one without a leading slash gets it.
             type_name: Message type, such as sensor_msgs/JointState.
-            callback: Gets the messages.
             depth: Messages that wait at most.
             largest: Bytes beyond which a message is dropped and counted, undecoded.
 
@@ -171,7 +166,7 @@ class Transport(ABC):
         self.require_open()
         topic = absolute(topic)
         decode = codec(type_name, self.encoding).decode
-        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, callback, depth, largest)
+        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, depth, largest)
         self._subscribe(subscription, type_name)
         return subscription
 
@@ -201,14 +196,9 @@ class Transport(ABC):
         return self._call(name, type_name, asked, timeout)
 
     def poll(self, timeout: float = 0.0) -> int:
-        """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; return how many ran."""
+        """Run services for calls that have come; wait for the first up to `timeout` [s]; return how many ran."""
         self.require_open()
         return self.inbox.run(timeout)
-
-    def spin(self) -> None:
-        """Poll until the transport is closed or its network is told to end it."""
-        while not self.inbox.closed:
-            self.inbox.run(0.1)
 
     @abstractmethod
     def connections(self, topic: str) -> Connections:
@@ -339,33 +329,6 @@ def answer_of(name: str, waiting: Request, timeout: float, serve: Callable[[], o
         return waiting.result()
     except Exception as error:
         raise TransportError(f"service {name} failed: {error}") from error
-
-
-class Spinner:
-    """Polls a transport in a thread of its own, while it is entered; a callback's exception is logged."""
-
-    def __init__(self, transport: Transport) -> None:
-        """Prepare; entering it starts the thread."""
-        self._transport = transport
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"{transport.name} spinner", daemon=True)
-
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            try:
-                self._transport.poll(0.05)
-            except TransportError:  # closed
-                return
-            except Exception:
-                _logger.exception("callback of %s", self._transport.name)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stop.set()
-        self._thread.join()
 
 
 def absolute(name: str) -> str:

@@ -60,46 +60,40 @@ def tube(points: ArrayLike, radius: float) -> Mesh:
     ways = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     along = np.vstack([ways[:1], ways[:-1] + ways[1:], ways[-1:]])
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    bends = np.linspace(0.0, 0.5 * np.pi, CAP_RINGS, endpoint=False)[1:]
+
+    def cap(end: int, outward: float, bend: float) -> tuple[Floats, Floats, float]:
+        return line[end] + outward * radius * np.sin(bend) * along[end], along[end], radius * np.cos(bend)
+
+    rings = [cap(0, -1.0, bend) for bend in bends[::-1]]
+    rings += [(centre, way, radius) for centre, way in zip(line, along, strict=True)]
+    rings += [cap(-1, 1.0, bend) for bend in bends]
     side = np.eye(3)[np.argmin(np.abs(along[0]))]
     angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
-    rings: list[Floats] = []
-
-    def ring(centre: Floats, way: Floats, across: Floats, size: float) -> None:
-        other = np.cross(way, across)
-        rings.append(centre + size * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), other)))
-
-    bends = np.linspace(0.0, 0.5 * np.pi, CAP_RINGS, endpoint=False)[::-1]
-    for k, (point, way) in enumerate(zip(line, along, strict=True)):
+    vertices: list[Floats] = []
+    for centre, way, size in rings:
         side = side - (side @ way) * way
         side = side / np.linalg.norm(side)
-        if k == 0:
-            for bend in bends[:-1]:
-                ring(point - radius * np.sin(bend) * way, way, side, radius * np.cos(bend))
-        ring(point, way, side, radius)
-        if k == len(line) - 1:
-            for bend in bends[::-1][1:]:
-                ring(point + radius * np.sin(bend) * way, way, side, radius * np.cos(bend))
+        around = np.outer(np.cos(angles), side) + np.outer(np.sin(angles), np.cross(way, side))
+        vertices.append(centre + size * around)
     ends = line[0] - radius * along[0], line[-1] + radius * along[-1]
-    return _closed(np.vstack(rings), ends)
+    return _closed(np.vstack(vertices), ends)
 
 
 def _closed(rings: Floats, ends: tuple[Floats, Floats]) -> Mesh:
     """Join rings of SIDES points each, in order, and close the tube by a point at either end."""
-    count = len(rings) // SIDES
     here = np.arange(SIDES)
     after = np.roll(here, -1)
-    faces = []
-    for k in range(count - 1):
-        low, high = k * SIDES, (k + 1) * SIDES
-        faces += [
-            np.column_stack([low + here, low + after, high + after]),
-            np.column_stack([low + here, high + after, high + here]),
-        ]
-    first, last = len(rings), len(rings) + 1
-    faces.append(np.column_stack([np.full(SIDES, first), after, here]))
-    top = (count - 1) * SIDES
-    faces.append(np.column_stack([np.full(SIDES, last), top + here, top + after]))
-    return Mesh(np.vstack([rings, *ends]), np.vstack(faces).astype(np.uint32))
+    low = SIDES * np.arange(len(rings) // SIDES - 1)[:, None]  # rows of the rings that have another one above
+    first, last, top = len(rings), len(rings) + 1, len(rings) - SIDES
+    triangles = [
+        (low + here, low + after, low + SIDES + after),
+        (low + here, low + SIDES + after, low + SIDES + here),
+        (np.full(SIDES, first), after, here),
+        (np.full(SIDES, last), top + here, top + after),
+    ]
+    faces = np.vstack([np.column_stack([corner.ravel() for corner in corners]) for corners in triangles])
+    return Mesh(np.vstack([rings, *ends]), faces.astype(np.uint32))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:

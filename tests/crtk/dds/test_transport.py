@@ -8,8 +8,7 @@ import pytest
 from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
-from catenary.crtk.transport import Spinner
-from patience import PATIENCE, until
+from patience import PATIENCE, polled, until
 
 TEXT = "std_msgs/String"
 TRIGGER = "std_srvs/Trigger"
@@ -28,7 +27,7 @@ def test_a_program_with_other_names_speaks_and_hears_by_them(robot: Any, dds_dom
         says.publish(message_class(TEXT)(data="in"))
         assert hears.take(PATIENCE)[0].message.data == "out"
         assert heard.take(PATIENCE)[0].message.data == "in"
-        with Spinner(other):
+        with polled(other):
             assert robot.call("/lab/button", TRIGGER, timeout=PATIENCE).success
             assert other.call("/button", TRIGGER, timeout=PATIENCE).success
         assert set(other.topics()) == set(other.publishing()) == {"/said", "/heard"}

@@ -61,7 +61,7 @@ class ListenedTopic(HeardTopic):
         if quality in self._readers:
             return
         program = self._program
-        user_data = f"typehash={message_hash(self.type_name)};" if program.distribution.has_hashes else ""
+        user_data = program.distribution.said_of(message_hash(self.type_name))
         self._readers[quality] = program.reader(
             self.dds_name, message_type(self.type_name), quality, _DEPTH, user_data, partial(self._take, quality)
         )
@@ -138,7 +138,7 @@ class DdsPublisher(Publisher):
         self._matched = 0  # readers, when last asked; DDS is asked of each message while there were none
         self._kind = message_type(type_name)
         self._encode_cdr = codec(type_name, CDR).encode
-        user_data = f"typehash={message_hash(type_name)};" if program.distribution.has_hashes else ""
+        user_data = program.distribution.said_of(message_hash(type_name))
         self._writer: Any = program.writer(dds_name, self._kind, quality, queue, user_data)
 
     @property

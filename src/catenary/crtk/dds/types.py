@@ -73,6 +73,10 @@ class Distribution(NamedTuple):
     gid: int  # bytes by which a program or a topic's end is told in ros_discovery_info
     has_hashes: bool  # topics' ends carry a hash of their type, which ROS 2 warns without
 
+    def said_of(self, type_hash: str) -> str:
+        """Return what the end of a topic says of its type, in its user data."""
+        return f"typehash={type_hash};" if self.has_hashes else ""
+
 
 # rmw's storage of a gid had 24 bytes up to Humble; type hashes came with Iron (REP 2016)
 DISTRIBUTIONS: Mapping[str, Distribution] = MappingProxyType(
@@ -133,10 +137,7 @@ _NUMBERS = {
     "uint8": idl.uint8, "uint16": idl.uint16, "uint32": idl.uint32, "uint64": idl.uint64,
     "float32": idl.float32, "float64": idl.float64,
 }  # fmt: skip
-_TIMES = {
-    "time": ("builtin_interfaces/Time", {"sec": idl.int32, "nanosec": idl.uint32}),
-    "duration": ("builtin_interfaces/Duration", {"sec": idl.int32, "nanosec": idl.uint32}),
-}
+_TIMES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 _EMPTY = {"structure_needs_at_least_one_member": idl.uint8}  # ROS 2's field of a type that has none
 _ASKED = {"guid": idl.uint64, "seq": idl.int64}  # rmw_cyclonedds: who asks, and how often it has
 # their brackets make types, which their hints do not know
@@ -173,14 +174,13 @@ def _member(field: Field) -> Any:
     if field.type in _NUMBERS:
         return _NUMBERS[field.type]
     if field.type in _TIMES:
-        name, members = _TIMES[field.type]
-        return _time(dds_type(name), tuple(members.items()))
+        return _time(dds_type(_TIMES[field.type]))
     return str if field.type == "string" else message_type(field.type)
 
 
 @cache
-def _time(name: str, members: tuple[tuple[str, Any], ...]) -> type[Raw]:
-    return _raw(name, dict(members))
+def _time(name: str) -> type[Raw]:
+    return _raw(name, {"sec": idl.int32, "nanosec": idl.uint32})
 
 
 def _raw(typename: str, members: dict[str, Any]) -> type[Raw]:

@@ -143,7 +143,7 @@ class Ros1Transport(Transport):
             raise TransportError(f'this process has the ROS 1 transport "{_open.name}"; close that one first')
         self.node = importlib.import_module("catenary.crtk.ros1.node").node(name, master_uri(uri))
         self._services: list[str] = []
-        self.node.on_shutdown = self.inbox.close  # ends `spin`
+        self.node.on_shutdown = self.inbox.close
         _open = self
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Ros1Publisher:

@@ -83,9 +83,9 @@ class Diagnostics:
 OF_RAVEN = (JOINT_ENC, EXT_JPOS)
 
 
-def has_encoders(plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> bool:
-    """Return whether a plant's telemetry holds what external encoders read, as topics carry it."""
-    return {topic.columns[0].name for topic in topics} <= {c.name for c in plant.columns}
+def has_encoders(plant: Plant) -> bool:
+    """Return whether a plant's telemetry holds what a RAVEN-II's external encoders read."""
+    return {topic.columns[0].name for topic in OF_RAVEN} <= {c.name for c in plant.columns}
 
 
 class ServedEncoders:
