@@ -204,7 +204,7 @@ def test_jaws_open_by_their_own_verbs(robot):
     robot.tick(20)
     assert_allclose(robot.last("jaw/setpoint_js").position, [opening - 0.01], atol=1e-9)
     robot.joints("jaw/move_jp", [opening])
-    robot.tick(2000)
+    robot.tick(800)
     assert_allclose(robot.last("jaw/setpoint_js").position, [opening], atol=1e-9)
 
 
@@ -225,7 +225,7 @@ def test_a_move_to_where_the_arm_is_is_busy_too(robot, verb):
         robot.say(verb, pose_message(robot.server.arms["gold"].tool.pose(robot.setpoint), 0, "base"))
     else:
         robot.joints(verb, robot.setpoint if verb == "move_jp" else np.zeros(7))
-    robot.tick(1500)
+    robot.tick(900)
     busy = [one.message.is_busy for one in heard.take()]
     assert busy[0]
     assert not busy[-1]

@@ -213,15 +213,8 @@ def told(story: str, dialect: str = "raven") -> ServedRobot:
         elif word == "an":
             old_commands(robot, 1)
         else:
-            later(robot, int(word))
+            robot.later(int(word))
     return robot
-
-
-def later(robot: ServedRobot, milliseconds: int) -> None:
-    """Let time pass, in ticks of 5 ms: who is connected is looked at ten times a second."""
-    for _ in range(milliseconds // 5):
-        robot.clock.sleep(0.005)
-        robot.server.tick()
 
 
 @pytest.mark.parametrize(("story", "state"), STORIES.values(), ids=STORIES)
@@ -240,30 +233,30 @@ def test_an_arm_that_was_paused_is_told_of_and_obeys_whoever_comes_next() -> Non
     assert robot.state() == "PAUSED"
     assert "program moved it and is gone" in robot.server.reports.kinds["gold: paused"].text
     robot.command("resume")
-    later(robot, 500)
+    robot.later(500)
     assert robot.state() == "ENABLED"
 
 
 def test_increments_end_with_the_program_that_sent_them() -> None:
     robot = told("goes, 250")
     held = robot.setpoint
-    later(robot, 1000)
+    robot.later(1000)
     assert_array_equal(robot.setpoint, held)
 
 
 def test_another_program_takes_over() -> None:
     robot = told("goes, 1000")
     robot.joints("servo_jr", shoulder(1e-4))
-    later(robot, 4000)
+    robot.later(4000)
     assert robot.state() == "ENABLED"
 
 
 def test_a_connection_that_is_made_again_in_time_changes_nothing() -> None:
     robot, program = moved()
     publisher_of(robot).is_connected = False
-    later(robot, 2000)
+    robot.later(2000)
     publisher_of(robot).is_connected = True
-    later(robot, 4000)
+    robot.later(4000)
     assert robot.state() == "ENABLED"
     assert program.is_up()
 

@@ -63,13 +63,6 @@ def test_a_joint_state_is_the_bytes_that_ros_describes() -> None:
 
 
 @both
-@given(st.sampled_from([*sorted(MESSAGES), *HALVES]), st.integers(0, 2**32 - 1))
-@settings(deadline=None)
-def test_bytes_of_random_messages_are_rosbags_and_read_back(encoding: Encoding, name: str, seed: int) -> None:
-    check(name, encoding, random_message(name, np.random.default_rng(seed)))
-
-
-@both
 @pytest.mark.parametrize("name", [*MESSAGES, *HALVES])
 def test_bytes_of_every_type_are_rosbags_and_read_back(encoding: Encoding, name: str) -> None:
     rng = np.random.default_rng(7)
@@ -106,7 +99,7 @@ def test_numbers_stand_where_they_belong_behind_texts_of_any_length(encoding, fr
 
 
 @both
-@given(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=300))
+@given(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=300) | st.just(b"\xff" * 400))  # lengths of 4 G
 @settings(deadline=None)
 def test_bytes_that_are_no_message_raise_no_other_error(encoding: Encoding, name: str, data: bytes) -> None:
     with contextlib.suppress(FileFormatError):
@@ -188,10 +181,3 @@ def test_a_time_before_1970_has_no_bytes_in_ros_1() -> None:
 def test_a_message_of_another_type_is_refused(encoding: Encoding) -> None:
     with pytest.raises(InputError, match="expected a message sensor_msgs/JointState"):
         codec(JOINTS, encoding).encode(message_class("std_msgs/String")())
-
-
-@pytest.mark.parametrize("name", MESSAGES)
-def test_hostile_lengths_cost_no_more_than_the_bytes_that_came(name: str) -> None:
-    """Every word a length of 4 G."""
-    with contextlib.suppress(FileFormatError):
-        codec(name).decode(b"\xff" * 400)

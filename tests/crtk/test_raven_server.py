@@ -27,9 +27,9 @@ def robot() -> ServedRobot:
 
 
 def test_who_comes_late_hears_the_state_that_there_is_first(robot):
-    robot.tick(2000)  # nobody listens
+    robot.tick(300)  # nobody listens
     robot.command("pause")
-    robot.tick(2000)
+    robot.tick(300)
     heard = robot.hear("operating_state")
     first = heard.take()[0]
     assert first.message.state == "PAUSED"
@@ -230,7 +230,7 @@ def test_automove_moves_the_tool_in_micrometres_of_frame_0(robot):
 
 
 def test_setpoints_stop_at_the_joint_limits(robot):
-    for _ in range(2000):
+    for _ in range(round(robot.setpoint[0] / 0.0025) + 50):
         robot.joints("servo_jr", shoulder(-0.0025))
         robot.tick()
     assert_allclose(robot.setpoint[0], robot.plant.lower[0], atol=EXACT)

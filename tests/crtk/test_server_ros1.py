@@ -208,28 +208,6 @@ def test_a_client_like_crtks_enables_servos_and_moves(tmp_path: Path):
         assert found["took"] > 0.2  # it waited for the move, not for a state from before
 
 
-LISTEN = f"""{CLIENT}
-state = Latest("/operating_state", "crtk_msgs/operating_state")
-until(state)
-from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
-answer = transport.call(BUTTON, BUTTON_TYPE, timeout=PATIENCE)
-print(json.dumps([state().state, answer.success, answer.message]))
-"""
-
-
-@pytest.mark.slow
-def test_a_master_that_dies_and_returns_finds_the_server_again(tmp_path: Path):
-    with running_master(tmp_path) as master, serving(master) as server:
-        master.kill()
-        while json.loads(server.line())["is_up"]:
-            pass
-        master.start()
-        while not json.loads(server.line())["is_up"]:
-            pass
-        with Program(master, LISTEN, "client") as client:
-            assert json.loads(client.line()) == ["PAUSED", False, "gold: the arm is PAUSED already"]
-
-
 def test_without_a_master_serving_ends_with_its_uri(tmp_path: Path):
     from ros import require_ros1
 

@@ -63,13 +63,10 @@ class LoopbackNetwork:
         return found
 
     def forget(self, name: str) -> None:
-        """Remove a transport with its topics and services."""
+        """Remove a transport with its services."""
         with self.lock:
             self.transports.pop(name, None)
             self.services = {key: one for key, one in self.services.items() if one.transport.name != name}
-            for topic in self.topics.values():
-                topic.publishers.pop(name, None)
-                topic.heard.pop(name, None)
 
 
 class LoopbackPublisher(Publisher):
@@ -187,12 +184,9 @@ class Loopback(Transport):
                 for name, topic in self.network.topics.items()
             }
 
-    def is_up(self) -> bool:
-        """Return whether it is open."""
-        return not self.inbox.closed
-
     def close(self) -> None:
         """Leave the network."""
         if not self.inbox.closed:
+            self._end_topics()
             self.network.forget(self.name)
         super().close()

@@ -131,8 +131,6 @@ class Transport(ABC):
         """Return a publisher of a topic.
 
         Args:
-            topic: Its name; one without a leading slash gets it.
-            type_name: Message type, such as sensor_msgs/JointState.
             latch: Give the last message to whoever subscribes later.
             queue: Messages that wait for a peer that does not keep up.
 
@@ -154,9 +152,6 @@ class Transport(ABC):
         """Begin to receive: the subscription's `take` gives what has come.
 
         Args:
-            topic: Its name; one without a leading slash gets it.
-            type_name: Message type, such as sensor_msgs/JointState.
-            depth: Messages that wait at most.
             largest: Bytes beyond which a message is dropped and counted, undecoded.
 
         Raises:
@@ -216,9 +211,9 @@ class Transport(ABC):
         """Return programs that went from a topic without ending it, as a crash does, where that can be told."""
         return frozenset()
 
-    @abstractmethod
     def is_up(self) -> bool:
         """Return whether it is open, and whatever brings peers together (ROS 1's master) answers."""
+        return not self.inbox.closed
 
     def now(self) -> int:
         """Return the time [ns], as it goes into stamps; it may be set back and forth."""
@@ -244,6 +239,13 @@ class Transport(ABC):
     def close(self) -> None:
         """End all publishers, subscriptions and services."""
         self.inbox.close()
+
+    def _end_topics(self) -> None:
+        for publisher in self._publishers.values():
+            publisher.close()
+        with self._heard_lock:
+            while self._heard:
+                self._heard.popitem()[1].end()
 
     def __enter__(self) -> Self:
         return self

@@ -101,8 +101,6 @@ def make_server(
     """Put a robot behind a transport; nothing moves before its ticks.
 
     Args:
-        serving: What is served.
-        transport: What carries the messages.
         rate_hz: At which states are published; the robot's own rate divided by a whole number.
         plants: The arms, in place of simulated ones that `serving` describes.
     """
@@ -185,10 +183,8 @@ def serve(
     after a stall nothing runs faster than it should for long.
 
     Args:
-        server: What is served.
         commands: From a person, put in by any thread, obeyed between two ticks: "button", or a state command for all
             arms.
-        show: Called once a second.
         duration: [s]; None for ever.
 
     Returns:

@@ -1,7 +1,8 @@
 """The shape of each link of an arm: as its file shows it, or tubes from joint to joint, from its kinematics alone."""
 
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -123,17 +124,7 @@ class ArmShapes:
     length: float  # [m] of the arm from end to end of its chain: how large everything about it is drawn
 
 
-@dataclass
-class _Parts:
-    """Tubes by link; -1 is the base."""
-
-    found: dict[int, list[Mesh]] = field(default_factory=dict)
-
-    def add(self, link: int, mesh: Mesh) -> None:
-        self.found.setdefault(link, []).append(mesh)
-
-    def mesh(self, link: int) -> Mesh | None:
-        return joined(self.found[link]) if link in self.found else None
+_Parts = defaultdict[int, list[Mesh]]  # tubes by link; -1 is the base
 
 
 def arm_shapes(model: RobotModel) -> ArmShapes:
@@ -145,7 +136,7 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
     """
     length = arm_length(model)
     radius = THICKNESS * length
-    parts = _Parts()
+    parts: _Parts = defaultdict(list)
     spherical = _spherical_joints(model, NEAR * length)
     if spherical:
         _draw_spherical(model, parts, spherical, radius)
@@ -162,12 +153,12 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
             axis = model.tree.axis[link]
             # a wrist's hubs lie in one another: thinner ones at the end of the chain
             size = radius * (1.25 if children.get(link) else 2.0 * TIP)
-            parts.add(link, tube(np.outer([-HUB / 2.0, HUB / 2.0], axis) * size, size))
+            parts[link].append(tube(np.outer([-HUB / 2.0, HUB / 2.0], axis) * size, size))
     frame = model.frame()
     if np.linalg.norm(frame.pose.position) > NEAR * length:
-        parts.add(frame.link, tube([np.zeros(3), frame.pose.position], TIP * radius))
-    links = tuple(parts.mesh(link) or _point(radius) for link in range(n))
-    return ArmShapes(links, parts.mesh(-1), length)
+        parts[frame.link].append(tube([np.zeros(3), frame.pose.position], TIP * radius))
+    links = tuple(joined(parts[link]) if parts[link] else _point(radius) for link in range(n))
+    return ArmShapes(links, joined(parts[-1]) if parts[-1] else None, length)
 
 
 def arm_length(model: RobotModel) -> float:
@@ -204,9 +195,9 @@ def _draw_way(model: RobotModel, parts: _Parts, link: int, child: int, radius: f
         axis = tree.rotation[child] @ tree.axis[child]
         low, high = _travel(model, child)
         if high - low > near:
-            parts.add(link, tube(origin + np.outer([low, high], axis), 0.6 * radius))
+            parts[link].append(tube(origin + np.outer([low, high], axis), 0.6 * radius))
     if np.linalg.norm(origin) > near:
-        parts.add(link, tube([np.zeros(3), origin], radius))
+        parts[link].append(tube([np.zeros(3), origin], radius))
 
 
 def _spherical_joints(model: RobotModel, near: float) -> list[int]:
@@ -234,16 +225,16 @@ def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius:
     # unit vectors to the hubs of joint i and i + 1, both in the frame of link i: axes turn nothing about themselves
     toward = np.sign(middle) * (tree.rotation[slider] @ tree.axis[slider])
     rail_end = (max(abs(low), abs(high)) / abs(middle)) * abs(middle) * toward
-    parts.add(joints[-1], tube([size * toward, rail_end], 0.8 * radius))
+    parts[joints[-1]].append(tube([size * toward, rail_end], 0.8 * radius))
     for joint in reversed(joints):
         axis = tree.axis[joint]
         hub = axis if axis @ toward > 0.0 else -axis
-        parts.add(joint, tube(size * _arc(hub, toward), 0.8 * radius))
-        parts.add(joint, tube(np.outer([size - HUB * radius, size + HUB * radius], hub), 1.3 * radius))
+        parts[joint].append(tube(size * _arc(hub, toward), 0.8 * radius))
+        parts[joint].append(tube(np.outer([size - HUB * radius, size + HUB * radius], hub), 1.3 * radius))
         toward = tree.rotation[joint] @ hub
     centre = tree.origin[joints[0]]
     foot = centre + 1.35 * size * toward
-    parts.add(-1, tube([centre + (size + HUB * radius) * toward, foot], 1.6 * radius))
+    parts[-1].append(tube([centre + (size + HUB * radius) * toward, foot], 1.6 * radius))
 
 
 def _arc(a: Floats, b: Floats) -> Floats:
@@ -281,16 +272,16 @@ def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
 
 def described_shapes(shapes: tuple[Shape, ...], model: RobotModel, tubes: ArmShapes) -> ArmShapes:
     """Return forms fixed to links as one mesh a link; a link without any is a point at its joint."""
-    found: dict[int, list[Mesh]] = {}
+    found: _Parts = defaultdict(list)
     for shape in shapes:
         mesh = form_mesh(shape.form)
         if mesh is not None:
             vertices = mesh.vertices @ shape.pose.rotation.T + shape.pose.position
-            found.setdefault(shape.link, []).append(Mesh(vertices, mesh.faces))
+            found[shape.link].append(Mesh(vertices, mesh.faces))
     length = arm_length(model)
     speck = tube([[0.0, 0.0, -1e-3 * length], [0.0, 0.0, 1e-3 * length]], 1e-3 * length)
-    links = tuple(joined(found.get(link, [speck])) for link in range(len(model.link_names)))
-    base = joined(found[-1]) if -1 in found else tubes.base
+    links = tuple(joined(found[link] or [speck]) for link in range(len(model.link_names)))
+    base = joined(found[-1]) if found[-1] else tubes.base
     return ArmShapes(links, base, length)
 
 

@@ -38,14 +38,11 @@ def view_state(
 
     Args:
         snapshot: Of a robot whose first n joints are the model's.
-        n: Number of the model's joints.
         feedback: (n,) torque of the PD term [Nm|N].
         assumed: (3,) gravity that the controller goes by [m/s2].
         actual: (3,) gravity as it is [m/s2].
         nominal_hz: At which ticks should come.
         mode: What the robot does, in words; its operating state when empty.
-        notes: Further warnings, after the snapshot's own.
-        values: Of the page's controls.
     """
     state = unknown_state(n)
     of_joints = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot), "feedback": feedback}

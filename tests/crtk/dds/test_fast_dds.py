@@ -87,14 +87,3 @@ def test_the_last_state_of_fast_dds_reaches_a_late_listener_as_an_old_one(robot:
     (one,) = heard.take_arrivals(PATIENCE)
     assert (one.message.string, one.is_first) == ("last", True)
     assert one.sent <= one.time
-
-
-def test_a_listener_of_fast_dds_that_asks_for_more_is_named_on_both_sides(
-    robot: Any, fast: FastPeer, caplog: pytest.LogCaptureFixture
-) -> None:
-    robot.publisher("/state", TEXT)
-    fast.tell("listen", "rt/state", dds_type(TEXT), "reliable", "latched")
-    assert fast.line("incompatible rt/state") == "incompatible rt/state 2"  # DDS's number of durability
-    until(lambda: caplog.records)
-    assert "hears nothing of /robot: it asks for reliable, transient local" in caplog.text
-    assert "(durability)" in caplog.text

@@ -281,21 +281,12 @@ class DdsTransport(Transport):
             if own is not None:
                 yield own, kind, end
 
-    def is_up(self) -> bool:
-        """Return whether it is open; ROS 2 has no master."""
-        return not self.inbox.closed
-
     def close(self) -> None:
         """End the node."""
         if self.inbox.closed:
             return
         super().close()
-        for publisher in self._publishers.values():
-            publisher.close()
         self.program.each_look = None
+        self._end_topics()
         self._services.close()
-        with self.program.lock:
-            for topic in self._heard.values():
-                topic.end()
-            self._heard.clear()
         self.program.close()

@@ -225,9 +225,6 @@ class Ros1Transport(Transport):
         self.node.on_shutdown = lambda: None
         if was_shut_down:
             return  # rospy has ended everything
-        for publisher in self._publishers.values():
-            publisher.close()
-        for topic in self._heard.values():
-            topic.end()
+        self._end_topics()
         for service in self._services:
             self.node.end_service(service)

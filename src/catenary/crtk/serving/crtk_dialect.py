@@ -49,7 +49,6 @@ class CrtkDialect(Dialect):
         """Speak for arms.
 
         Args:
-            arms: By name.
             listed: Topics of which those are spoken that the arms have; a RAVEN-II's when None.
         """
         all_topics = topics("crtk") if listed is None else listed

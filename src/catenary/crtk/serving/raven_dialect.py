@@ -112,7 +112,6 @@ class RavenDialect(Dialect):
         """Speak for arms of seven joints, both of them.
 
         Args:
-            arms: Gold and green.
             torque_arm: Whose `servo_jp` carries torques of its motors [mNm], as the UW's torque controller uses it.
         """
         for name in ("gold", "green"):

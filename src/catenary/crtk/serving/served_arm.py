@@ -145,11 +145,6 @@ class ServedArm:
         """Take over a plant.
 
         Args:
-            plant: The arm.
-            dialect: Whose rules its states follow.
-            reports: Where troubles go.
-            arm: Which of the robot's arms it is.
-            tool: Its kinematics.
             gravity_torque: What holds it still, for the compensation that CRTK's clients may ask for.
         """
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque

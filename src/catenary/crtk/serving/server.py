@@ -153,10 +153,6 @@ class Server:
         """Publish and subscribe; nothing moves before `tick`.
 
         Args:
-            transport: What carries the messages; it stays the caller's to close.
-            arms: What is served.
-            dialect: How.
-            reports: Where troubles go.
             button: Offer the RAVEN-II's silver button as a service.
             publish_every: Ticks from one publication to the next.
             encoders: External ones at an arm's joints, which have topics of their own.
