@@ -22,92 +22,7 @@ from view.connected import page_of_an_arm
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
-LEVEL_BASE, SENSED = "PD + gravity of a level base (SG)", "PD + sensed gravity (DG)"
-
-
-@pytest.fixture(scope="module")
-def looked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LookedAtPage]:
-    """The page of a simulated RAVEN-II with a model, at rest; one for all tests, each of which leaves it as it was."""
-    model = model_of_positions(tmp_path_factory.mktemp("model") / "arm.npz")
-    with view("raven2", "--model", model) as url, looked_at(url) as looked:
-        looked.choose("controller", SENSED)
-        rest(looked)
-        yield looked
-        assert looked.complaints == []
-        assert looked.foreign == []
-
-
-def rest(looked: LookedAtPage) -> None:
-    looked.tab("Drive")
-    looked.choose("motion", "rest")
-    looked.wait_for_text("ENABLED, homed: rest")
-
-
-def test_the_reported_and_the_calibrated_arm_are_seen_apart_and_the_reported_one_goes_where_its_slider_is(
-    looked: LookedAtPage,
-) -> None:
-    looked.wait_for_color(0.004, more=2, than=(0, 1))  # blue where only the reported arm is
-    looked.wait_for_color(0.004, more=1, than=(0, 2))  # green where only the calibrated one is
-    looked.wait_until(lambda: abs(looked.joint("elbow", 0) - looked.joint("elbow", 1)) > 4.0)  # encoders' zero: 7.5 deg
-    before = looked.picture()
-    goal = looked.joint("shoulder") + (20.0 if looked.joint("shoulder") < 45.0 else -20.0)
-    looked.set_slider("shoulder [deg]", round(goal))
-    looked.wait_for_joint("shoulder", round(goal), within=2.0)
-    looked.wait_until(lambda: np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01)
-    rest(looked)
-
-
-def test_run_levels_pause_enable_and_home(looked: LookedAtPage) -> None:
-    looked.tab("Drive")
-    looked.press("pause")
-    looked.wait_for_text("PAUSED, homed")
-    looked.press("enable")
-    looked.wait_for_text("ENABLED, homed: rest")
-    looked.press("home")
-    looked.wait_for_text("homing")
-    looked.wait_for_text("ENABLED, homed: rest")
-
-
-def test_tilted_base_turns_sensed_gravity_and_only_one_controller_knows(looked: LookedAtPage) -> None:
-    looked.tab("Surroundings")
-    looked.set_slider("base roll [deg]", 30.0)
-    looked.set_slider("base pitch [deg]", -20.0)
-    expected, level = tilted_gravity(*np.deg2rad([30.0, -20.0])), tilted_gravity(0.0, 0.0)
-    looked.wait_until(lambda: np.abs(gravity(looked) - expected).max() < 0.3)
-    looked.wait_until(lambda: apart(looked) < 1.0)
-    looked.tab("Drive")
-    looked.choose("controller", LEVEL_BASE)
-    angle = np.rad2deg(np.arccos(expected @ level / (level @ level)))
-    looked.wait_until(lambda: abs(apart(looked) - angle) < 2.0)
-    looked.choose("controller", SENSED)
-    looked.tab("Surroundings")
-    looked.set_slider("base roll [deg]", 0.0)
-    looked.set_slider("base pitch [deg]", 0.0)
-    looked.wait_until(lambda: np.abs(gravity(looked) - level).max() < 0.3)
-
-
-def gravity(looked: LookedAtPage) -> np.ndarray:
-    found = re.search(r"gravity measured: (\S+), (\S+), (\S+) m/s", looked.words())
-    assert found is not None
-    return np.array([float(text.replace("−", "-")) for text in found.groups()])
-
-
-def apart(looked: LookedAtPage) -> float:
-    found = re.search(r"(\S+) deg apart", looked.words())
-    return np.nan if found is None else float(found[1])
-
-
-def test_switched_on_the_model_puts_the_calibrated_joint_where_the_slider_says(looked: LookedAtPage) -> None:
-    looked.tab("Drive")
-    looked.set_slider("elbow [deg]", 60.0)
-    looked.wait_until(lambda: abs(looked.joint("elbow", 0) - 60.0) < 0.7 < abs(looked.joint("elbow", 1) - 60.0))
-    looked.tab("Model")
-    looked.tick("the loop goes by the model")
-    looked.wait_until(lambda: abs(looked.joint("elbow", 1) - 60.0) < 0.7 < abs(looked.joint("elbow", 0) - 60.0))
-    looked.tick("the loop goes by the model")
-    rest(looked)
-
-
+# those with a browser of their own come first: Playwright runs once at a time
 RATE = "100"  # Hz at which its state comes; a browser drawn in software is no real-time system
 SERVE = ("serve", "--ros", "2", "--homed", "--start", "--rate", RATE, "--json")
 CONTROL = ("view", "raven2", "--ros", "2", "--port", "18300", "--no-notes", "--control", "--simulated")
@@ -226,3 +141,89 @@ def test_other_pages_and_names_of_this_machine_reach_nothing() -> None:
         assert len(served) >= 18
         assert {answer.status for answer in served} == {403}
         assert page.changes() == []
+
+
+LEVEL_BASE, SENSED = "PD + gravity of a level base (SG)", "PD + sensed gravity (DG)"
+
+
+@pytest.fixture(scope="module")
+def looked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LookedAtPage]:
+    """The page of a simulated RAVEN-II with a model, at rest; one for all tests, each of which leaves it as it was."""
+    model = model_of_positions(tmp_path_factory.mktemp("model") / "arm.npz")
+    with view("raven2", "--model", model) as url, looked_at(url) as looked:
+        looked.choose("controller", SENSED)
+        rest(looked)
+        yield looked
+        assert looked.complaints == []
+        assert looked.foreign == []
+
+
+def rest(looked: LookedAtPage) -> None:
+    looked.tab("Drive")
+    looked.choose("motion", "rest")
+    looked.wait_for_text("ENABLED, homed: rest")
+
+
+def test_the_reported_and_the_calibrated_arm_are_seen_apart_and_the_reported_one_goes_where_its_slider_is(
+    looked: LookedAtPage,
+) -> None:
+    looked.wait_for_color(0.004, more=2, than=(0, 1))  # blue where only the reported arm is
+    looked.wait_for_color(0.004, more=1, than=(0, 2))  # green where only the calibrated one is
+    looked.wait_until(lambda: abs(looked.joint("elbow", 0) - looked.joint("elbow", 1)) > 4.0)  # encoders' zero: 7.5 deg
+    before = looked.picture()
+    goal = looked.joint("shoulder") + (20.0 if looked.joint("shoulder") < 45.0 else -20.0)
+    looked.set_slider("shoulder [deg]", round(goal))
+    looked.wait_for_joint("shoulder", round(goal), within=2.0)
+    looked.wait_until(lambda: np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01)
+    rest(looked)
+
+
+def test_run_levels_pause_enable_and_home(looked: LookedAtPage) -> None:
+    looked.tab("Drive")
+    looked.press("pause")
+    looked.wait_for_text("PAUSED, homed")
+    looked.press("enable")
+    looked.wait_for_text("ENABLED, homed: rest")
+    looked.press("home")
+    looked.wait_for_text("homing")
+    looked.wait_for_text("ENABLED, homed: rest")
+
+
+def test_tilted_base_turns_sensed_gravity_and_only_one_controller_knows(looked: LookedAtPage) -> None:
+    looked.tab("Surroundings")
+    looked.set_slider("base roll [deg]", 30.0)
+    looked.set_slider("base pitch [deg]", -20.0)
+    expected, level = tilted_gravity(*np.deg2rad([30.0, -20.0])), tilted_gravity(0.0, 0.0)
+    looked.wait_until(lambda: np.abs(gravity(looked) - expected).max() < 0.3)
+    looked.wait_until(lambda: apart(looked) < 1.0)
+    looked.tab("Drive")
+    looked.choose("controller", LEVEL_BASE)
+    angle = np.rad2deg(np.arccos(expected @ level / (level @ level)))
+    looked.wait_until(lambda: abs(apart(looked) - angle) < 2.0)
+    looked.choose("controller", SENSED)
+    looked.tab("Surroundings")
+    looked.set_slider("base roll [deg]", 0.0)
+    looked.set_slider("base pitch [deg]", 0.0)
+    looked.wait_until(lambda: np.abs(gravity(looked) - level).max() < 0.3)
+
+
+def gravity(looked: LookedAtPage) -> np.ndarray:
+    found = re.search(r"gravity measured: (\S+), (\S+), (\S+) m/s", looked.words())
+    assert found is not None
+    return np.array([float(text.replace("−", "-")) for text in found.groups()])
+
+
+def apart(looked: LookedAtPage) -> float:
+    found = re.search(r"(\S+) deg apart", looked.words())
+    return np.nan if found is None else float(found[1])
+
+
+def test_switched_on_the_model_puts_the_calibrated_joint_where_the_slider_says(looked: LookedAtPage) -> None:
+    looked.tab("Drive")
+    looked.set_slider("elbow [deg]", 60.0)
+    looked.wait_until(lambda: abs(looked.joint("elbow", 0) - 60.0) < 0.7 < abs(looked.joint("elbow", 1) - 60.0))
+    looked.tab("Model")
+    looked.tick("the loop goes by the model")
+    looked.wait_until(lambda: abs(looked.joint("elbow", 1) - 60.0) < 0.7 < abs(looked.joint("elbow", 0) - 60.0))
+    looked.tick("the loop goes by the model")
+    rest(looked)

@@ -153,7 +153,7 @@ class Subscription:
                     self._latched[origin.process] = origin.connection, data
                     first = last is None or last[0] is not origin.connection
                     renewed = first and last is not None
-                    if last is not None and renewed and self._is_same(data, last[1]):
+                    if last is not None and renewed and data[self._behind_seq :] == last[1][self._behind_seq :]:
                         self.repeated += 1
                         return
             self._waiting.append(Arrival(data, time, process, first, renewed, sent))
@@ -200,9 +200,6 @@ class Subscription:
             leave, self._leave = self._leave, None
         if leave is not None:
             leave()
-
-    def _is_same(self, data: Any, other: Any) -> bool:
-        return bool(data[self._behind_seq :] == other[self._behind_seq :])
 
     def _decoded(self, arrival: Arrival) -> Arrival | None:
         try:

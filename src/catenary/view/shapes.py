@@ -12,18 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import CatenaryError, FileFormatError
 from catenary.robots.catalog import robot_names
-from catenary.robots.geometry import (
-    Ball,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Form,
-    HalfSpace,
-    MeshFile,
-    Shape,
-    TriangleMesh,
-)
+from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Form, HalfSpace, MeshFile, Shape, TriangleMesh
 from catenary.robots.model import RobotModel
 from catenary.robots.shapes import described_geometry
 
@@ -303,12 +292,8 @@ def form_mesh(form: Form) -> Mesh | None:
     if isinstance(form, Box):
         return _mesh(trimesh.creation.box(extents=(form.x, form.y, form.z)))
     ball = trimesh.creation.icosphere(subdivisions=2)
-    size = np.full(3, form.radius) if isinstance(form, Ball) else np.array(_axes(form))
+    size = np.full(3, form.radius) if isinstance(form, Ball) else np.array((form.x, form.y, form.z))
     return Mesh(np.asarray(ball.vertices) * size, np.asarray(ball.faces, dtype=np.uint32))
-
-
-def _axes(form: Ellipsoid) -> tuple[float, float, float]:
-    return form.x, form.y, form.z
 
 
 def _read(path: Path, scale: tuple[float, float, float]) -> Mesh:

@@ -21,6 +21,7 @@ from cyclonedds.idl import types as idl
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from catenary.crtk.message import HEADER
 from catenary.errors import InputError
 from catenary.recording.messages import SERVICES, Field, current_name, fields, ros2_name, typestore
 
@@ -159,12 +160,8 @@ def half_type(service: str, half: str) -> type[Raw]:
 
 
 def _members(name: str) -> dict[str, Any]:
-    listed = {field.name: _member(field) for field in fields(name) if not _is_dropped(name, field)}
-    return listed or dict(_EMPTY)
-
-
-def _is_dropped(name: str, field: Field) -> bool:
-    return name == "std_msgs/Header" and field.name == "seq"  # which ROS 2's has not
+    dropped = "seq" if name == HEADER else ""  # which ROS 2's has not
+    return {field.name: _member(field) for field in fields(name) if field.name != dropped} or dict(_EMPTY)
 
 
 def _member(field: Field) -> Any:

@@ -154,10 +154,6 @@ def _moved(arm: ServedArm, message: Message) -> Pose:
     return Pose(step.rotation @ start.rotation, start.position + step.position)
 
 
-def _twist(message: Message) -> Floats:
-    return np.array([*message.twist.linear, *message.twist.angular])
-
-
 def _servo_cr(arm: ServedArm, message: Message) -> None:
     step = pose_of(message)
     moves.servo_pose_increment(arm, step.position, rotation_vector(step.rotation))
@@ -170,7 +166,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
     "servo_cp": lambda arm, message: moves.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
-    "servo_cv": lambda arm, message: moves.servo_twist(arm, _twist(message)),
+    "servo_cv": lambda arm, message: moves.servo_twist(arm, np.array([*message.twist.linear, *message.twist.angular])),
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),
