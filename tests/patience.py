@@ -5,8 +5,10 @@ after PATIENCE. Programs under test have limits of their own, for real robots on
 is not what a test is about, it is lengthened.
 """
 
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 PATIENCE = 60.0  # [s]
@@ -18,6 +20,24 @@ def until(claim: Callable[[], object], *, every: float = 0.002, seconds: float =
     while not claim():
         assert time.monotonic() < end, f"it did not come true in {seconds:g} s"
         time.sleep(every)
+
+
+@contextmanager
+def polled(transport: Any) -> Iterator[None]:
+    """Have a transport's services run in a thread, as a server that ticks does."""
+    ended = threading.Event()
+
+    def poll() -> None:
+        while not ended.is_set() and not transport.inbox.closed:
+            transport.inbox.run(0.05)
+
+    thread = threading.Thread(target=poll, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def longer_limits() -> Iterator[tuple[Any, str, Any]]:

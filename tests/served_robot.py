@@ -70,6 +70,12 @@ class ServedRobot:
             self.clock.sleep(0.001)
             self.server.tick()
 
+    def later(self, milliseconds: int) -> None:
+        """Let time pass in ticks of 5 ms, where nothing moves: who is connected is looked at ten times a second."""
+        for _ in range(milliseconds // 5):
+            self.clock.sleep(0.005)
+            self.server.tick()
+
     def name(self, verb: str, arm: Arm | None = "gold") -> str:
         """Of a topic."""
         return find_topic(self.dialect, verb, arm).name

@@ -31,6 +31,7 @@ OFTEN = 0.5  # of the server's ticks: of topics that come less often without a c
 RESUME, MOVE = 1.3, 1.5  # [s] from the beginning until the state command, and until commands
 COMMANDS = 100.0  # [Hz]
 STEP = 1e-5  # [rad] a command
+MOST = 100  # messages of a topic that are read at a time
 TURN = 1000  # commands, after which it goes the other way
 
 
@@ -115,8 +116,8 @@ class ClientTopic(Heard):
         self.subscription = transport.subscribe(topic, type_name, depth=100_000)
 
     def take(self) -> None:
-        """Take what has come."""
-        for message, arrived in self.subscription.take():
+        """Take what has come, not all of it where it comes faster than it is read: else this would never end."""
+        for message, arrived, *_ in self.subscription.take_arrivals(most=MOST):
             self.add(message[0].seq if self.counts else None, stamp_of(message) or 0, arrived)
             self.last = message
         self.overflowed = self.subscription.overflowed

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from catenary.crtk.inbox import Received, Subscription
-from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
 from catenary.crtk.ros1.transport import Ros1Transport
-from catenary.crtk.transport import Publisher, Spinner, Transport
+from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import CatenaryError, InputError, TransportError
-from patience import PATIENCE, until
+from patience import PATIENCE, polled
 from ros import NODE
 
 JOINT_STATE = "sensor_msgs/JointState"
@@ -36,7 +36,6 @@ def is_ros2(transport: Transport) -> bool:
 
 TRANSPORTS: dict[str, Callable[[], Transport]] = {
     "loopback": lambda: Loopback(NODE),
-    "loopback, threaded": lambda: Loopback(NODE, LoopbackNetwork(threaded=True)),
     "ROS 1": lambda: Ros1Transport(NODE),
     "ROS 2": lambda: dds_transport(NODE),
 }
@@ -127,42 +126,12 @@ def test_two_subscriptions_each_get_every_message(transport: Transport, topic: s
         assert [one.message.data for one in taken(subscription, 2)] == ["a", "b"]
 
 
-def test_callbacks_run_in_poll_and_in_its_thread_and_are_counted(transport: Transport, topic: str) -> None:
-    threads: list[Any] = []
-    subscription, publisher = pair(transport, topic, callback=lambda _: threads.append(threading.current_thread()))
-    assert transport.poll() == 0
-    publisher.publish(text("a"))
-    publisher.publish(text("b"))
-    until(lambda: len(subscription) >= 2)
-    assert threads == []
-    assert transport.poll() == 2
-    assert threads == [threading.current_thread()] * 2
-
-
-def test_a_spinner_runs_callbacks_in_a_thread_of_its_own(transport: Transport, topic: str) -> None:
-    done = threading.Event()
-    _, publisher = pair(transport, topic, callback=lambda _: done.set())
-    with Spinner(transport):
-        publisher.publish(text("a"))
-        assert done.wait(PATIENCE)
-
-
 def test_the_oldest_gives_way_and_is_counted_when_nobody_takes(transport: Transport, topic: str) -> None:
     subscription, publisher = pair(transport, topic, depth=3)
     for i in range(10):
         publisher.publish(text(str(i)))
     eventually(lambda: subscription.overflowed == 7, transport)
     assert [one.message.data for one in taken(subscription, 3)] == ["7", "8", "9"]
-
-
-def test_callbacks_get_what_is_left_after_an_overflow(transport: Transport, topic: str) -> None:
-    got: list[str] = []
-    subscription, publisher = pair(transport, topic, callback=lambda one: got.append(one.message.data), depth=3)
-    for i in range(10):
-        publisher.publish(text(str(i)))
-    until(lambda: subscription.overflowed >= 7)
-    eventually(lambda: len(got) == 3, transport)
-    assert got == ["7", "8", "9"]
 
 
 def test_a_late_subscription_gets_the_latched_message_once(transport: Transport, topic: str) -> None:
@@ -259,17 +228,8 @@ def test_a_name_that_is_none_is_refused(transport: Transport, name: str) -> None
         (lambda transport, topic: [transport.service(topic, TRIGGER, print) for _ in range(2)], "already"),
         (lambda transport, topic: transport.call(topic, TRIGGER, timeout=0.5), "nobody offers"),
         (lambda transport, topic: transport.subscribe(topic, TEXT, depth=0), "depth"),
-        (lambda transport, topic: transport.subscribe(topic, TEXT, print).take(), "callback"),
     ],
-    ids=[
-        "unknown message",
-        "unknown service",
-        "published twice",
-        "served twice",
-        "nobody serves",
-        "no depth",
-        "take beside a callback",
-    ],
+    ids=["unknown message", "unknown service", "published twice", "served twice", "nobody serves", "no depth"],
 )
 def test_misuse_is_refused(transport: Transport, topic: str, use: Any, complaint: str) -> None:
     with pytest.raises(CatenaryError, match=complaint):
@@ -291,13 +251,14 @@ def test_a_service_answers(transport: Transport, topic: str) -> None:
     threads = []
 
     def press(request: Any) -> Any:
-        threads.append(threading.current_thread().name)
+        threads.append(threading.current_thread())
         return response(success=True, message="pressed")
 
     transport.service(topic, TRIGGER, press)
-    with Spinner(transport):
+    with polled(transport):
         assert transport.call(topic, TRIGGER, timeout=PATIENCE) == (True, "pressed")
     assert len(threads) == 1
+    assert transport.poll() == 0
 
 
 def test_a_service_that_fails_says_why(transport: Transport, topic: str) -> None:
@@ -305,29 +266,13 @@ def test_a_service_that_fails_says_why(transport: Transport, topic: str) -> None
         raise InputError("the button is stuck")
 
     transport.service(topic, TRIGGER, press)
-    with Spinner(transport):
+    with polled(transport):
         if is_ros2(transport):  # which can tell it by the response only
             answer = transport.call(topic, TRIGGER, timeout=PATIENCE)
             assert answer == (False, "the button is stuck")
             return
         with pytest.raises(TransportError, match="the button is stuck"):
             transport.call(topic, TRIGGER, timeout=PATIENCE)
-
-
-def test_an_exception_in_a_callback_reaches_poll_and_spares_the_rest(transport, topic) -> None:
-    got = []
-
-    def fail_once(one: Received) -> None:
-        got.append(one.message.data)
-        if len(got) == 1:
-            raise RuntimeError("first")
-
-    _, publisher = pair(transport, topic, callback=fail_once)
-    publisher.publish(text("a"))
-    publisher.publish(text("b"))
-    with pytest.raises(RuntimeError, match="first"):
-        eventually(lambda: False, transport)
-    eventually(lambda: len(got) == 2, transport)
 
 
 def test_a_closed_transport_refuses_and_is_not_up(transport: Transport, topic: str) -> None:
@@ -345,4 +290,3 @@ def test_a_closed_transport_refuses_and_is_not_up(transport: Transport, topic: s
     ):
         with pytest.raises(TransportError, match="closed"):
             use()
-    transport.spin()  # returns at once

@@ -158,149 +158,115 @@ def moved(dialect: str = "raven", *, ticks: int = 20) -> tuple[ServedRobot, Loop
     return robot, program
 
 
-@pytest.mark.parametrize("dialect", ["raven", "crtk"])
-def test_an_arm_that_is_left_in_the_middle_of_a_motion_is_paused(dialect: str) -> None:
+def publisher_of(robot: ServedRobot) -> Any:
+    return robot.network.topics[robot.name("servo_jr")].publishers["program"]
+
+
+def old_commands(robot: ServedRobot, count: int = 200) -> None:
+    """Commands that were stamped when the server stood still, and are read late."""
+    for _ in range(count):
+        publisher_of(robot).publish(JointState(header(robot.clock.now() - 3 * SECOND), (), shoulder(1e-4)))
+        robot.tick(5)
+
+
+# what happens after a program has moved the arm: "goes", "stall SECONDS" (the server is stopped, or its computer
+# suspended), "old commands", or ticks; then the state in which the arm is left
+STORIES = {
+    "left in mid-motion": ("goes, 3150", "PAUSED"),
+    "left for less than three seconds": ("goes, 2900", "ENABLED"),
+    "a program that stays and says nothing": ("4000", "ENABLED"),
+    "ended behind its motion": ("700, goes, 4000", "ENABLED"),
+    "gone while the server stood still": ("stall 0.4, goes, 3200", "PAUSED"),
+    "gone while it stood still for long": ("stall 3600, goes, 3200", "PAUSED"),
+    "not yet missed after that": ("stall 12, goes, 2900", "ENABLED"),
+    "at rest before the server stood still": ("5000, stall 3, goes, 4000", "ENABLED"),
+    "refused commands are signs of life": ("old commands, goes, 3300", "PAUSED"),
+    "the clock set back": ("set -3600, goes, 3300", "PAUSED"),
+    "the clock set on": ("set 1, goes, 3300", "PAUSED"),
+}
+# over DDS nobody hears of a kill before the lease of ten seconds has run out; an end is told at once
+STORIES_OVER_DDS = {
+    "missed at once": ("50, goes, 3300", "PAUSED"),
+    "missed after its lease": ("10200, goes, 3300", "PAUSED"),
+    "ended behind its motion": ("5000, goes, 3300", "ENABLED"),
+    "at rest for longer than the lease": ("13000, goes, 3300", "ENABLED"),
+    "killed while the server stood still": ("stall 3, 7100, goes, 3300", "PAUSED"),
+    "the lease ran out while it stood still": ("stall 11, 100, goes, 3300", "PAUSED"),
+    "and long before": ("stall 25, 100, goes, 3300", "PAUSED"),
+    "a command that waited while it stood still is no younger": ("stall 3, an old command, 7000, goes, 3300", "PAUSED"),
+}
+
+
+def told(story: str, dialect: str = "raven") -> ServedRobot:
+    """A robot after a story."""
     robot, program = moved(dialect)
-    program.close()
-    robot.tick(2900)
-    assert robot.state() == "ENABLED"
-    robot.tick(250)
+    for event in story.split(", "):
+        word, _, number = event.partition(" ")
+        if word == "goes":
+            program.close()
+        elif word == "stall":
+            robot.clock.sleep(float(number))
+        elif word == "set":
+            robot.clock.ahead = int(number) * SECOND
+        elif word == "old":
+            old_commands(robot)
+        elif word == "an":
+            old_commands(robot, 1)
+        else:
+            robot.later(int(word))
+    return robot
+
+
+@pytest.mark.parametrize(("story", "state"), STORIES.values(), ids=STORIES)
+def test_an_arm_is_paused_whose_program_goes_in_the_middle_of_a_motion(story: str, state: str) -> None:
+    assert told(story).state() == state
+
+
+@pytest.mark.parametrize(("story", "state"), STORIES_OVER_DDS.values(), ids=STORIES_OVER_DDS)
+def test_over_dds_too_where_a_kill_is_noticed_late(monkeypatch: pytest.MonkeyPatch, story: str, state: str) -> None:
+    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
+    assert told(story).state() == state
+
+
+def test_an_arm_that_was_paused_is_told_of_and_obeys_whoever_comes_next() -> None:
+    robot = told("goes, 3150", "crtk")  # with a move of its own under way
     assert robot.state() == "PAUSED"
     assert "program moved it and is gone" in robot.server.reports.kinds["gold: paused"].text
-    robot.command("resume")  # whoever comes next
-    robot.tick(500)
+    robot.command("resume")
+    robot.later(500)
     assert robot.state() == "ENABLED"
 
 
 def test_increments_end_with_the_program_that_sent_them() -> None:
-    robot, program = moved()
-    program.close()
-    robot.tick(250)
+    robot = told("goes, 250")
     held = robot.setpoint
-    robot.tick(1000)
+    robot.later(1000)
     assert_array_equal(robot.setpoint, held)
 
 
-def test_a_program_that_stays_and_says_nothing_leaves_its_arm_enabled() -> None:
-    robot, _ = moved()
-    robot.tick(4000)
-    assert robot.state() == "ENABLED"
-
-
-def test_a_program_that_ends_behind_its_motion_leaves_its_arm_enabled() -> None:
-    robot, program = moved()
-    robot.tick(700)
-    program.close()
-    robot.tick(4000)
-    assert robot.state() == "ENABLED"
-
-
 def test_another_program_takes_over() -> None:
-    robot, program = moved()
-    program.close()
-    robot.tick(1000)
+    robot = told("goes, 1000")
     robot.joints("servo_jr", shoulder(1e-4))
-    robot.tick(4000)
+    robot.later(4000)
     assert robot.state() == "ENABLED"
 
 
 def test_a_connection_that_is_made_again_in_time_changes_nothing() -> None:
     robot, program = moved()
-    publisher = robot.network.topics[robot.name("servo_jr")].publishers["program"]
-    publisher.is_connected = False
-    robot.tick(2000)
-    publisher.is_connected = True
-    robot.tick(4000)
+    publisher_of(robot).is_connected = False
+    robot.later(2000)
+    publisher_of(robot).is_connected = True
+    robot.later(4000)
     assert robot.state() == "ENABLED"
     assert program.is_up()
-
-
-@pytest.mark.parametrize(
-    ("rested_ms", "state"), [(50, "PAUSED"), (10_200, "PAUSED"), (5_000, "ENABLED"), (13_000, "ENABLED")]
-)
-def test_a_killed_program_that_is_missed_after_its_lease_leaves_its_arm_paused(
-    monkeypatch: pytest.MonkeyPatch, rested_ms: int, state: str
-) -> None:
-    """Over DDS nobody hears of a kill before the lease of ten seconds has run out; an end is told at once."""
-    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
-    robot, program = moved()
-    robot.tick(rested_ms)
-    program.close()
-    robot.tick(3300)
-    assert robot.state() == state
-
-
-def stalled(robot: ServedRobot, seconds: float) -> None:
-    """Time passes, and the server does nothing: it is stopped, or its computer suspended."""
-    robot.clock.sleep(seconds)
-
-
-@pytest.mark.parametrize("seconds", [0.4, 3.0, 12.0, 3600.0])
-@pytest.mark.parametrize("dialect", ["raven", "crtk"])
-def test_an_arm_whose_program_went_while_the_server_stood_still_is_paused(dialect: str, seconds: float) -> None:
-    robot, program = moved(dialect)
-    stalled(robot, seconds)
-    program.close()
-    robot.tick(2900)
-    assert robot.state() == "ENABLED"
-    robot.tick(300)
-    assert robot.state() == "PAUSED"
-
-
-@pytest.mark.parametrize(("killed_after", "seconds"), [(0.1, 3.0), (0.1, 11.0), (0.1, 25.0)])
-def test_over_dds_an_arm_whose_program_was_killed_while_the_server_stood_still_is_paused(
-    monkeypatch: pytest.MonkeyPatch, killed_after: float, seconds: float
-) -> None:
-    """The lease of ten seconds runs on meanwhile, and is looked at when the server goes on."""
-    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
-    robot, program = moved()
-    stalled(robot, seconds)
-    robot.tick(max(100, round(1000 * (10.0 + killed_after - seconds))))
-    program.close()
-    robot.tick(3300)
-    assert robot.state() == "PAUSED"
-
-
-@pytest.mark.parametrize("by", [-3600, -1, 1, 3600])
-def test_an_arm_whose_program_goes_is_paused_also_where_the_clock_is_set(by: int) -> None:
-    robot, program = moved()
-    robot.clock.ahead = by * SECOND
-    program.close()
-    robot.tick(3300)
-    assert robot.state() == "PAUSED"
-
-
-def test_a_program_that_lets_its_arm_rest_before_the_server_stands_still_leaves_it_enabled() -> None:
-    robot, program = moved()
-    robot.tick(5000)
-    stalled(robot, 3.0)
-    program.close()
-    robot.tick(4000)
-    assert robot.state() == "ENABLED"
-
-
-def test_commands_that_are_refused_are_signs_of_life() -> None:
-    robot, program = moved()
-    publisher = robot.network.topics[robot.name("servo_jr")].publishers["program"]
-    for _ in range(200):  # stamped when the server stood still, and read late
-        publisher.publish(JointState(header(robot.clock.now() - 3 * SECOND), (), shoulder(1e-4)))
-        robot.tick(5)
-    program.close()
-    robot.tick(3300)
-    assert robot.state() == "PAUSED"
 
 
 def test_commands_that_are_refused_keep_no_other_program_out() -> None:
-    robot, program = moved()
-    publisher = robot.network.topics[robot.name("servo_jr")].publishers["program"]
+    robot = told("old commands")
     begin = robot.setpoint
-    for _ in range(200):
-        publisher.publish(JointState(header(robot.clock.now() - 3 * SECOND), (), shoulder(1e-4)))
-        robot.tick(5)
     robot.joints("servo_jr", shoulder(1e-3))
     robot.tick(10)
     assert robot.setpoint[0] == pytest.approx(begin[0] + 1e-3)
-    assert program.is_up()
 
 
 def test_a_program_that_crashes_leaves_its_arm_paused_also_when_it_was_silent_before(
@@ -308,12 +274,7 @@ def test_a_program_that_crashes_leaves_its_arm_paused_also_when_it_was_silent_be
 ) -> None:
     """Stopped (SIGSTOP) in the middle of a motion, then killed: ROS 1's master goes on listing it."""
     monkeypatch.setattr(Loopback, "lost", lambda self, topic: frozenset({"program"}))
-    robot, program = moved()
-    robot.tick(5000)
-    assert robot.state() == "ENABLED"
-    program.close()
-    robot.tick(3300)
-    assert robot.state() == "PAUSED"
+    assert told("5000, goes, 3300").state() == "PAUSED"
 
 
 @pytest.mark.parametrize("lapse", [0.0, 10.0])
@@ -322,27 +283,11 @@ def test_commands_that_wait_count_from_when_they_came(monkeypatch: pytest.Monkey
     monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
     robot, program = moved()
     for _ in range(1000):
-        robot.network.topics[robot.name("servo_jr")].publishers["program"].publish(JointState(position=shoulder(1e-6)))
+        publisher_of(robot).publish(JointState(position=shoulder(1e-6)))
     ticks = round(lapse * 200)
     for k in range(ticks + 700):
         if k == ticks:
             program.close()
         robot.clock.sleep(0.005)
         robot.server.tick()
-    assert robot.state() == "PAUSED"
-
-
-def test_a_command_that_came_before_the_server_stood_still_and_was_looked_at_after_it_is_no_younger(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Over DDS the lease runs from when DDS had it, and the program is missed sooner than by the server's count."""
-    monkeypatch.setattr(Loopback, "lapses", (0, 10 * SECOND, 20 * SECOND))
-    robot, program = moved()
-    stalled(robot, 3.0)
-    robot.network.topics[robot.name("servo_jr")].publishers["program"].publish(
-        JointState(header(robot.clock.now() - 3 * SECOND), (), shoulder(1e-4))
-    )
-    robot.tick(7_000)
-    program.close()
-    robot.tick(3_300)
     assert robot.state() == "PAUSED"

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catenary.crtk.inbox import Inbox, Received, Subscription
+from catenary.crtk.inbox import Inbox, Subscription
 from catenary.errors import FileFormatError
 from patience import PATIENCE
 
@@ -21,36 +21,13 @@ def test_what_was_taken_and_what_overflowed_is_what_came(steps: list[int], depth
     got, sent = [], 0
     for step in steps:
         if step:
-            one.push(sent, 0)
+            one.push((sent,), 0)
             sent += 1
         else:
             got += [received.message for received in one.take()]
     got += [received.message for received in one.take()]
     assert got == sorted(set(got))
     assert len(got) + one.overflowed == sent
-
-
-def test_callbacks_of_several_topics_run_in_the_order_of_arrival() -> None:
-    inbox, got = Inbox(), []
-    topics = [subscription(inbox, callback=lambda one, i=i: got.append((i, one.message))) for i in range(3)]
-    order = [0, 2, 1, 1, 0, 2, 2]
-    for count, i in enumerate(order):
-        topics[i].push(count, 0)
-    assert inbox.run() == len(order)
-    assert got == [(i, count) for count, i in enumerate(order)]
-
-
-def test_what_comes_in_a_callback_waits_for_the_next_run() -> None:
-    inbox, got = Inbox(), []
-
-    def again(one: Received) -> None:
-        got.append(one.message)
-        echo.push(one.message + 1, 0)
-
-    echo = subscription(inbox, callback=again)
-    echo.push(0, 0)
-    assert inbox.run() == 1
-    assert got == [0]
 
 
 def test_damaged_messages_are_left_out_and_counted() -> None:
@@ -64,16 +41,6 @@ def test_damaged_messages_are_left_out_and_counted() -> None:
         one.push(data, 0)
     assert [received.message for received in one.take()] == ["a", "b"]
     assert one.damaged == 1
-
-
-def test_closing_a_subscription_silences_its_callback() -> None:
-    inbox, got = Inbox(), []
-    one = subscription(inbox, callback=got.append)
-    one.push("a", 0)
-    one.close()
-    one.push("b", 0)
-    inbox.run()
-    assert got == []
 
 
 @pytest.mark.parametrize("wait", ["take", "run"])

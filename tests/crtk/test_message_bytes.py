@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from catenary.crtk.message import HEADER, has_header, header, message_class
-from catenary.crtk.message_bytes import CDR, ROS1, Bounds, Encoding, codec, most_bytes, names_within
+from catenary.crtk.message_bytes import CDR, ROS1, Encoding, codec
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import MESSAGES, NUMBERS, SERVICES, TIMES, Field, fields, ros2_name, typestore
 from oracles.random_messages import assert_same, random_message
@@ -63,13 +63,6 @@ def test_a_joint_state_is_the_bytes_that_ros_describes() -> None:
 
 
 @both
-@given(st.sampled_from([*sorted(MESSAGES), *HALVES]), st.integers(0, 2**32 - 1))
-@settings(deadline=None)
-def test_bytes_of_random_messages_are_rosbags_and_read_back(encoding: Encoding, name: str, seed: int) -> None:
-    check(name, encoding, random_message(name, np.random.default_rng(seed)))
-
-
-@both
 @pytest.mark.parametrize("name", [*MESSAGES, *HALVES])
 def test_bytes_of_every_type_are_rosbags_and_read_back(encoding: Encoding, name: str) -> None:
     rng = np.random.default_rng(7)
@@ -106,7 +99,7 @@ def test_numbers_stand_where_they_belong_behind_texts_of_any_length(encoding, fr
 
 
 @both
-@given(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=300))
+@given(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=300) | st.just(b"\xff" * 400))  # lengths of 4 G
 @settings(deadline=None)
 def test_bytes_that_are_no_message_raise_no_other_error(encoding: Encoding, name: str, data: bytes) -> None:
     with contextlib.suppress(FileFormatError):
@@ -188,27 +181,3 @@ def test_a_time_before_1970_has_no_bytes_in_ros_1() -> None:
 def test_a_message_of_another_type_is_refused(encoding: Encoding) -> None:
     with pytest.raises(InputError, match="expected a message sensor_msgs/JointState"):
         codec(JOINTS, encoding).encode(message_class("std_msgs/String")())
-
-
-def test_largest_message_of_a_type_is_that_of_its_definition() -> None:
-    # header: seq, time, text; then texts and three times numbers, each behind their count
-    assert most_bytes(JOINTS, Bounds(4, 10)) == 4 + 8 + 14 + 4 + 4 * 14 + 3 * (4 + 4 * 8)
-    assert most_bytes(POSE, Bounds(4, 10)) == 4 + 8 + 14 + 7 * 8
-
-
-def test_names_are_counted_before_they_are_decoded() -> None:
-    few, encode = names_within(JOINTS, Bounds(entries=3, text=10)), codec(JOINTS).encode
-    assert few(encode(JointState(name=("a", "", "b"), position=np.zeros(100))))
-    assert not few(encode(JointState(name=("",) * 4)))
-    assert few(b"")  # the decoder refuses it
-    assert few(encode(JointState(name=("a", "", "b")))[:30])
-    assert names_within(POSE, Bounds(3, 10))(b"\xff" * 100)
-
-
-@pytest.mark.parametrize("name", MESSAGES)
-def test_hostile_lengths_cost_no_more_than_the_bytes_that_came(name: str) -> None:
-    """Every word a length of 4 G: it is refused, or left to the decoder, which refuses it."""
-    data = b"\xff" * 400
-    names_within(name, Bounds(32, 128))(data)
-    with contextlib.suppress(FileFormatError):
-        codec(name).decode(data)

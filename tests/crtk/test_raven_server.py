@@ -27,9 +27,9 @@ def robot() -> ServedRobot:
 
 
 def test_who_comes_late_hears_the_state_that_there_is_first(robot):
-    robot.tick(2000)  # nobody listens
+    robot.tick(300)  # nobody listens
     robot.command("pause")
-    robot.tick(2000)
+    robot.tick(300)
     heard = robot.hear("operating_state")
     first = heard.take()[0]
     assert first.message.state == "PAUSED"
@@ -106,23 +106,6 @@ def test_pausing_forgets_what_waits(robot):
     assert_array_equal(robot.setpoint, before)
 
 
-def test_setpoints_are_published_while_disabled():
-    robot = ServedRobot(state="DISABLED")
-    heard = robot.hear("setpoint_js")
-    robot.tick(300)
-    assert len(heard.take()) >= 299
-
-
-def test_stamps_strictly_increase_also_when_the_clock_is_set_back(robot):
-    heard = robot.hear("measured_js")
-    robot.tick(50)
-    robot.clock._now -= 3600 * SECOND  # type: ignore[union-attr]
-    robot.tick(50)
-    stamps = [one.message.header.stamp for one in heard.take()]
-    assert len(stamps) >= 100
-    assert (np.diff(stamps) > 0).all()
-
-
 def test_measured_arms_are_swapped_and_setpoints_are_not(robot):
     parked = robot.server.arms["green"].measured.q
     for _ in range(40):
@@ -149,14 +132,7 @@ def test_joint_states_come_at_33_hz_at_most_with_28_names(robot):
     assert len(set(received[0].message.name)) == len(received[0].message.position) == 28
 
 
-@pytest.mark.parametrize("topic", ["gold", None])
-def test_state_commands_come_over_the_arms_topic_and_the_robots(robot, topic):
-    robot.command("pause", topic)
-    robot.tick(2)
-    assert robot.state() == "PAUSED"
-
-
-@pytest.mark.parametrize("place", ["/arm2", "/arm3", "/arm4", ""])
+@pytest.mark.parametrize("place", ["/arm1", "/arm2", "/arm3", "/arm4", ""])
 def test_a_state_command_to_any_arm_is_one_to_the_robot(robot, place):
     """The robot's software has one state machine, which all its topics ask [local_io.cpp: crtk_cmd_cb]."""
     heard = {arm: robot.hear("operating_state", arm) for arm in ("gold", "green", None)}
@@ -184,14 +160,6 @@ def test_fault_of_one_arm_stops_the_other():
         server.tick()
     assert plants["green"].operating_state().state == "DISABLED"
     assert heard.take()[-1].message.state == "FAULT"
-
-
-def test_disable_acts_in_fault(robot):
-    robot.plant._set_state("FAULT", "a motor's command was too large")
-    robot.tick(2)
-    robot.command("disable")
-    robot.tick(2)
-    assert robot.state() == "DISABLED"
 
 
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])
@@ -262,7 +230,7 @@ def test_automove_moves_the_tool_in_micrometres_of_frame_0(robot):
 
 
 def test_setpoints_stop_at_the_joint_limits(robot):
-    for _ in range(2000):
+    for _ in range(round(robot.setpoint[0] / 0.0025) + 50):
         robot.joints("servo_jr", shoulder(-0.0025))
         robot.tick()
     assert_allclose(robot.setpoint[0], robot.plant.lower[0], atol=EXACT)

@@ -2,14 +2,19 @@
 
 import numpy as np
 import pytest
+from catenary.raven2.topics import JOINTS
 from numpy.testing import assert_allclose
 
+from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import ManualClock
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.reader import CrtkReader
 from catenary.errors import TransportError
+from catenary.simulation.cable_plant import UNITS
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.ideal_plant import IdealPlant
 
 NAMES = tuple(f"gold_{name}" for name in ("shoulder", "elbow", "ins", "roll", "wrist", "jaw1", "jaw2"))
 Q = [0.5, 1.2, 0.4, 0.0, 0.1, 0.2, -0.2]
@@ -53,3 +58,20 @@ def test_a_run_level_stands_for_the_state_that_nobody_publishes(level, sublevel,
 def test_what_is_missing_is_named():
     with pytest.raises(TransportError, match=r"/arm2/measured_js: nobody publishes it; /ravenstate: nobody"):
         CrtkReader(Loopback("reader", LoopbackNetwork(clock=ManualClock())), connect_timeout=0.1)
+
+
+@pytest.mark.parametrize("kind", [CrtkReader, CrtkClient])
+def test_a_robot_whose_first_position_is_nan_is_waited_for(kind):
+    setup = RobotOnLoopback(IdealPlant(Q, joint_names=JOINTS, joint_units=UNITS))
+    said, ticks = setup.robot.publish, []
+
+    def publish() -> None:
+        said()
+        ticks.append(1)
+        if len(ticks) < 200:
+            odd = message_class("sensor_msgs/JointState")(header(1), JOINTS, np.full(7, np.nan))
+            setup.robot._out["measured_js"].publish(odd)
+
+    setup.robot.publish = publish
+    assert np.isfinite(kind(setup.transport).measured_js().q).all()
+    assert len(ticks) >= 200

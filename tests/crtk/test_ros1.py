@@ -109,13 +109,13 @@ def test_a_master_that_dies_is_noticed_and_loses_no_message(own_master: Master) 
 
 def test_a_returned_master_knows_topics_and_services_again(own_master: Master) -> None:
     code = f"""{OPEN}
-from catenary.crtk.transport import Spinner
+from patience import polled
 response = message_class("std_srvs/TriggerResponse")
 transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True))
 heard = transport.subscribe("/count", T)
 said = transport.publisher("/said", T, latch=True)
 said.publish(message_class(T)(string="before"))
-with Spinner(transport):
+with polled(transport):
     print("up")
     while transport.is_up(): time.sleep(0.01)
     print("down")
@@ -234,16 +234,6 @@ def test_a_name_that_runs_already_is_refused_and_goes_on_and_is_free_after_a_cra
         assert third.line() == "listening"
 
 
-def test_a_publisher_that_crashes_and_comes_back_is_heard_again(master: Master) -> None:
-    with Program(master, LISTENER, "listener") as listener:
-        assert listener.line() == "listening"
-        for _ in range(2):
-            with Program(master, TALKER, "talker", "100", "10", "") as talker:
-                assert talker.line() == "connected"
-                until(lambda: numbers(listener), every=0.05)
-                talker.process.kill()
-
-
 def test_what_a_crash_left_behind_does_not_stop_another_program(master: Master) -> None:
     code = f"""{OPEN}
 transport.publisher("/left", sys.argv[2])
@@ -259,43 +249,6 @@ sys.stdin.readline()
         first.process.wait()
     with Program(master, code, "other", "std_msgs/Bool") as third:
         assert third.line() == "up"
-
-
-def test_a_node_that_is_told_to_end_leaves_spin(master: Master) -> None:
-    code = OPEN + 'print("spinning")\ntransport.spin()\nprint("done", transport.is_up())\n'
-    with Program(master, code, "robot") as robot:
-        assert robot.line() == "spinning"
-        with xmlrpc.client.ServerProxy(master.uri) as server:
-            uri = server.lookupNode("/tests", "/robot")[2]  # type: ignore[index]
-        # it may end before it answers
-        with xmlrpc.client.ServerProxy(str(uri)) as node, contextlib.suppress(OSError):
-            node.shutdown("/tests", "rosnode kill")
-        assert "done False" in robot.finish()[0]
-
-
-def test_ctrl_c_is_the_programs_own(master: Master) -> None:
-    code = f"""{OPEN}
-try:
-    print("sleeping")
-    time.sleep(30.0)
-except KeyboardInterrupt:
-    print("interrupted", transport.is_up())
-"""
-    with Program(master, code, "robot") as robot:
-        assert robot.line() == "sleeping"
-        robot.interrupt()
-        assert robot.line() == "interrupted True"
-        robot.finish()
-        assert robot.process.returncode == 0
-
-
-def test_a_program_that_ends_is_unregistered_and_writes_no_log_file(own_master, tmp_path) -> None:
-    before = set(tmp_path.rglob("*"))
-    with Program(own_master, OPEN + 'transport.publisher("/x", T)\n', "robot") as robot:
-        assert robot.finish() == ("", "")
-    with xmlrpc.client.ServerProxy(own_master.uri) as server:
-        assert server.getSystemState("/tests")[2] == [[], [], []]  # type: ignore[index]
-    assert set(tmp_path.rglob("*")) == before
 
 
 def test_the_environments_namespace_and_the_programs_arguments_change_no_name(master: Master) -> None:
@@ -326,3 +279,35 @@ attempt("robot")
         assert "cannot be other" in robot.line()
         assert "cannot be robot of http://127.0.0.1:1" in robot.line()
         assert robot.line() == "opened"
+
+
+def test_programs_end_by_themselves_by_ctrl_c_and_by_rosnode_and_leave_nothing(own_master, tmp_path) -> None:
+    before = set(tmp_path.rglob("*"))
+    with Program(own_master, OPEN + 'transport.publisher("/x", T)\n', "robot") as robot:
+        assert robot.finish() == ("", "")
+    sleeping = f"""{OPEN}
+try:
+    print("sleeping")
+    time.sleep(PATIENCE)
+except KeyboardInterrupt:
+    print("interrupted", transport.is_up())
+"""
+    with Program(own_master, sleeping, "robot") as robot:
+        assert robot.line() == "sleeping"
+        robot.interrupt()
+        assert robot.line() == "interrupted True"
+        robot.finish()
+        assert robot.process.returncode == 0
+    with Program(
+        own_master, OPEN + 'print("spinning")\nwhile transport.is_up():\n    time.sleep(0.01)\nprint("done")\n', "robot"
+    ) as robot:
+        assert robot.line() == "spinning"
+        with xmlrpc.client.ServerProxy(own_master.uri) as server:
+            uri = server.lookupNode("/tests", "/robot")[2]  # type: ignore[index]
+        # it may end before it answers
+        with xmlrpc.client.ServerProxy(str(uri)) as node, contextlib.suppress(OSError):
+            node.shutdown("/tests", "rosnode kill")
+        assert "done" in robot.finish()[0]
+    with xmlrpc.client.ServerProxy(own_master.uri) as server:
+        assert server.getSystemState("/tests")[2] == [[], [], []]  # type: ignore[index]
+    assert set(tmp_path.rglob("*")) == before

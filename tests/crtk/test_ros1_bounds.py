@@ -11,9 +11,8 @@ pytestmark = pytest.mark.slow
 LISTENER = f"""{OPEN}
 import json
 from pathlib import Path
-from catenary.crtk.message_bytes import Bounds
 from catenary.crtk.clock import Rate
-heard = transport.subscribe("/x", "sensor_msgs/JointState", bounds=Bounds(32, 128))
+heard = transport.subscribe("/x", "sensor_msgs/JointState", largest=2048)
 print(transport.node.uri)
 sys.stdin.readline()
 def peak():  # [B] of this program; what getrusage tells includes the one that started it

@@ -75,7 +75,8 @@ def test_rospy_calls_a_service(ros_master: Master) -> None:
 response = message_class("std_srvs/TriggerResponse")
 transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True, message="ours"))
 print("serving")
-transport.spin()
+while True:
+    transport.poll(0.1)
 """
     code = ROSPY + 'print(rospy.ServiceProxy("/button", Trigger)().message)\n'
     with Program(ros_master, server, "robot") as robot:

@@ -65,15 +65,6 @@ def test_disable_is_obeyed_however_old():
     assert robot.state() == "DISABLED"
 
 
-def test_a_new_clients_latched_resume_is_obeyed():
-    robot = ServedRobot(state="PAUSED")
-    robot.tick(10)
-    publisher = robot.client.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
-    publisher.publish(command_message("resume", 0))
-    robot.tick()
-    assert robot.state() == "ENABLED"
-
-
 @pytest.mark.parametrize(("age", "moved"), [(0.0, 1e-3), (0.4, 1e-3), (0.6, 0.0), (3600.0, 0.0)])
 def test_stamped_commands_older_than_half_a_second_are_not_obeyed(age, moved):
     robot = ServedRobot()
@@ -436,29 +427,15 @@ def test_commands_that_make_no_sense_move_nothing_and_the_arm_says_why(dialect) 
         assert robot.state() == "ENABLED"
 
 
-ARM = ParkedArm(("a", "b"), ("rad", "m"), [0.5, 0.1])
-
-
-def test_it_stays_disabled_where_it_was_put():
-    ARM.wait()
-    assert ARM.operating_state() == OperatingState("DISABLED", False, False)
-    assert_array_equal(ARM.measured_js().q, [0.5, 0.1])
-    assert_array_equal(ARM.setpoint_js().q, [0.5, 0.1])
-
-
-def test_joint_states_are_the_receivers_own():
-    ARM.measured_js().q[:] = 9.0
-    assert_array_equal(ARM.measured_js().q, [0.5, 0.1])
-
-
-@pytest.mark.parametrize("verb", ["servo_jp", "servo_jr", "servo_jf"])
-def test_it_obeys_nothing(verb):
-    with pytest.raises(UnsupportedCommandError, match="parked"):
-        getattr(ARM, verb)(np.zeros(2))
-    with pytest.raises(UnsupportedCommandError, match="parked"):
-        ARM.state_command("enable")
-
-
-def test_a_number_a_joint_is_needed():
+def test_a_parked_arm_stays_disabled_where_it_was_put_and_obeys_nothing():
+    arm = ParkedArm(("a", "b"), ("rad", "m"), [0.5, 0.1])
+    arm.wait()
+    arm.measured_js().q[:] = 9.0  # the receiver's own
+    for state in (arm.measured_js(), arm.setpoint_js()):
+        assert_array_equal(state.q, [0.5, 0.1])
+    assert arm.operating_state() == OperatingState("DISABLED", False, False)
+    for command in (lambda: arm.servo_jp(np.zeros(2)), lambda: arm.state_command("enable")):
+        with pytest.raises(UnsupportedCommandError, match="parked"):
+            command()
     with pytest.raises(InputError):
         ParkedArm(("a", "b"), ("rad", "m"), [0.5])

@@ -40,18 +40,6 @@ def test_what_runs_along_paths_is_prepared_wherever_the_robot_is():
 
 
 @pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])
-def test_a_velocity_is_the_derivative_of_the_pose(name):
-    tool, qd, h = ToolPose(load_robot(name), JOINTS), np.linspace(-0.3, 0.3, 7), 1e-6
-    ahead, behind = (tool.pose(Q + step * qd) for step in (h, -h))
-    turning = (ahead.rotation - behind.rotation) / (2 * h) @ tool.pose(Q).rotation.T
-    expected = [*(ahead.position - behind.position) / (2 * h), turning[2, 1], turning[0, 2], turning[1, 0]]
-    pose, jacobian = tool.motion(Q)
-    assert_allclose(tool.of_robot(jacobian) @ qd, expected, atol=1e-8)  # central difference
-    assert_allclose(pose.rotation, tool.pose(Q).rotation, atol=1e-12)
-    assert_allclose(pose.position, tool.pose(Q).position, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])
 def test_frame_0_is_the_models(name):
     model = load_robot(name)
     tool = ToolPose(model, JOINTS)

@@ -23,10 +23,8 @@ from catenary.devices.accelerometer import (
 )
 from catenary.devices.serial_board import LineSplitter
 from catenary.errors import InputError, SensorError
-from catenary.sensing.checks import Fault, SensorRules
-from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox, ReadingStatus
+from catenary.sensing.vector import Kind, Mailbox
 from oracles.simulated_board import SimulatedBoard, framed
 from patience import PATIENCE, until
 
@@ -104,25 +102,6 @@ def test_samples_that_are_missing_or_repeated_are_counted(board):
             board.write(lines[k])
         until(lambda: device.counts.samples == 6)
         assert (device.counts.missing, device.counts.repeated) == (2, 2)
-
-
-def test_gravity_lives_through_unplugging_and_plugging_in_again(board):
-    mailbox = Mailbox()
-    source = SensedGravity(mailbox, rules=SensorRules(stuck_samples=0), angular=False)
-    rng = np.random.default_rng(0)
-    board.speak(lambda t: (0.5, 0.0, 9.8) + 0.01 * rng.normal(size=3))
-
-    def said():
-        return source.read(time.monotonic())
-
-    with opened(board, mailbox) as device:
-        until(lambda: said().status is ReadingStatus.LIVE)
-        board.unplug()
-        until(lambda: (now := said()).status is ReadingStatus.FALLBACK and Fault.INTERRUPTED in now.faults)
-        board.plug()
-        until(lambda: said().status is ReadingStatus.LIVE)
-        assert_allclose(said().gravity, [-0.5, 0.0, -9.8], atol=0.1)
-        assert device.counts.unplugged == 1
 
 
 NUMBER = st.floats(-100.0, 100.0)

@@ -48,21 +48,6 @@ def test_after_homing_positions_are_those_of_the_counts_from_the_stops(bench):
     assert_array_equal(sample.q_encoder, reading.q_encoder)
 
 
-def test_noise_and_cut_lines_are_counted_and_change_nothing(bench):
-    bench.home()
-    bench.driver.take()
-    for noise in (b"\xff\xfe\x00\n", b"3000_26000\r\n", b"3000_26000_100000_1\r\n", b"garbage\n"):
-        bench.write(noise)
-    bench.write(b"3000_26000_10\r\n")  # the last digits are missing: a line like any other
-    assert bench.driver.take() == []
-    bench.send(AWAY)
-    reading = bench.driver.reading()
-    assert (reading.tally["malformed"], reading.tally["rejected"]) == (4, 1)
-    assert "insertion" in reading.complaint
-    assert reading.is_valid
-    assert_array_equal(reading.counts, AWAY)
-
-
 def test_missed_counts_void_the_registration(bench):
     bench.home()
     lost = AWAY + np.array([40_000.0, 0.0, 0.0])

@@ -21,9 +21,8 @@ def test_a_quarter_turn_and_a_centimetre_from_the_stops():
     ("options", "said"),
     [
         ({"bits": 20}, "expected one of"),
-        ({"side": np.array([0.0, 1.0, 1.0])}, "expected 1 or -1"),
-        ({"window": np.array([0.0, 1.0, 1.0])}, "expected more than 0"),
-        ({"counts": np.ones(2)}, "shape"),
+        ({"direction": np.array([0.0, 1.0, 1.0])}, "expected 1 or -1"),
+        ({"direction": np.ones(2)}, "shape"),
     ],
 )
 def test_a_rig_that_cannot_be_is_refused(options, said):

@@ -36,15 +36,6 @@ def port(tmp_path: Path) -> Iterator[SimulatedPort]:
     port.close()
 
 
-def test_lines_come_whole_with_the_time_at_which_they_came(port: SimulatedPort) -> None:
-    with Listener(str(port.link)) as board:
-        port.write(b"one\r\ntwo\r\nthr")
-        until(lambda: board.events)
-        port.write(b"ee\n")
-        until(lambda: board.events == ["one", "two", "three"])
-        assert board.times == {4.5}
-
-
 def test_the_board_is_asked_each_time_it_is_plugged_in_and_half_a_line_is_forgotten(port) -> None:
     with Listener(str(port.link)) as board:
         until(lambda: port.asked() == b"?")
@@ -58,6 +49,7 @@ def test_the_board_is_asked_each_time_it_is_plugged_in_and_half_a_line_is_forgot
         until(lambda: port.asked() == b"?")
         port.write(b"whole\n")
         until(lambda: board.events == ["first", "gone", "back", "whole"])
+        assert board.times == {4.5}
 
 
 def test_closing_ends_the_thread(port: SimulatedPort) -> None:

@@ -1,7 +1,6 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -78,23 +77,6 @@ def test_the_robots_operating_state_registers_and_positions_follow(rig):
     assert status.robot == "ENABLED homed"
     assert status.subscribers == 1
     assert status.as_data()["is_valid"]
-
-
-def test_positions_end_when_the_counts_are_lost(rig):
-    rig.home()
-    rig.positions.take()
-    rig.send(*[AWAY + np.array([40_000.0, 0.0, 0.0])] * 10)
-    assert rig.driver.tally.losses == 1
-    assert rig.positions.take() == []
-    assert "home the robot again" in rig.node.status(1.0).reading.reason
-
-
-def test_a_robot_that_homes_again_is_registered_anew(rig):
-    rig.home()
-    rig.tell(is_busy=True, is_homed=False)
-    rig.positions.take()
-    rig.send(AWAY)
-    assert rig.positions.take() == []
 
 
 def test_publishing_ends_after_its_duration_with_a_status(rig, monkeypatch):

@@ -56,19 +56,6 @@ def test_a_key_moves_its_joint_and_q_pauses_the_robot() -> None:
     assert plant.operating_state().state == "PAUSED"
 
 
-def test_a_robot_that_is_not_homed_does_not_move() -> None:
-    plant = raven(ready=False)
-    _, terminal = run(plant, {10: b"q", 200: b"Q"})
-    assert plant.setpoints == []
-    assert any("does not move" in line for lines in terminal.drawn for line in lines)
-
-
-def test_home_wants_its_key_twice() -> None:
-    plant = raven(ready=False)
-    run(plant, {10: b"E", 20: b"H", 200: b"Q"})
-    assert not plant.operating_state().is_homed
-
-
 def test_space_stops_at_once() -> None:
     plant = raven()
     run(plant, {10: b"q", 100: b" ", 400: b"Q"})

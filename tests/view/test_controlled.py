@@ -83,11 +83,8 @@ def test_held_button_moves_its_joint_and_letting_go_stops_it() -> None:
     assert_allclose(plant.q[1:], START[1:])
     # repeats come until 0.55 s, 0.45 s after the first
     assert moved_until(plant) <= 0.45 + TIMEOUT + RAMP + 0.01
-
-
-def test_other_way_is_the_other_button() -> None:
-    plant, _ = control({100: BACKWARD, 150: BACKWARD, 200: BACKWARD})
-    assert plant.q[0] < START[0] - 0.005
+    back, _ = control({100: BACKWARD, 150: BACKWARD, 200: BACKWARD})
+    assert back.q[0] < START[0] - 0.005
 
 
 @pytest.mark.parametrize(
@@ -104,23 +101,39 @@ def test_closed_browser_leaves_the_robot_held_and_paused() -> None:
     assert page.states[10].mode == "PAUSED, homed"
 
 
-def test_robot_that_pauses_by_itself_is_sent_nothing_while_the_button_is_still_held() -> None:
-    plant, page = control(held=(100, 900), pause_after=400)
-    assert len(plant.setpoints) <= 302
-    assert "PAUSED" in page.states[-1].mode
+def falls(state: str) -> type[IdealPlant]:
+    """A robot that is in another state from 0.3 s on."""
 
-
-@pytest.mark.parametrize("state", ["FAULT", "DISABLED"])
-def test_robot_in_fault_is_not_moved(state: str) -> None:
-    class Faulty(IdealPlant):
+    class Falling(IdealPlant):
         def wait(self) -> None:
             super().wait()
             if self.ticks == 300:
                 self.state = self.state._replace(state=state)
 
-    plant, page = control(held=(100, 900), kind=Faulty)
-    assert len(plant.setpoints) <= 202
-    assert "does not move" in page.states[-1].mode
+    return Falling
+
+
+class Held(IdealPlant):
+    """A robot that another program moves."""
+
+    def servo_jp(self, q: np.ndarray) -> None:
+        raise RobotHeldError("planner holds the arm")
+
+
+@pytest.mark.parametrize(
+    ("options", "most", "said"),
+    [
+        ({"pause_after": 400}, 302, "PAUSED"),
+        ({"kind": falls("FAULT")}, 202, "does not move"),
+        ({"kind": falls("DISABLED")}, 202, "does not move"),
+        ({"kind": Held}, 0, "planner holds the arm"),
+    ],
+    ids=["pauses by itself", "in fault", "disabled", "another program's"],
+)
+def test_robot_that_is_not_to_be_moved_is_sent_nothing_while_the_button_is_still_held(options, most, said) -> None:
+    plant, page = control(held=(100, 900), **options)
+    assert len(plant.setpoints) <= most
+    assert any(said in state.mode for state in page.states)
 
 
 def test_robot_that_is_not_homed_is_not_moved_and_home_is_asked_for_twice() -> None:
@@ -129,16 +142,6 @@ def test_robot_that_is_not_homed_is_not_moved_and_home_is_asked_for_twice() -> N
     once = {10: Change("level:joints", "enable"), 100: Change("level:joints", "home")}
     assert not control(once, ready=False)[0].operating_state().is_homed
     assert control({**once, 900: Change("level:tip", "home")}, ready=False)[0].operating_state().is_homed
-
-
-def test_robot_that_another_program_moves_is_left_to_it_and_the_page_says_so() -> None:
-    class Held(IdealPlant):
-        def servo_jp(self, q: np.ndarray) -> None:
-            raise RobotHeldError("planner holds the arm")
-
-    plant, page = control(held=(100, 900), kind=Held)
-    assert plant.setpoints == []
-    assert any("planner holds the arm" in state.mode for state in page.states)
 
 
 def test_joint_at_its_limit_stops_there() -> None:

@@ -1,41 +1,229 @@
-"""The page in a real browser: it loads, an arm is to be seen, a slider moves it, the corrected arm parts from it."""
+"""The page in a real browser: what is seen, what controls and held buttons do, and what other pages get."""
 
-from pathlib import Path
+import re
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
-from view.browser import looked_at
+from catenary.crtk.inbox import Subscription
+from catenary.crtk.topic_names import JOINT_STATE, find_topic
+from catenary.sensing.vector import tilted_gravity
+from dds import Network
+from patience import until
+from ros import COMMAND, PATIENT_COMMAND, Program
+from view.browser import PATIENCE, SIZE, LookedAtPage, looked_at, looked_at_empty
 from view.command import model_of_positions, view
+from view.connected import page_of_an_arm
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
+# those with a browser of their own come first: Playwright runs once at a time
+RATE = "100"  # Hz at which its state comes; a browser drawn in software is no real-time system
+SERVE = ("serve", "--ros", "2", "--homed", "--start", "--rate", RATE, "--json")
+CONTROL = ("view", "raven2", "--ros", "2", "--port", "18300", "--no-notes", "--control", "--simulated")
+
+
+def taken(commands: Subscription) -> list[np.ndarray]:
+    return [np.array(received.message.position) for received in commands.take()]
+
+
+def hold(looked: LookedAtPage, label: str) -> None:
+    """Press the mouse's button on one of the page's, and keep it down."""
+    button = looked.page.get_by_role("button", name=label, exact=True)
+    button.scroll_into_view_if_needed(timeout=PATIENCE)
+    box = button.bounding_box()
+    looked.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    looked.page.mouse.down()
+
+
+def test_a_held_button_moves_a_robot_on_ros_2_and_letting_go_or_leaving_stops_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from catenary.crtk.dds.transport import DdsTransport
+
+    network = Network()
+    for name in ("CYCLONEDDS_URI", "ROS_DOMAIN_ID"):
+        monkeypatch.setenv(name, network.environment[name])
+    state = find_topic("raven", "operating_state", "gold").name
+    with Program(network, COMMAND, *SERVE) as server, DdsTransport("planner", settle=0.05) as listener:
+        server.line()
+        commands = listener.subscribe(find_topic("raven", "servo_jp", "gold").name, JOINT_STATE, depth=100_000)
+        with Program(network, PATIENT_COMMAND, *CONTROL) as program:
+            while not (found := re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.line())):
+                pass
+            with looked_at(found[0]) as looked:
+                start = looked.joint("shoulder")
+                hold(looked, "shoulder +")
+                looked.page.locator("text=does not move: the robot is PAUSED").wait_for(timeout=PATIENCE)
+                looked.page.mouse.up()
+                assert taken(commands) == []
+                looked.press("resume")
+                looked.wait_for_text("ENABLED, homed")
+                hold(looked, "shoulder +")
+                until(lambda: looked.joint("shoulder") > start + 0.5, every=0.2)
+                looked.page.mouse.up()
+                until(lambda: at_rest(looked, commands))
+                sent = taken(commands)
+                assert (np.diff([goal[0] for goal in sent]) >= -1e-9).all()
+                hold(looked, "shoulder -")
+                until(lambda: len(commands) > 20)
+            # the browser is gone while the button was held
+            states = listener.subscribe(state, "crtk_msgs/OperatingState")
+            until(lambda: any(received.message.state == "PAUSED" for received in states.take()))
+            taken(commands)
+            listener.sleep(1.0)
+            assert taken(commands) == []
+            program.interrupt()
+            program.finish()
+
+
+def at_rest(looked: LookedAtPage, commands: Subscription) -> bool:
+    before = len(commands), looked.joint("shoulder")
+    looked.page.wait_for_timeout(1000)
+    return len(commands) == before[0] and abs(looked.joint("shoulder") - before[1]) < 0.05
+
+
+EVIL = "--host-resolver-rules=MAP evil.example 127.0.0.1"
+# what a page gets that opens a WebSocket there as viser's own page does: "open" or "refused"
+SOCKET = """([address, protocol]) => new Promise(tell => {
+    const socket = new WebSocket(address, [protocol]);
+    socket.onopen = () => tell("open"); socket.onerror = () => tell("refused");
+})"""
+FETCH = "address => fetch(address, {mode: 'no-cors', cache: 'no-store'}).then(() => 'asked', () => 'failed')"
+FRAME = """address => new Promise(tell => {
+    const frame = document.createElement("iframe");
+    frame.onload = () => tell("loaded"); frame.src = address; document.body.append(frame);
+})"""
+
+
+class OtherPage(BaseHTTPRequestHandler):
+    """Another page of this machine."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html><html><body>another page</body></html>")
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+def test_other_pages_and_names_of_this_machine_reach_nothing() -> None:
+    import viser
+
+    served: list[Any] = []
+    with (
+        page_of_an_arm(18540) as page,
+        looked_at_empty(SIZE, EVIL) as looked,
+        ThreadingHTTPServer(("127.0.0.1", 0), OtherPage) as foreign,
+    ):
+        threading.Thread(target=foreign.serve_forever, daemon=True).start()
+        place = urlsplit(page.url)
+        looked.page.on("response", lambda answer: served.append(answer) if f":{place.port}/" in answer.url else None)
+        for host in ("127.0.0.1", "localhost", "evil.example"):
+            looked.page.goto(f"http://{host}:{foreign.server_port}/", timeout=PATIENCE)
+            for name in ("127.0.0.1", "localhost", "evil.example"):
+                root = f"http://{name}:{place.port}/"
+                for address in (root, f"{root}{place.path.strip('/')}/"):  # even one that had learned the token
+                    asked = [address.replace("http", "ws", 1), f"viser-v{viser.__version__}"]
+                    assert looked.page.evaluate(SOCKET, asked) == "refused"
+                assert looked.page.evaluate(FETCH, root) == "asked"
+                looked.page.evaluate(FRAME, root)
+        looked.page.goto(f"http://evil.example:{place.port}{place.path}", timeout=PATIENCE)
+        assert "Refused" in looked.words()
+        foreign.shutdown()
+        assert len(served) >= 18
+        assert {answer.status for answer in served} == {403}
+        assert page.changes() == []
+
+
+LEVEL_BASE, SENSED = "PD + gravity of a level base (SG)", "PD + sensed gravity (DG)"
+
 
 @pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return model_of_positions(tmp_path_factory.mktemp("model") / "arm.npz")
-
-
-def test_simulated_arm_is_seen_and_driven() -> None:
-    with view("raven2") as url, looked_at(url) as looked:
-        looked.wait_for_color(0.02, more=2, than=(0, 1))  # the blue shell of the reported arm
-        looked.set_slider("shoulder [deg]", 45.0)
-        looked.wait_for_joint("shoulder", 45.0, within=1.0)
-        looked.set_slider("shoulder [deg]", 20.0)
-        before = looked.picture()
-        looked.wait_for_joint("shoulder", 20.0, within=1.0)
-        looked.page.wait_for_timeout(2000)
-        assert np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01  # it has moved in the picture
+def looked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LookedAtPage]:
+    """The page of a simulated RAVEN-II with a model, at rest; one for all tests, each of which leaves it as it was."""
+    model = model_of_positions(tmp_path_factory.mktemp("model") / "arm.npz")
+    with view("raven2", "--model", model) as url, looked_at(url) as looked:
+        looked.choose("controller", SENSED)
+        rest(looked)
+        yield looked
         assert looked.complaints == []
         assert looked.foreign == []
 
 
-def test_corrected_arm_parts_from_the_reported_one(model: Path) -> None:
-    with view("raven2", "--model", model) as url, looked_at(url) as looked:
-        looked.page.wait_for_timeout(4000)
-        # by what the encoders' zero is apart from the robot's, 7.5 deg, and what the cables give
-        assert abs(looked.joint("elbow", 0) - looked.joint("elbow", 1)) > 4.0
-        assert abs(looked.joint("elbow", 1) - looked.joint("elbow", 2)) < 1.5
-        looked.wait_for_color(0.004, more=2, than=(0, 1))  # blue where only the reported arm is
-        looked.wait_for_color(0.004, more=1, than=(0, 2))  # green where only the calibrated one is
-        assert looked.complaints == []
+def rest(looked: LookedAtPage) -> None:
+    looked.tab("Drive")
+    looked.choose("motion", "rest")
+    looked.wait_for_text("ENABLED, homed: rest")
+
+
+def test_the_reported_and_the_calibrated_arm_are_seen_apart_and_the_reported_one_goes_where_its_slider_is(
+    looked: LookedAtPage,
+) -> None:
+    looked.wait_for_color(0.004, more=2, than=(0, 1))  # blue where only the reported arm is
+    looked.wait_for_color(0.004, more=1, than=(0, 2))  # green where only the calibrated one is
+    looked.wait_until(lambda: abs(looked.joint("elbow", 0) - looked.joint("elbow", 1)) > 4.0)  # encoders' zero: 7.5 deg
+    before = looked.picture()
+    goal = looked.joint("shoulder") + (20.0 if looked.joint("shoulder") < 45.0 else -20.0)
+    looked.set_slider("shoulder [deg]", round(goal))
+    looked.wait_for_joint("shoulder", round(goal), within=2.0)
+    looked.wait_until(lambda: np.mean(np.abs(looked.picture() - before).max(axis=2) > 30) > 0.01)
+    rest(looked)
+
+
+def test_run_levels_pause_enable_and_home(looked: LookedAtPage) -> None:
+    looked.tab("Drive")
+    looked.press("pause")
+    looked.wait_for_text("PAUSED, homed")
+    looked.press("enable")
+    looked.wait_for_text("ENABLED, homed: rest")
+    looked.press("home")
+    looked.wait_for_text("homing")
+    looked.wait_for_text("ENABLED, homed: rest")
+
+
+def test_tilted_base_turns_sensed_gravity_and_only_one_controller_knows(looked: LookedAtPage) -> None:
+    looked.tab("Surroundings")
+    looked.set_slider("base roll [deg]", 30.0)
+    looked.set_slider("base pitch [deg]", -20.0)
+    expected, level = tilted_gravity(*np.deg2rad([30.0, -20.0])), tilted_gravity(0.0, 0.0)
+    looked.wait_until(lambda: np.abs(gravity(looked) - expected).max() < 0.3)
+    looked.wait_until(lambda: apart(looked) < 1.0)
+    looked.tab("Drive")
+    looked.choose("controller", LEVEL_BASE)
+    angle = np.rad2deg(np.arccos(expected @ level / (level @ level)))
+    looked.wait_until(lambda: abs(apart(looked) - angle) < 2.0)
+    looked.choose("controller", SENSED)
+    looked.tab("Surroundings")
+    looked.set_slider("base roll [deg]", 0.0)
+    looked.set_slider("base pitch [deg]", 0.0)
+    looked.wait_until(lambda: np.abs(gravity(looked) - level).max() < 0.3)
+
+
+def gravity(looked: LookedAtPage) -> np.ndarray:
+    found = re.search(r"gravity measured: (\S+), (\S+), (\S+) m/s", looked.words())
+    assert found is not None
+    return np.array([float(text.replace("−", "-")) for text in found.groups()])
+
+
+def apart(looked: LookedAtPage) -> float:
+    found = re.search(r"(\S+) deg apart", looked.words())
+    return np.nan if found is None else float(found[1])
+
+
+def test_switched_on_the_model_puts_the_calibrated_joint_where_the_slider_says(looked: LookedAtPage) -> None:
+    looked.tab("Drive")
+    looked.set_slider("elbow [deg]", 60.0)
+    looked.wait_until(lambda: abs(looked.joint("elbow", 0) - 60.0) < 0.7 < abs(looked.joint("elbow", 1) - 60.0))
+    looked.tab("Model")
+    looked.tick("the loop goes by the model")
+    looked.wait_until(lambda: abs(looked.joint("elbow", 1) - 60.0) < 0.7 < abs(looked.joint("elbow", 0) - 60.0))
+    looked.tick("the loop goes by the model")
+    rest(looked)

@@ -135,6 +135,7 @@ def test_page_has_a_time_line_as_long_as_the_recording() -> None:
 def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_there(tmp_path: Path) -> None:
     folder = Project(tmp_path / "one", ProjectSettings(side="right")).folder
     assert is_project(folder)
+    assert not is_project(tmp_path)
     with pytest.raises(ConfigError, match="holds no motion log yet"):
         shown_project(folder)
     (folder / "train.parquet").touch()
@@ -143,11 +144,6 @@ def test_project_shows_its_test_and_its_recommended_model_as_soon_as_they_are_th
     (folder / "models").mkdir()
     (folder / "models" / "recommended.npz").touch()
     assert shown_project(folder) == (folder / "test.parquet", folder / "models" / "recommended.npz", "raven2_right")
-
-
-def test_folder_of_something_else_is_no_project(tmp_path: Path) -> None:
-    assert not is_project(tmp_path)
-    assert not is_project(Path("raven2"))
 
 
 def test_a_psms_project_is_shown_in_the_joints_that_it_reports(tmp_path: Path) -> None:

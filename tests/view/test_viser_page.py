@@ -25,23 +25,14 @@ def browsers(page: PageProcess) -> Iterator[tuple[Connected, Connected]]:
         yield looking, other
 
 
-# what a browser makes of a control, and what is told of it; None of a value that is put back
+# what a browser makes of a control, and what is told of it (None of a value that is put back); `accepted` has its own
 VALUES = [
     ("payload [kg]", 1e9, Change("payload_kg", 1.0)),
-    ("payload [kg]", -5.0, Change("payload_kg", 0.0)),
-    ("payload [kg]", "1e400", None),
-    ("payload [kg]", "nan", None),
     ("payload [kg]", float("nan"), None),
-    ("payload [kg]", float("inf"), None),
     ("payload [kg]", "heavy", None),
-    ("payload [kg]", [1.0], None),
     ("joint0 [deg]", -1e6, Change("goto:joint0", -180.0)),
-    ("base roll [deg]", 1e6, Change("roll_deg", 90.0)),
     ("motion", "explode", None),
-    ("motion", "", None),
     ("motion", "zig-zag", Change("motion", "zig-zag")),
-    ("controller", 7, None),
-    ("run level", "destroy", None),
     ("run level", "pause", Change("level", "pause")),
     ("the loop goes by the model", "on", Change("model", True)),
 ]

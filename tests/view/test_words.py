@@ -10,7 +10,7 @@ def test_joints_are_told_in_degrees_and_millimetres_with_their_interval() -> Non
     legend = {"reported": "reported", "calibrated": "calibrated"}
     shown = Shown("x", RAVEN, arm_shapes(RAVEN), legend=legend)
     told = joints_html(shown, state(calibrated=Q, interval=np.full(3, 0.001), inside=np.array([1.0, 1.0, 0.0])))
-    assert "400.00 &plusmn; 1.00?" in told
+    assert "400.00 \u00b1 1.00?" in told
     assert "40.11" in told  # 0.7 rad
 
 

@@ -19,7 +19,7 @@ from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.view.page_process import PageProcess, StatePage
+    from catenary.view.page_process import PageProcess
     from catenary.view.shown import Shown
 
 HERE = "127.0.0.1"
@@ -113,7 +113,7 @@ class _Runs(Protocol):
 
     def shown(self, title: str) -> "Shown": ...
 
-    def run(self, page: "StatePage", ended: Callable[[], bool]) -> None: ...
+    def run(self, page: "PageProcess", ended: Callable[[], bool]) -> None: ...
 
 
 class _Titled(NamedTuple):

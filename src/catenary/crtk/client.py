@@ -27,7 +27,7 @@ from catenary.crtk.message_values import Stamps, command_message, joint_state_me
 from catenary.crtk.message_values import operating_state as operating_state_of
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import find_topic
-from catenary.crtk.transport import Publisher
+from catenary.crtk.transport import Latest, Publisher
 from catenary.errors import NotReadyError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
 
@@ -201,12 +201,13 @@ class CrtkClient(CrtkReader):
 
     def _missing(self) -> list[str]:
         """Say which topics lack messages or a listener."""
-        connections, state = self.transport.connections, self._state
-        needed = [*self._latest.values(), *(() if state is None else (state.latest,))]
-        faults = [self._silence(latest) for latest in needed if latest.message() is None]
+        faults = super()._missing()
         for verb in ("servo_jp", "state_command"):
             topic = self._publishers[verb].topic
-            listeners = {name.rpartition("/")[2] for name in connections(topic).subscribers}
+            listeners = {name.rpartition("/")[2] for name in self.transport.connections(topic).subscribers}
             if not listeners - {self.transport.name}:  # this client listens to who else commands
                 faults.append(f"{topic}: nobody listens")
         return faults
+
+    def _needed(self) -> list[Latest]:
+        return [*self._latest.values()]

@@ -128,7 +128,6 @@ class Commander:
         Args:
             process: As in `Arrival.process`; one that is not known is never refused.
             now: [ns].
-            is_moving: Whether a move of the arm's own is under way.
         """
         name = process.partition(" ")[0]  # a network has one program of a name
         if self._topic is None or not self._process or name in ("", self._process[0]):

@@ -11,7 +11,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_values import seconds, specific_force
+from catenary.crtk.message_values import MEASURED, seconds, specific_force
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError
 from catenary.sensing.checks import SensorRules
@@ -121,10 +121,7 @@ class GravityTopic:
         """Subscribe.
 
         Args:
-            transport: What carries the messages.
-            topic: Of the sensor.
             type_name: One of TYPES.
-            mailbox: Where samples go.
             points_down: The vectors are free-fall acceleration, gravity itself; else specific force, which points up
                 at rest, as accelerometers and sensor_msgs/Imu have it.
         """
@@ -162,8 +159,7 @@ class GravityTopic:
             else:
                 self.mailbox.put(stamp, tuple(message.linear_acceleration), self._kind)
         else:
-            vector = message.accel.linear if isinstance(message, message_class(ACCEL)) else message.vector
-            self.mailbox.put(stamp, tuple(vector), self._kind)
+            self.mailbox.put(stamp, tuple(MEASURED[type(message)](message)), self._kind)
 
 
 def now_of(transport: Transport) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from catenary.crtk.message import Message, has_header
-from catenary.crtk.message_bytes import ANY, Bounds, most_bytes, names_within
+from catenary.crtk.message_bytes import ANY
 from catenary.errors import FileFormatError, InputError
 
 
@@ -37,11 +37,8 @@ class Arrival(NamedTuple):
     sent: int | None = None  # [ns] by the publisher's clock of the day, where the transport tells
 
 
-Callback = Callable[[Received], None]
-
-
 class Inbox:
-    """Messages of all topics, and requests, in the order in which they came. Any thread may put in."""
+    """What the subscriptions of a transport share, and calls of its services. Any thread may put in."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -58,25 +55,16 @@ class Inbox:
             self.changed.notify_all()
 
     def run(self, timeout: float = 0.0) -> int:
-        """Run the jobs that had come when this began and return their number; wait for the first up to `timeout` [s].
-
-        An exception of a callback leaves the rest for the next call.
-        """
+        """Run the jobs that have come and return their number; wait for the first up to `timeout` [s]."""
         if timeout <= 0.0 and not self._jobs:
             return 0  # as in nearly every millisecond
         with self.changed:
             if timeout > 0.0:
                 self.changed.wait_for(lambda: self._jobs or self.closed, timeout)
-            waiting = len(self._jobs)
-        done = 0
-        while done < waiting:
-            try:
-                job = self._jobs.popleft()
-            except IndexError:  # another thread, or a callback, has run it
-                break
-            done += 1
+            jobs, self._jobs = self._jobs, deque()
+        for job in jobs:
             job()
-        return done
+        return len(jobs)
 
     def wait_for(self, came: threading.Condition, seconds: float, so: Callable[[], object]) -> None:
         """Wait, with the lock held, until `so` holds (`came` says when to look), this is closed, or time is up."""
@@ -96,13 +84,12 @@ class Inbox:
 
 
 class Subscription:
-    """Messages of one topic, each once and in order.
+    """Messages of one topic, each once and in order, which `take` gives.
 
-    With a callback they are handed over in the transport's `poll`; without, `take` gives them. At most `depth` wait;
-    then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were no message of the
-    type; they are left out. `oversized` counts those of more than `largest` bytes, or of more names than `bounds` let
-    pass, which are dropped as they come in, before anybody decodes them. `repeated` counts what a latching publisher
-    gave again after its connection had been broken: a message that had come already is not given twice.
+    At most `depth` wait; then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were
+    no message of the type; they are left out. `oversized` counts those of more than `largest` bytes, which are dropped
+    as they come in. `repeated` counts what a latching publisher gave again after its connection had been broken: a
+    message that had come already is not given twice.
     """
 
     def __init__(
@@ -111,9 +98,8 @@ class Subscription:
         type_name: str,
         inbox: Inbox,
         decode: Callable[[Any], Message],
-        callback: Callback | None = None,
         depth: int = 1000,
-        bounds: Bounds | None = None,
+        largest: int = ANY,
     ) -> None:
         """Prepare to receive; transports call this, not users."""
         if depth < 1:
@@ -121,8 +107,7 @@ class Subscription:
         self.topic = topic
         self.type_name = type_name
         self.depth = depth
-        self.largest = None if bounds is None else most_bytes(type_name, bounds)  # bytes
-        self._has_few_names = None if bounds is None else names_within(type_name, bounds)
+        self.largest = largest
         self.overflowed = 0
         self.oversized = 0
         self.damaged = 0
@@ -134,7 +119,6 @@ class Subscription:
         # its own: a message of another topic wakes nobody who waits for this one
         self._came = threading.Condition(inbox.lock)
         self._decode = decode
-        self._callback = callback
         self._waiting: deque[Arrival] = deque()  # not decoded yet
         self._closed = False
         self._leave: Callable[[], None] | None = None
@@ -145,24 +129,18 @@ class Subscription:
 
     def has_room_for(self, size: int) -> bool:
         """Return whether it takes messages of so many bytes; one that it does not take is counted."""
-        if size <= (ANY if self.largest is None else self.largest):
+        if size <= self.largest:
             return True
-        self._count_oversized()
-        return False
-
-    def _count_oversized(self) -> None:
         with self._inbox.lock:
             self.oversized += 1
+        return False
 
     def push(self, data: Any, time: int, origin: Origin | None = None, sent: int | None = None) -> None:
-        """Take in a message's bytes at `time` [ns], ROS 1's where it has bounds; transports call this.
+        """Take in a message's bytes at `time` [ns]; transports call this.
 
         `sent` [ns] is the publisher's time of the day, where the transport tells. Any thread may call.
         """
-        if self.largest is not None and not self.has_room_for(len(data)):
-            return
-        if self._has_few_names is not None and not self._has_few_names(data):
-            self._count_oversized()
+        if not self.has_room_for(len(data)):
             return
         with self._inbox.lock:
             if self._closed:
@@ -175,16 +153,13 @@ class Subscription:
                     self._latched[origin.process] = origin.connection, data
                     first = last is None or last[0] is not origin.connection
                     renewed = first and last is not None
-                    if last is not None and renewed and self._is_same(data, last[1]):
+                    if last is not None and renewed and data[self._behind_seq :] == last[1][self._behind_seq :]:
                         self.repeated += 1
                         return
             self._waiting.append(Arrival(data, time, process, first, renewed, sent))
             if len(self._waiting) > self.depth:
-                # the job that was put for the oldest now stands for the newest
                 self._waiting.popleft()
                 self.overflowed += 1
-            elif self._callback is not None:
-                self._inbox.put(self._hand_over)
             self._inbox.arrivals += 1  # last: who sees it finds the message
             self._came.notify_all()
 
@@ -194,8 +169,6 @@ class Subscription:
 
     def take_arrivals(self, timeout: float = 0.0, most: int | None = None) -> list[Arrival]:
         """As `take`, with what is known about where each message came from; `most` at a time, where given."""
-        if self._callback is not None:
-            raise InputError(f"subscription of {self.topic}: its messages go to its callback, in poll()")
         if timeout <= 0.0 and not self._waiting:
             return []  # as nearly always when asked again in a tick
         with self._inbox.lock:
@@ -227,18 +200,6 @@ class Subscription:
             leave, self._leave = self._leave, None
         if leave is not None:
             leave()
-
-    def _hand_over(self) -> None:
-        with self._inbox.lock:
-            if not self._waiting:
-                return  # closed meanwhile
-            arrival = self._waiting.popleft()
-        found = self._decoded(arrival)
-        if found is not None and self._callback is not None:
-            self._callback(Received(found.message, found.time))
-
-    def _is_same(self, data: Any, other: Any) -> bool:
-        return bool(data[self._behind_seq :] == other[self._behind_seq :])
 
     def _decoded(self, arrival: Arrival) -> Arrival | None:
         try:

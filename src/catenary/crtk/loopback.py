@@ -9,10 +9,19 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from catenary.crtk.clock import Clock
-from catenary.crtk.inbox import Origin, Request, Subscription
+from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
-from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, answer_of, other_type
+from catenary.crtk.transport import (
+    Connections,
+    Handler,
+    HeardTopic,
+    Publisher,
+    Transport,
+    absolute,
+    answer_of,
+    other_type,
+)
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
 
@@ -23,7 +32,7 @@ _PROCESSES = count()  # tells transports of the same name apart
 class _LocalTopic:
     type_name: str
     publishers: dict[str, "LoopbackPublisher"] = field(default_factory=dict)  # by name of transport
-    subscriptions: list[tuple[str, Subscription]] = field(default_factory=list)
+    heard: dict[str, HeardTopic] = field(default_factory=dict)  # likewise
 
 
 @dataclass(frozen=True)
@@ -36,37 +45,28 @@ class _Service:
 class LoopbackNetwork:
     """What transports of one process share: topics, services, names, time.
 
-    With `threaded` false, a program of one thread can serve and call: a call polls the server. Callbacks then run in an
-    order that depends on the program only. With `threaded` true, servers poll in threads of their own and a call waits.
+    A program of one thread can serve and call: a call polls the server.
     """
 
-    def __init__(self, *, clock: Clock | None = None, threaded: bool = False) -> None:
+    def __init__(self, *, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()
-        self.threaded = threaded
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}
         self.services: dict[str, _Service] = {}
         self.topics: dict[str, _LocalTopic] = {}
 
     def topic(self, name: str, type_name: str) -> _LocalTopic:
-        """Return the topic of that name, begun if nobody uses it."""
-        found = self.topics.setdefault(name, _LocalTopic(type_name))
-        if found.type_name != type_name:
-            if found.publishers or found.subscriptions:
-                raise other_type(name, type_name, found.type_name)
-            found.type_name = type_name
+        """Return the topic of that name, begun anew if nobody uses it."""
+        found = self.topics.get(name)
+        if found is None or not (found.publishers or found.heard):
+            found = self.topics[name] = _LocalTopic(current_name(type_name))
         return found
 
     def forget(self, name: str) -> None:
-        """Remove a transport with its topics and services."""
+        """Remove a transport with its services."""
         with self.lock:
             self.transports.pop(name, None)
             self.services = {key: one for key, one in self.services.items() if one.transport.name != name}
-            for topic in self.topics.values():
-                topic.publishers.pop(name, None)
-                for owner, subscription in tuple(topic.subscriptions):
-                    if owner == name:
-                        subscription.close()
 
 
 class LoopbackPublisher(Publisher):
@@ -89,9 +89,8 @@ class LoopbackPublisher(Publisher):
             if self._latch:
                 self.latched = data
             if self.is_connected:
-                now = network.clock.steady()
-                for _, subscription in self._shared.subscriptions:
-                    subscription.push(data, now, self.origin)
+                for heard in self._shared.heard.values():
+                    heard.give(data, network.clock.steady(), self.origin)
 
     def _end(self) -> None:
         with self._transport.network.lock:
@@ -114,23 +113,29 @@ class Loopback(Transport):
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> LoopbackPublisher:
         """Begin to publish; `queue` is not needed, since nothing waits between here and a subscription."""
         with self.network.lock:
-            shared = self.network.topic(topic, current_name(type_name))
+            shared = self.network.topic(topic, type_name)
             publisher = LoopbackPublisher(self, topic, shared, latch=latch)
             shared.publishers[self.name] = publisher
         return publisher
 
-    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
-        def leave() -> None:
-            with self.network.lock:
-                shared.subscriptions.remove((self.name, subscription))
-
+    def _hear(self, topic: str, type_name: str) -> HeardTopic:
         with self.network.lock:
-            shared = self.network.topic(subscription.topic, subscription.type_name)
-            shared.subscriptions.append((self.name, subscription))
-            subscription.on_close(leave)
+            shared = self.network.topic(topic, type_name)
+            heard = shared.heard[self.name] = HeardTopic(type_name, lambda: self._leave(shared))
             for publisher in shared.publishers.values():
                 if publisher.latched is not None and publisher.is_connected:
-                    subscription.push(publisher.latched, self.steady(), publisher.origin)
+                    heard.give(publisher.latched, self.steady(), publisher.origin)
+        return heard
+
+    def _leave(self, shared: _LocalTopic) -> None:
+        with self.network.lock:
+            shared.heard.pop(self.name, None)
+
+    def _refuse_other_type(self, topic: str, type_name: str) -> None:
+        with self.network.lock:
+            found = self.network.topic(topic, type_name).type_name
+        if found != current_name(type_name):
+            raise other_type(topic, type_name, found)
 
     def _serve(self, name: str, type_name: str, handler: Handler) -> None:
         with self.network.lock:
@@ -151,7 +156,7 @@ class Loopback(Transport):
         sent = asked.encode(request, 0)
         waiting = Request(lambda: answer.decode(answer.encode(service.handler(asked.decode(sent)), 0)))
         service.transport.inbox.put(waiting.run)
-        return answer_of(name, waiting, timeout, None if self.network.threaded else service.transport.poll)
+        return answer_of(name, waiting, timeout, service.transport.poll)
 
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic."""
@@ -160,7 +165,7 @@ class Loopback(Transport):
             if found is None:
                 return Connections((), ())
             publishers = tuple(sorted(name for name, one in found.publishers.items() if one.is_connected))
-            subscribers = tuple(sorted({owner for owner, _ in found.subscriptions}))
+            subscribers = tuple(sorted(found.heard))
         return Connections(
             publishers if self.name in subscribers else (), subscribers if self.name in publishers else ()
         )
@@ -179,12 +184,9 @@ class Loopback(Transport):
                 for name, topic in self.network.topics.items()
             }
 
-    def is_up(self) -> bool:
-        """Return whether it is open."""
-        return not self.inbox.closed
-
     def close(self) -> None:
         """Leave the network."""
         if not self.inbox.closed:
+            self._end_topics()
             self.network.forget(self.name)
         super().close()

@@ -1,4 +1,4 @@
-"""ROS 1's bytes of a message and ROS 2's (CDR), made and read, and how large a message may be that is taken in.
+"""ROS 1's bytes of a message and ROS 2's (CDR), made and read.
 
 Both write the fields in order, little-endian; a text or an array of any length behind its length. CDR puts each number
 at a multiple of its size, counted from behind four bytes in front, ends texts with a zero and leaves out a header's
@@ -37,12 +37,12 @@ class Encoding(NamedTuple):
     ros: int
     front: bytes
     align: int  # the largest alignment
-    end: bytes  # of a text
-    times: dict[str, str]  # how `struct` writes seconds and nanoseconds
+    time: str  # how `struct` writes seconds and nanoseconds
+    duration: str
 
 
-ROS1 = Encoding(1, b"", 1, b"", {"time": "II", "duration": "ii"})
-CDR = Encoding(2, b"\0\1\0\0", 8, b"\0", {"time": "iI", "duration": "iI"})  # little-endian, no options
+ROS1 = Encoding(1, b"", 1, "II", "ii")
+CDR = Encoding(2, b"\0\1\0\0", 8, "iI", "iI")  # little-endian, no options
 
 
 class Codec(NamedTuple):
@@ -61,24 +61,23 @@ def codec(name: str, encoding: Encoding = ROS1) -> Codec:
     Raises:
         FileFormatError: catenary does not know the type.
     """
-    return _codec(current_name(name), encoding.ros)
+    return _codec(current_name(name), encoding)
 
 
 @cache
-def _codec(name: str, ros: int) -> Codec:
-    e = _encoding(ros)
-    kind, write, finish = message_class(name), _message_writer(name, ros), _completion(name, ros)
-    store, rosbags_name, numbered = typestore(ros), ros2_name(name), ros == 1 and has_header(name)
-    read = store.deserialize_ros1 if ros == 1 else store.deserialize_cdr
+def _codec(name: str, encoding: Encoding) -> Codec:
+    kind, write, finish = message_class(name), _message_writer(name, encoding), _completion(name, encoding)
+    store, rosbags_name, numbered = typestore(encoding.ros), ros2_name(name), encoding is ROS1 and has_header(name)
+    read = store.deserialize_ros1 if encoding is ROS1 else store.deserialize_cdr
 
     def encode(message: Message, seq: int = 0) -> bytes:
         if type(message) is not kind:
             message_fields(name, message)  # says what it is instead
-        parts = [e.front]
+        parts = [encoding.front]
         try:
             write(parts, 0, message)
         except NO_MESSAGE as error:
-            raise InputError(f"{name}: {_misfit(name, message, ros) or error}") from error
+            raise InputError(f"{name}: {_misfit(name, message, encoding) or error}") from error
         data = b"".join(parts)
         return _COUNT.pack(seq % 2**32) + data[_COUNT.size :] if numbered else data
 
@@ -91,29 +90,25 @@ def _codec(name: str, ros: int) -> Codec:
     return Codec(encode, decode)
 
 
-def _encoding(ros: int) -> Encoding:
-    return ROS1 if ros == 1 else CDR
-
-
-def _misfit(name: str, message: Message, ros: int) -> str | None:
+def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
     """Say which field of a message cannot be written, and why."""
     for field, value in message_fields(name, message):
         try:
-            _fields_writer((field,), ros)([], 0, (value,))
+            _fields_writer((field,), encoding)([], 0, (value,))
         except NO_MESSAGE as error:
             if field.length is None and field.type in MESSAGES and type(value) is message_class(field.type):
-                return f"{field.name}: {_misfit(field.type, value, ros)}"
+                return f"{field.name}: {_misfit(field.type, value, encoding)}"
             brackets = "" if field.length is None else f"[{field.length or ''}]"
             return f"{field.name}: expected {field.type}{brackets}, got {value!r} ({error})"
     return None
 
 
 @cache
-def _message_writer(name: str, ros: int) -> _Write:
+def _message_writer(name: str, encoding: Encoding) -> _Write:
     """Return what writes a message of a type."""
     kind, listed = message_class(name), fields(name)
-    drops_seq = ros == 2 and name == HEADER
-    write_fields = _fields_writer(listed[1:] if drops_seq else listed, ros)
+    drops_seq = encoding is CDR and name == HEADER
+    write_fields = _fields_writer(listed[1:] if drops_seq else listed, encoding)
 
     def write(parts: list[bytes], at: int, message: Message) -> int:
         if type(message) is not kind:
@@ -124,10 +119,10 @@ def _message_writer(name: str, ros: int) -> _Write:
 
 
 @cache
-def _fields_writer(listed: tuple[Field, ...], ros: int) -> _Write:
+def _fields_writer(listed: tuple[Field, ...], encoding: Encoding) -> _Write:
     """Return what writes a tuple of fields' values, one after the other, numbers that follow one another at once."""
     if not listed:
-        return _placeholder if ros == 2 else lambda parts, at, values: at
+        return _placeholder if encoding is CDR else lambda parts, at, values: at
     steps: list[_Write] = []
     first = 0
     while first < len(listed):
@@ -135,10 +130,10 @@ def _fields_writer(listed: tuple[Field, ...], ros: int) -> _Write:
         while last < len(listed) and _is_number(listed[last]):
             last += 1
         if last > first:
-            steps.append(_numbers_writer(listed[first:last], first, len(listed), ros))
+            steps.append(_numbers_writer(listed[first:last], first, len(listed), encoding))
         else:
             last += 1
-            steps.append(_at_place(first, _value_writer(listed[first], ros)))
+            steps.append(_at_place(first, _value_writer(listed[first], encoding)))
         first = last
     if len(steps) == 1:
         return steps[0]
@@ -165,12 +160,11 @@ def _is_number(field: Field) -> bool:
     return field.length is None and (field.type in NUMBERS or field.type in TIMES)
 
 
-def _numbers_writer(run: tuple[Field, ...], first: int, whole: int, ros: int) -> _Write:
+def _numbers_writer(run: tuple[Field, ...], first: int, whole: int, encoding: Encoding) -> _Write:
     """Return what writes numbers and times that follow one another, from `first` on in a tuple of `whole` values."""
-    e = _encoding(ros)
-    packed = [struct.Struct(_layout(run, e, at)) for at in range(e.align)]
+    packed = [struct.Struct(_layout(run, encoding, at)) for at in range(encoding.align)]
     times = [k for k, field in enumerate(run) if field.type in TIMES]
-    is_all, last, align = len(run) == whole, first + len(run), e.align
+    is_all, last, align = len(run) == whole, first + len(run), encoding.align
 
     def write(parts: list[bytes], at: int, values: Any) -> int:
         numbers = values if is_all else values[first:last]
@@ -185,13 +179,13 @@ def _numbers_writer(run: tuple[Field, ...], first: int, whole: int, ros: int) ->
     return write
 
 
-def _layout(run: tuple[Field, ...], e: Encoding, at: int) -> str:
+def _layout(run: tuple[Field, ...], encoding: Encoding, at: int) -> str:
     """Return the letters of `struct` for numbers and times that begin at a place, with the gaps before them."""
     letters, place = "<", at
     for field in run:
         size = 4 if field.type in TIMES else np.dtype(NUMBERS[field.type]).itemsize
-        gap = -place % min(size, e.align)
-        letters += "x" * gap + (e.times[field.type] if field.type in TIMES else _letter(field))
+        gap = -place % min(size, encoding.align)
+        letters += "x" * gap + (getattr(encoding, field.type) if field.type in TIMES else _letter(field))
         place += gap + (_TIME if field.type in TIMES else size)
     return letters
 
@@ -200,43 +194,43 @@ def _letter(field: Field) -> str:
     return "?" if field.type == "bool" else np.dtype(NUMBERS[field.type]).char.translate(_EIGHT_BYTES)
 
 
-def _value_writer(field: Field, ros: int) -> _Write:
+def _value_writer(field: Field, encoding: Encoding) -> _Write:
     """Return what writes the value of a field that is neither a number nor a time."""
     if field.length is not None:
-        return _array_writer(field, ros) if field.type in NUMBERS else _sequence_writer(field, ros)
+        return _array_writer(field, encoding) if field.type in NUMBERS else _sequence_writer(field, encoding)
     if field.type != "string":
-        return _message_writer(field.type, ros)
-    return lambda parts, at, text: _write_text(parts, at, text, ros)
+        return _message_writer(field.type, encoding)
+    return lambda parts, at, text: _write_text(parts, at, text, encoding)
 
 
-def _write_text(parts: list[bytes], at: int, text: str, ros: int) -> int:
+def _write_text(parts: list[bytes], at: int, text: str, encoding: Encoding) -> int:
     data = text.encode()
-    if ros == 1:
+    if encoding is ROS1:
         parts.append(_COUNT.pack(len(data)) + data)
     else:
         parts.append(b"%b%b%b\0" % (_ZEROS[-at % 4], _COUNT.pack(len(data) + 1), data))
     return at + len(parts[-1])
 
 
-def _write_count(parts: list[bytes], at: int, count: int, ros: int) -> int:
-    parts.append(_COUNT.pack(count) if ros == 1 else _ZEROS[-at % 4] + _COUNT.pack(count))
+def _write_count(parts: list[bytes], at: int, count: int, encoding: Encoding) -> int:
+    parts.append(_COUNT.pack(count) if encoding is ROS1 else _ZEROS[-at % 4] + _COUNT.pack(count))
     return at + len(parts[-1])
 
 
 @lru_cache(maxsize=256)
-def _texts(texts: tuple[str, ...], at: int, ros: int) -> bytes:
+def _texts(texts: tuple[str, ...], at: int, encoding: Encoding) -> bytes:
     """Return a sequence of texts that begins `at` bytes behind a multiple of four: names of joints are the same."""
     parts: list[bytes] = []
-    at = _write_count(parts, at, len(texts), ros)
+    at = _write_count(parts, at, len(texts), encoding)
     for text in texts:
-        at = _write_text(parts, at, text, ros)
+        at = _write_text(parts, at, text, encoding)
     return b"".join(parts)
 
 
-def _array_writer(field: Field, ros: int) -> _Write:
+def _array_writer(field: Field, encoding: Encoding) -> _Write:
     """Return what writes an array of numbers."""
     kind, length = np.dtype(NUMBERS[field.type]), field.length
-    is_whole, size = kind.kind in "iu", min(kind.itemsize, _encoding(ros).align)
+    is_whole, size = kind.kind in "iu", min(kind.itemsize, encoding.align)
 
     def write(parts: list[bytes], at: int, value: Any) -> int:
         array = value if type(value) is np.ndarray else np.asarray(value)
@@ -252,7 +246,7 @@ def _array_writer(field: Field, ros: int) -> _Write:
                 raise OverflowError(f"out of the range of {kind}")
             array = array.astype(kind)
         if not length:
-            at = _write_count(parts, at, count, ros)
+            at = _write_count(parts, at, count, encoding)
         if not count:
             return at
         gap = -at % size
@@ -264,10 +258,10 @@ def _array_writer(field: Field, ros: int) -> _Write:
     return write
 
 
-def _sequence_writer(field: Field, ros: int) -> _Write:
+def _sequence_writer(field: Field, encoding: Encoding) -> _Write:
     """Return what writes an array of texts, times or messages."""
     length = field.length
-    single = _fields_writer((field._replace(length=None),), ros)
+    single = _fields_writer((field._replace(length=None),), encoding)
 
     def write(parts: list[bytes], at: int, values: Any) -> int:
         if isinstance(values, str | bytes):
@@ -276,10 +270,10 @@ def _sequence_writer(field: Field, ros: int) -> _Write:
         if length and len(values) != length:
             raise ValueError(f"{len(values)} in place of {length}")
         if field.type == "string" and not length:
-            parts.append(_texts(values, at % 4, ros))
+            parts.append(_texts(values, at % 4, encoding))
             return at + len(parts[-1])
         if not length:
-            at = _write_count(parts, at, len(values), ros)
+            at = _write_count(parts, at, len(values), encoding)
         for value in values:
             at = single(parts, at, (value,))
         return at
@@ -288,11 +282,11 @@ def _sequence_writer(field: Field, ros: int) -> _Write:
 
 
 @cache
-def _completion(name: str, ros: int) -> Callable[[Any], Any]:
+def _completion(name: str, encoding: Encoding) -> Callable[[Any], Any]:
     """Return what makes a message out of rosbags' object of a type, of ROS 1 or 2, whose headers have no `seq`."""
-    lacking = (0,) if ros == 2 and name == HEADER else ()
+    lacking = (0,) if encoding is CDR and name == HEADER else ()
     kind, parts = message_class(name), fields(name)[len(lacking) :]
-    changes = [(k, change) for k, field in enumerate(parts) if (change := _completed(field, ros))]
+    changes = [(k, change) for k, field in enumerate(parts) if (change := _completed(field, encoding))]
     if not parts:
         return lambda given: kind()
     values_of = attrgetter(*(field.name for field in parts))
@@ -306,106 +300,13 @@ def _completion(name: str, ros: int) -> Callable[[Any], Any]:
     return complete
 
 
-def _completed(field: Field, ros: int) -> Callable[[Any], Any] | None:
+def _completed(field: Field, encoding: Encoding) -> Callable[[Any], Any] | None:
     """Return what makes a field's value out of rosbags'; None where it is as it is."""
     if field.type in NUMBERS:
         return None if field.length is None else np.array  # aligned, and the receiver's own
     if field.length is not None:
-        single = _completed(field._replace(length=None), ros)
+        single = _completed(field._replace(length=None), encoding)
         return tuple if single is None else lambda values: tuple(map(single, values))
     if field.type in TIMES:
         return lambda time: time.sec * SECOND + time.nanosec
-    return None if field.type == "string" else _completion(field.type, ros)
-
-
-class Bounds(NamedTuple):
-    """Bounds of a message that is taken in; told from its bytes, ROS 1's, before anybody decodes them."""
-
-    entries: int  # numbers or names of an array
-    text: int  # bytes of a text
-
-
-@cache
-def most_bytes(name: str, bounds: Bounds) -> int:
-    """Return the bytes of a type's largest message within bounds."""
-    return sum(_most_bytes(field, bounds) for field in fields(current_name(name)))
-
-
-def _most_bytes(field: Field, bounds: Bounds) -> int:
-    if field.length is not None:
-        single = _most_bytes(field._replace(length=None), bounds)
-        return field.length * single if field.length else _COUNT.size + bounds.entries * single
-    if field.type == "string":
-        return _COUNT.size + bounds.text
-    return _width(field) or most_bytes(field.type, bounds)
-
-
-class _TooMany(Exception):
-    """An array has more entries than its bound."""
-
-
-@cache
-def names_within(name: str, bounds: Bounds) -> Callable[[bytes], bool]:
-    """Return what tells of a message's bytes whether its arrays of names, or of messages, have few enough entries.
-
-    Numbers cost next to nothing, and the message's bytes bound them; 1,200 empty names take a millisecond to decode.
-    Bytes that are no such message are for the decoder to refuse.
-    """
-    listed = fields(current_name(name))
-    last = max((k for k, field in enumerate(listed) if _is_counted(field)), default=-1)
-    looked_at = listed[: last + 1]
-
-    def tell(data: bytes) -> bool:
-        at = 0
-        try:
-            for field in looked_at:
-                at = _passed(field, data, at, bounds.entries)
-        except _TooMany:
-            return False
-        except struct.error:  # it ends before that
-            return True
-        return True
-
-    return tell
-
-
-@cache
-def _is_counted(field: Field) -> bool:
-    if field.type in NUMBERS or field.type in TIMES:
-        return False
-    if field.length is not None:
-        return True
-    return field.type != "string" and any(map(_is_counted, fields(field.type)))
-
-
-def _passed(field: Field, data: bytes, at: int, most: int) -> int:
-    """Return where the field after this one begins."""
-    width = _width(field)
-    if field.length is None:
-        if width:
-            return at + width
-        if field.type == "string":
-            return at + _COUNT.size + int(_COUNT.unpack_from(data, at)[0])
-        for part in fields(field.type):
-            at = _passed(part, data, at, most)
-        return at
-    count = field.length
-    if not count:
-        (count,) = _COUNT.unpack_from(data, at)
-        at += _COUNT.size
-    if width:
-        return at + count * width
-    if count > most and not field.length:
-        raise _TooMany
-    single = field._replace(length=None)
-    for _ in range(count):
-        at = _passed(single, data, at, most)
-    return at
-
-
-@cache
-def _width(field: Field) -> int:
-    """Return the bytes of one entry of a field whose type is a number or a time, else 0."""
-    if field.type in NUMBERS:
-        return np.dtype(NUMBERS[field.type]).itemsize
-    return _TIME if field.type in TIMES else 0
+    return None if field.type == "string" else _completion(field.type, encoding)

@@ -4,9 +4,11 @@ The RAVEN-II's own `raven_state` is in `raven_telemetry`.
 """
 
 import logging
+from collections.abc import Callable
 from functools import lru_cache
 from math import hypot
-from typing import cast, get_args
+from operator import attrgetter
+from typing import Any, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,8 +57,6 @@ def joint_values(
     first n count, in our order, as the RAVEN-II takes them.
 
     Args:
-        message: What came.
-        names: Our joints.
         field: "position", "velocity" or "effort".
         rest: (n,) numbers of joints that are not named; None refuses a message that lacks some.
     """
@@ -106,8 +106,6 @@ def joint_state(
     """Return a joint state from a sensor_msgs/JointState; NaN where it has no velocities or efforts.
 
     Args:
-        message: What came.
-        names: Our joints.
         gravity: (3,) in the base frame [m/s2], which the message does not hold.
         gravity_age: [s] since it was measured; infinite when it is nominal.
     """
@@ -168,22 +166,22 @@ def command_message(command: str, stamp: int) -> Message:
     return message_class("crtk_msgs/StringStamped")(header(stamp), command)
 
 
-def specific_force(message: Message) -> Floats:
-    """Return what an accelerometer read (3,) [m/s2], in its own axes: minus gravity when at rest.
+# the vector of an accelerometer's message, by type
+MEASURED: dict[Any, Callable[[Message], Message]] = {
+    message_class("sensor_msgs/Imu"): attrgetter("linear_acceleration"),
+    message_class("geometry_msgs/AccelStamped"): attrgetter("accel.linear"),
+    message_class("geometry_msgs/Vector3Stamped"): attrgetter("vector"),
+}
 
-    Takes sensor_msgs/Imu, geometry_msgs/AccelStamped and Vector3Stamped.
-    """
-    if isinstance(message, message_class("sensor_msgs/Imu")):
-        if message.linear_acceleration_covariance[0] == -1.0:
-            raise InputError("Imu: linear_acceleration_covariance[0] is -1: it measures no acceleration")
-        values = message.linear_acceleration
-    elif isinstance(message, message_class("geometry_msgs/AccelStamped")):
-        values = message.accel.linear
-    elif isinstance(message, message_class("geometry_msgs/Vector3Stamped")):
-        values = message.vector
-    else:
-        raise InputError(f"expected an Imu, an AccelStamped or a Vector3Stamped, got {type(message).__name__}")
-    return as_array(type(message).__name__, tuple(values), (3,))
+
+def specific_force(message: Message) -> Floats:
+    """Return what an accelerometer read (3,) [m/s2], in its own axes: minus gravity when at rest."""
+    kind = type(message)
+    if kind not in MEASURED:
+        raise InputError(f"expected an Imu, an AccelStamped or a Vector3Stamped, got {kind.__name__}")
+    if kind is message_class("sensor_msgs/Imu") and message.linear_acceleration_covariance[0] == -1.0:
+        raise InputError("Imu: linear_acceleration_covariance[0] is -1: it measures no acceleration")
+    return as_array(kind.__name__, tuple(MEASURED[kind](message)), (3,))
 
 
 def seconds(stamp: int) -> float:

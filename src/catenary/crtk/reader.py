@@ -80,10 +80,36 @@ TRACKER = "tracker/measured_js"  # below a namespace: where a tracker sees the j
 _READS = ("measured_js", "setpoint_js", "operating_state")
 
 
-class CrtkReader:
+class NeverMoved:
+    """What a `Plant` that takes no commands does with them: refuse each."""
+
+    why_not = ""
+    supports: frozenset[str] = frozenset()
+
+    def servo_jp(self, q: ArrayLike) -> None:
+        """Refuse."""
+        raise self._refused("servo_jp")
+
+    def servo_jr(self, dq: ArrayLike) -> None:
+        """Refuse."""
+        raise self._refused("servo_jr")
+
+    def servo_jf(self, tau: ArrayLike) -> None:
+        """Refuse."""
+        raise self._refused("servo_jf")
+
+    def state_command(self, command: StateCommand) -> None:
+        """Refuse."""
+        raise self._refused(command)
+
+    def _refused(self, verb: str) -> UnsupportedCommandError:
+        return UnsupportedCommandError(f"{verb}: {self.why_not}")
+
+
+class CrtkReader(NeverMoved):
     """One arm of a robot that speaks CRTK, over any transport; arrays are in the order of `joint_names`."""
 
-    supports: frozenset[str] = frozenset()
+    why_not = "this robot is only read"
 
     def __init__(
         self,
@@ -248,28 +274,6 @@ class CrtkReader:
         """Seconds since the latest state came in."""
         return self._latest["measured_js"].age()
 
-    # what only a client that commands obeys
-
-    def servo_jp(self, q: ArrayLike) -> None:
-        """Refuse."""
-        raise self._only_read("servo_jp")
-
-    def servo_jr(self, dq: ArrayLike) -> None:
-        """Refuse."""
-        raise self._only_read("servo_jr")
-
-    def servo_jf(self, tau: ArrayLike) -> None:
-        """Refuse."""
-        raise self._only_read("servo_jf")
-
-    def state_command(self, command: StateCommand) -> None:
-        """Refuse."""
-        raise self._only_read(command)
-
-    @staticmethod
-    def _only_read(verb: str) -> UnsupportedCommandError:
-        return UnsupportedCommandError(f"{verb}: this robot is only read")
-
     def wait(self) -> None:
         """Sleep until the next tick, on a grid of the client's own."""
         self._rate.sleep()
@@ -328,16 +332,18 @@ class CrtkReader:
 
     def _missing(self) -> list[str]:
         """Say which topics lack messages."""
-        needed = [self._latest["measured_js"]]
-        if self._state is None:
-            needed.append(self._latest["operating_state"])
-        faults = [self._silence(latest) for latest in needed if latest.message() is None]
+        faults = [self._silence(latest) for latest in self._needed() if latest.message() is None]
         measured = self._latest["measured_js"].message()
         if measured is not None and not np.isfinite(measured.position).all():
             faults.append(f"{self._latest['measured_js'].topic}: holds NaN or infinity")
         if self._state is not None and self._state.message() is None:
             faults.append(self._silence(self._state.latest))
         return faults
+
+    def _needed(self) -> list[Latest]:
+        """Return what has to have come, beside raven_state."""
+        verbs = ("measured_js", "operating_state") if self._state is None else ("measured_js",)
+        return [self._latest[verb] for verb in verbs]
 
     def _silence(self, latest: Latest) -> str:
         """Say who is expected to send on a topic of which nothing came."""

@@ -150,7 +150,6 @@ def find_topic(dialect: DialectName, verb: str, arm: Arm | None = None, namespac
     """Return the topic of a verb of an arm, or of the whole robot when `arm` is None.
 
     Args:
-        dialect: Raven or crtk.
         verb: Last word of the topic's name, with `jaw/` or `grasp_` in front where it is the gripper's.
         arm: Which one.
         namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.

@@ -5,10 +5,9 @@ Nothing is repeated, also not what a latching publisher gives again after its co
 where a program does not keep up, the oldest message gives way and a counter says so
 (`Subscription.overflowed`, `Publisher.overflowed`).
 
-Callbacks and services run where `poll` is called, in that thread and nowhere else; `Spinner` calls it in another.
+Services run where `poll` is called, in that thread and nowhere else.
 """
 
-import logging
 import math
 import re
 import threading
@@ -17,15 +16,14 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Self
 
 from catenary.crtk.clock import SECOND, Clock, Rate
-from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
+from catenary.crtk.inbox import Inbox, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_bytes import Bounds, codec
+from catenary.crtk.message_bytes import ANY, ROS1, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
 Handler = Callable[[Message], Message]
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
-_logger = logging.getLogger(__name__)
 QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 DEPTH = 1000  # messages that wait for the program: 1 s
 
@@ -76,9 +74,42 @@ class Publisher(ABC):
     def _end(self) -> None: ...
 
 
+class HeardTopic:
+    """What a program receives of one topic, by one connection per publisher, for all its subscriptions."""
+
+    def __init__(self, type_name: str, end: Callable[[], None]) -> None:
+        """Prepare; `end` is called when nobody listens any more."""
+        self.type_name, self.end = current_name(type_name), end
+        self.subscriptions: tuple[Subscription, ...] = ()
+        self._latched: dict[str, tuple[Any, int, Origin, int | None]] = {}  # by publisher
+        self._lock = threading.RLock()
+
+    def add(self, subscription: Subscription) -> None:
+        """Give a subscription what comes from now on, and what publishers have latched."""
+        with self._lock:
+            for latched in self._latched.values():
+                subscription.push(*latched)
+            self.subscriptions = (*self.subscriptions, subscription)
+
+    def remove(self, subscription: Subscription) -> bool:
+        """Take a subscription away; return whether none is left."""
+        with self._lock:
+            self.subscriptions = tuple(one for one in self.subscriptions if one is not subscription)
+        return not self.subscriptions
+
+    def give(self, data: Any, time: int, origin: Origin | None, sent: int | None = None) -> None:
+        """Give a message's bytes that came at `time` [ns] to all subscriptions, as `Subscription.push` has it."""
+        with self._lock:
+            if origin is not None and origin.is_latching:
+                self._latched[origin.process.partition(" ")[0]] = data, time, origin, sent
+            for subscription in self.subscriptions:
+                subscription.push(data, time, origin, sent)
+
+
 class Transport(ABC):
     """Carries messages and calls under one name."""
 
+    encoding = ROS1  # of the bytes that its subscriptions are given
     lapses: tuple[int, ...] = (0,)  # [ns] from the end of a program until it is no longer connected: these, about
 
     def __init__(self, name: str, clock: Clock | None = None) -> None:
@@ -93,13 +124,13 @@ class Transport(ABC):
         self.clock = clock or Clock()
         self.inbox = Inbox()
         self._publishers: dict[str, Publisher] = {}
+        self._heard: dict[str, HeardTopic] = {}
+        self._heard_lock = threading.RLock()
 
     def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE) -> Publisher:
         """Return a publisher of a topic.
 
         Args:
-            topic: Its name; one without a leading slash gets it.
-            type_name: Message type, such as sensor_msgs/JointState.
             latch: Give the last message to whoever subscribes later.
             queue: Messages that wait for a peer that does not keep up.
 
@@ -113,26 +144,15 @@ class Transport(ABC):
         known = self._publishers.get(topic)
         if known is not None and not known.is_closed:
             raise TransportError(f'"{self.name}" publishes {topic} already')
+        self._refuse_other_type(topic, type_name)
         made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=queue)
         return made
 
-    def subscribe(
-        self,
-        topic: str,
-        type_name: str,
-        callback: Callback | None = None,
-        *,
-        depth: int = DEPTH,
-        bounds: Bounds | None = None,
-    ) -> Subscription:
-        """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
+    def subscribe(self, topic: str, type_name: str, *, depth: int = DEPTH, largest: int = ANY) -> Subscription:
+        """Begin to receive: the subscription's `take` gives what has come.
 
         Args:
-            topic: Its name; one without a leading slash gets it.
-            type_name: Message type, such as sensor_msgs/JointState.
-            callback: Gets the messages.
-            depth: Messages that wait at most.
-            bounds: Beyond which a message is dropped and counted, undecoded; any when None.
+            largest: Bytes beyond which a message is dropped and counted, undecoded.
 
         Raises:
             InputError: The name is invalid, the type unknown, or `depth` below 1.
@@ -140,8 +160,8 @@ class Transport(ABC):
         """
         self.require_open()
         topic = absolute(topic)
-        decode = self._decoder(type_name, bounds)
-        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, callback, depth, bounds)
+        decode = codec(type_name, self.encoding).decode
+        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, depth, largest)
         self._subscribe(subscription, type_name)
         return subscription
 
@@ -171,14 +191,9 @@ class Transport(ABC):
         return self._call(name, type_name, asked, timeout)
 
     def poll(self, timeout: float = 0.0) -> int:
-        """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; return how many ran."""
+        """Run services for calls that have come; wait for the first up to `timeout` [s]; return how many ran."""
         self.require_open()
         return self.inbox.run(timeout)
-
-    def spin(self) -> None:
-        """Poll until the transport is closed or its network is told to end it."""
-        while not self.inbox.closed:
-            self.inbox.run(0.1)
 
     @abstractmethod
     def connections(self, topic: str) -> Connections:
@@ -196,9 +211,9 @@ class Transport(ABC):
         """Return programs that went from a topic without ending it, as a crash does, where that can be told."""
         return frozenset()
 
-    @abstractmethod
     def is_up(self) -> bool:
         """Return whether it is open, and whatever brings peers together (ROS 1's master) answers."""
+        return not self.inbox.closed
 
     def now(self) -> int:
         """Return the time [ns], as it goes into stamps; it may be set back and forth."""
@@ -225,6 +240,13 @@ class Transport(ABC):
         """End all publishers, subscriptions and services."""
         self.inbox.close()
 
+    def _end_topics(self) -> None:
+        for publisher in self._publishers.values():
+            publisher.close()
+        with self._heard_lock:
+            while self._heard:
+                self._heard.popitem()[1].end()
+
     def __enter__(self) -> Self:
         return self
 
@@ -233,16 +255,35 @@ class Transport(ABC):
 
     # what a transport does of these, with names and types that have been checked
 
-    def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
-        """Return what makes a message of the bytes that a subscription is given: ROS 1's, where it has bounds."""
-        return codec(type_name).decode
-
     @abstractmethod
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher: ...
 
-    @abstractmethod
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         """Have messages pushed into a subscription, as its decoder reads them; the type is as the program spells it."""
+        topic = subscription.topic
+        with self._heard_lock:
+            found = self._heard.get(topic)
+            if found is None:
+                self._refuse_other_type(topic, type_name)
+                found = self._heard[topic] = self._hear(topic, type_name)
+            elif found.type_name != subscription.type_name:
+                raise other_type(topic, type_name, found.type_name)
+            found.add(subscription)
+        subscription.on_close(lambda: self._unsubscribe(topic, subscription))
+
+    def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
+        with self._heard_lock:
+            found = self._heard.get(topic)
+            if found is not None and found.remove(subscription):
+                self._heard.pop(topic).end()
+
+    @abstractmethod
+    def _hear(self, topic: str, type_name: str) -> HeardTopic:
+        """Begin to receive a topic that nobody in this program has subscribed to yet."""
+
+    @abstractmethod
+    def _refuse_other_type(self, topic: str, type_name: str) -> None:
+        """Refuse a topic that somebody publishes as another type."""
 
     @abstractmethod
     def _serve(self, name: str, type_name: str, handler: Handler) -> None: ...
@@ -290,33 +331,6 @@ def answer_of(name: str, waiting: Request, timeout: float, serve: Callable[[], o
         return waiting.result()
     except Exception as error:
         raise TransportError(f"service {name} failed: {error}") from error
-
-
-class Spinner:
-    """Polls a transport in a thread of its own, while it is entered; a callback's exception is logged."""
-
-    def __init__(self, transport: Transport) -> None:
-        """Prepare; entering it starts the thread."""
-        self._transport = transport
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"{transport.name} spinner", daemon=True)
-
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            try:
-                self._transport.poll(0.05)
-            except TransportError:  # closed
-                return
-            except Exception:
-                _logger.exception("callback of %s", self._transport.name)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stop.set()
-        self._thread.join()
 
 
 def absolute(name: str) -> str:

@@ -72,9 +72,7 @@ class EncoderBoard(SerialBoard):
         """Open the port and begin to read.
 
         Args:
-            port: As /dev/ttyUSB0.
             rig: Of the encoders; the calibration rig's when None.
-            baud: Speed of the line.
             clock: Of the samples' times [s]; one that never goes back.
         """
         self.rig = EncoderRig() if rig is None else rig

@@ -8,6 +8,7 @@ nobody tells, the counts do.
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,40 +20,31 @@ BITS = (16, 24, 32)
 JOINTS = ("shoulder", "elbow", "insertion")
 
 
-# by default: per rad, rad, m; [rad, rad, m]; below, above, above; counts
-_COUNTS = frozen(np.array([80_000 / (2.0 * np.pi), 80_000 / (2.0 * np.pi), 1.0 / 5e-6]))
-_STOP = frozen(np.array([0.0, np.deg2rad(130.0), 0.572467]))
-_SIDE, _WINDOW = frozen(np.array([-1.0, 1.0, 1.0])), frozen(np.array([50.0, 20.0, 20.0]))
-# twice what the robot's software lets through (2.5 rad/s); five times the homing's fastest insertion (0.1 m/s)
-_MAX_SPEED = frozen(np.array([5.0, 5.0, 0.5]))
-
-
 @dataclass(frozen=True)
 class EncoderRig:
     """Three encoders beside the arm's positioning joints: shoulder and elbow [rad], insertion [m].
 
-    The defaults are of the calibration rig [raven2_CRTK_Python_controller]: 80,000 counts a turn, 5 um a count; its
+    They are those of the calibration rig [raven2_CRTK_Python_controller]: 80,000 counts a turn, 5 um a count; its
     zero is the mean of the counts within a window of the farthest ones seen at the stops, and there it calls the
     joints 0, 130 deg and 0.572467 m. The robot calls the same stops 0, 137.5 deg, 0.562 m.
     """
 
-    counts: Floats = field(default_factory=lambda: _COUNTS)  # per rad, rad, m
-    stop: Floats = field(default_factory=lambda: _STOP)  # [rad, rad, m]
-    side: Floats = field(default_factory=lambda: _SIDE)  # on which the stop lies: -1 below, 1 above
-    window: Floats = field(default_factory=lambda: _WINDOW)  # counts
+    counts: ClassVar[Floats] = frozen(
+        np.array([80_000 / (2.0 * np.pi), 80_000 / (2.0 * np.pi), 1.0 / 5e-6])
+    )  # per rad, rad, m
+    stop: ClassVar[Floats] = frozen(np.array([0.0, np.deg2rad(130.0), 0.572467]))  # [rad, rad, m]
+    side: ClassVar[Floats] = frozen(np.array([-1.0, 1.0, 1.0]))  # on which the stop lies: -1 below, 1 above
+    window: ClassVar[Floats] = frozen(np.array([50.0, 20.0, 20.0]))  # counts
+    # [rad/s, rad/s, m/s] twice what the robot's software lets through (2.5 rad/s); five times the homing's fastest
+    # insertion (0.1 m/s)
+    max_speed: ClassVar[Floats] = frozen(np.array([5.0, 5.0, 0.5]))
     direction: Floats = field(default_factory=lambda: np.ones(3))  # -1: counts against its joint
-    max_speed: Floats = field(default_factory=lambda: _MAX_SPEED)  # [rad/s, rad/s, m/s]
     bits: int = 32  # of the board's counters; beyond their end they begin at the other
 
     def __post_init__(self) -> None:
-        for name in ("counts", "stop", "side", "window", "direction", "max_speed"):
-            object.__setattr__(self, name, frozen(as_array(f"encoder rig {name}", getattr(self, name), (3,))))
-        for name in ("counts", "window", "max_speed"):
-            if not (getattr(self, name) > 0.0).all():
-                raise InputError(f"encoder rig {name}: expected more than 0, got {getattr(self, name)}")
-        for name in ("side", "direction"):
-            if not (np.abs(getattr(self, name)) == 1.0).all():
-                raise InputError(f"encoder rig {name}: expected 1 or -1 each, got {getattr(self, name)}")
+        object.__setattr__(self, "direction", frozen(as_array("encoder rig direction", self.direction, (3,))))
+        if not (np.abs(self.direction) == 1.0).all():
+            raise InputError(f"encoder rig direction: expected 1 or -1 each, got {self.direction}")
         if self.bits not in BITS:
             raise InputError(f"encoder rig bits: expected one of {BITS}, got {self.bits}")
 

@@ -44,8 +44,6 @@ class SerialBoard(ABC):
         """Open the port and begin to read; subclasses call this when they are ready to take lines.
 
         Args:
-            port: As /dev/ttyACM0.
-            baud: Speed of the line.
             clock: Of the lines' times [s].
             ask: Sent whenever the port is opened.
         """

@@ -64,11 +64,7 @@ class CalibratedMessages:
         """Begin to publish.
 
         Args:
-            transport: Carries the messages.
-            place: Namespace of the topics.
-            names: Joints of the arm.
             robot: Its kinematics; both jaws may be one joint of it.
-            pose_type: PoseStamped or TransformStamped.
             positioning: Arm of the first joints whose gravity torques are published; None publishes none.
             with_intervals: Joints whose intervals are published; none publishes none.
         """
@@ -98,7 +94,6 @@ class CalibratedMessages:
             q: (n,) corrected positions [rad|m].
             interval: (n,) half-widths of intervals about them [rad|m].
             state: What the robot reported: velocities and torques, NaN where it reports none, and gravity.
-            is_valid: Whether the model knows such positions.
         """
         publishers, joint_state = self._publishers, message_class(JOINT_STATE)
         qd, tau = (row if np.isfinite(row).all() else _NONE for row in (state.qd, state.tau))
@@ -169,9 +164,7 @@ class CalibratedTopics:
 
         Args:
             client: Of a RAVEN-II's arm, or of a dVRK PSM.
-            model: Fitted to recordings of this robot.
             rate_hz: At which the robot publishes; matters to models with previous positions.
-            gravity_torque: Publish that too.
         """
         self._client = client
         self._model = model
@@ -330,11 +323,8 @@ def reader_of(
 
     Args:
         joints: Of the model: a PSM's, or else a RAVEN-II's.
-        transport: Brings the messages; stays open.
-        arm: gold or green.
         dialect: raven or crtk; the robot's own when None.
         namespace: Of a PSM, /PSM1 when None.
-        imu: What gravity is read from.
     """
     kind = kind_with_joints(joints, arm) or KINDS[ROBOT[arm]]
     if kind is not PSM and namespace is not None:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.control.realtime import RealTime
+from catenary.crtk.reader import NeverMoved
 from catenary.crtk.serving.crtk_dialect import CrtkDialect
 from catenary.crtk.serving.dialect import Dialect
 from catenary.crtk.serving.raven_dialect import RavenDialect
@@ -22,10 +23,10 @@ from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName, crtk_topics
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import psm_topic, psm_topics
-from catenary.errors import InputError, UnsupportedCommandError
+from catenary.errors import InputError
 from catenary.gravity.torque import gravity_kernel
 from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
-from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
+from catenary.plant import Column, JointState, OperatingState, Plant
 from catenary.raven2.topics import ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
@@ -101,8 +102,6 @@ def make_server(
     """Put a robot behind a transport; nothing moves before its ticks.
 
     Args:
-        serving: What is served.
-        transport: What carries the messages.
         rate_hz: At which states are published; the robot's own rate divided by a whole number.
         plants: The arms, in place of simulated ones that `serving` describes.
     """
@@ -185,10 +184,8 @@ def serve(
     after a stall nothing runs faster than it should for long.
 
     Args:
-        server: What is served.
         commands: From a person, put in by any thread, obeyed between two ticks: "button", or a state command for all
             arms.
-        show: Called once a second.
         duration: [s]; None for ever.
 
     Returns:
@@ -257,11 +254,11 @@ def _state_text(arm: ServedArm) -> str:
     return " ".join([*words, "busy"] if state.is_busy else words)
 
 
-class ParkedArm:
+class ParkedArm(NeverMoved):
     """A `Plant` that is DISABLED for good, in the place of an arm that a robot has but nobody uses."""
 
+    why_not = "the arm is parked"
     simulated = True
-    supports: frozenset[str] = frozenset()
     columns: tuple[Column, ...] = ()
 
     def __init__(
@@ -294,19 +291,3 @@ class ParkedArm:
 
     def wait(self) -> None:
         """Stand."""
-
-    def state_command(self, command: StateCommand) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError(f'state command "{command}": the arm is parked')
-
-    def servo_jp(self, q: Floats) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError("servo_jp: the arm is parked")
-
-    def servo_jr(self, dq: Floats) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError("servo_jr: the arm is parked")
-
-    def servo_jf(self, tau: Floats) -> None:
-        """Refuse."""
-        raise UnsupportedCommandError("servo_jf: the arm is parked")

@@ -1,20 +1,18 @@
 """The loop of teleop in a terminal: keys read, the robot moved, and its picture, lines of a fixed size, drawn."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from textwrap import wrap
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import CatenaryError
-from catenary.plant import Bounded, JointState, OperatingState, Plant
+from catenary.plant import Plant
 from catenary.robots.model import RobotModel
 from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.teleop.driver import TeleopDriver
 from catenary.teleop.key_motion import BACKWARD, FORWARD
-from catenary.teleop.terminal import KeyReader
+from catenary.teleop.terminal import KeyReader, RawTerminal
 from catenary.visible import visible
 
 BAR = 20  # characters of a joint's range
@@ -27,52 +25,6 @@ _MORE = (
     "Lower case moves, capitals change the robot's state. H twice within 2 s homes.",
     "Ctrl-C and Q hold the robot, then pause it; Ctrl-Z holds it meanwhile.",
 )
-
-
-class View(NamedTuple):
-    """The robot and the session as they are shown."""
-
-    robot: str
-    simulated: bool
-    operating: OperatingState
-    measured: JointState
-    setpoint: Floats  # (n,) [rad|m]
-    speed: float
-    is_moving: bool
-    blocked: Sequence[str]
-    message: str
-    joints: Bounded
-    tip: Floats | None  # (3,) [m] in the base frame
-    recording: str | None = None
-    with_help: bool = False
-
-
-def teleop_lines(view: View, columns: int = 80, lines: int = 24) -> list[str]:
-    """Return exactly `lines` lines of at most `columns` characters."""
-    state = view.operating
-    what = "simulated" if view.simulated else "ROBOT"
-    title = f"catenary teleop  {view.robot} ({what})  {state.state}{'' if state.is_homed else ', NOT HOMED'}"
-    title += ", busy" if state.is_busy else ""
-    shown = [title, f"speed x{view.speed:g}   {'moving' if view.is_moving else 'still'}", ""]
-    shown.append(f"{'keys':>4}  {'joint':<18}{'now':>11}{'set':>11}   range")
-    joints, lower, upper = view.joints, view.joints.lower, view.joints.upper
-    for j, (name, unit) in enumerate(zip(joints.joint_names, joints.joint_units, strict=True)):
-        keys = f"{FORWARD[j]} {BACKWARD[j]}" if j < len(FORWARD) else ""
-        mark = " LIMIT" if name in view.blocked else ""
-        shown.append(
-            f"{keys:>4}  {name[:17]:<18}{_number(view.measured.q[j], unit):>11}{_number(view.setpoint[j], unit):>11}   "
-            f"{_bar(view.setpoint[j], lower[j], upper[j])}{mark}"
-        )
-    if view.tip is not None:
-        x, y, z = 1e3 * view.tip
-        shown += ["", f"tip  x {x:8.1f}  y {y:8.1f}  z {z:8.1f} mm, in the base frame"]
-    shown += ["", *wrap(visible(view.message), max(8, columns))]
-    if view.recording is not None:
-        shown.append(view.recording)
-    footer = [*(_MORE if view.with_help else ()), *_HELP]
-    room = max(0, lines - len(footer))
-    shown = shown[:room] + [""] * (room - len(shown)) + footer[:lines]
-    return [visible(line.replace("\n", " "))[:columns] for line in shown[:lines]]
 
 
 def _number(value: float, unit: str) -> str:
@@ -90,22 +42,6 @@ DRAW = 0.05  # [s] between two pictures
 KEYS = {"DISABLED": "E enables it", "PAUSED": "R resumes it", "home": "H H homes it"}
 
 
-class Terminal(Protocol):
-    """Where keys come from and lines go."""
-
-    ended: str | None
-    wants_suspension: bool
-
-    @property
-    def size(self) -> tuple[int, int]: ...  # noqa: D102
-
-    def read(self) -> bytes: ...  # noqa: D102
-
-    def draw(self, lines: list[str]) -> None: ...  # noqa: D102
-
-    def suspend(self) -> None: ...  # noqa: D102
-
-
 class TeleopSession:
     """Reads keys, moves the robot, shows it, tick by tick."""
 
@@ -114,17 +50,14 @@ class TeleopSession:
         plant: Plant,
         model: RobotModel | None,
         name: str,
-        terminal: Terminal,
+        terminal: RawTerminal,
         *,
         observe: Callable[[], str | None] = lambda: None,
     ) -> None:
         """Take a robot and a terminal.
 
         Args:
-            plant: In any state.
             model: Of its first joints, which place the tip.
-            name: Of the robot.
-            terminal: Entered.
             observe: Called after each tick, as a recorder is; returns a line for the screen.
         """
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
@@ -187,13 +120,32 @@ class TeleopSession:
         self.plant.wait()
 
     def _draw(self, blocked: tuple[str, ...], line: str | None) -> None:
-        plant, motion = self.plant, self._driver.motion
-        measured = plant.measured_js()
-        tip = None
+        """Draw exactly as many lines as the terminal has, none wider than it is."""
+        columns, lines = self._terminal.size
+        footer = [*(_MORE if self._with_help else ()), *_HELP]
+        room = max(0, lines - len(footer))
+        shown = [*self._robot_lines(blocked), "", *wrap(visible(self.message), max(8, columns))]
+        shown = (shown if line is None else [*shown, line])[:room]
+        shown += [""] * (room - len(shown)) + footer[:lines]
+        self._terminal.draw([visible(text.replace("\n", " "))[:columns] for text in shown[:lines]])
+
+    def _robot_lines(self, blocked: tuple[str, ...]) -> list[str]:
+        """Return the robot's state, its joints and its tip as text."""
+        plant, motion, state = self.plant, self._driver.motion, self.plant.operating_state()
+        measured, setpoint, lower, upper = plant.measured_js(), plant.setpoint_js().q, plant.lower, plant.upper
+        what = "simulated" if plant.simulated else "ROBOT"
+        title = f"catenary teleop  {self._name} ({what})  {state.state}{'' if state.is_homed else ', NOT HOMED'}"
+        shown = [title + (", busy" if state.is_busy else "")]
+        shown += [f"speed x{motion.speed:g}   {'moving' if motion.is_moving else 'still'}", ""]
+        shown.append(f"{'keys':>4}  {'joint':<18}{'now':>11}{'set':>11}   range")
+        for j, (name, unit) in enumerate(zip(plant.joint_names, plant.joint_units, strict=True)):
+            keys = f"{FORWARD[j]} {BACKWARD[j]}" if j < len(FORWARD) else ""
+            mark = " LIMIT" if name in blocked else ""
+            shown.append(
+                f"{keys:>4}  {name[:17]:<18}{_number(measured.q[j], unit):>11}{_number(setpoint[j], unit):>11}   "
+                f"{_bar(setpoint[j], lower[j], upper[j])}{mark}"
+            )
         if self._model is not None:
-            tip = forward_kinematics(self._model, measured.q[: self._model.n]).position
-        view = View(
-            self._name, plant.simulated, plant.operating_state(), measured, plant.setpoint_js().q, motion.speed,
-            motion.is_moving, blocked, self.message, plant, tip, line, self._with_help,
-        )  # fmt: skip
-        self._terminal.draw(teleop_lines(view, *self._terminal.size))
+            x, y, z = 1e3 * forward_kinematics(self._model, measured.q[: self._model.n]).position
+            shown += ["", f"tip  x {x:8.1f}  y {y:8.1f}  z {z:8.1f} mm, in the base frame"]
+        return shown

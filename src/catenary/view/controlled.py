@@ -10,7 +10,7 @@ from catenary.monitor import Snapshot
 from catenary.plant import Bounded
 from catenary.teleop.driver import COMMANDS, HOLD, TeleopDriver
 from catenary.teleop.key_motion import AXES, BACKWARD, FORWARD
-from catenary.view.page_process import StatePage
+from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes
 from catenary.view.shown import NOBODY, ButtonsControl, Change, Control, ControlTab, HeldControl, Shown
 from catenary.view.watched import WatchedArm
@@ -43,14 +43,14 @@ class ControlledArm(WatchedArm):
         """Return what its page shows: buttons for joints and tip, beside run levels."""
         return replace(super().shown(title), tabs=held_tabs(self._robot.plant))
 
-    def run(self, page: StatePage, ended: Callable[[], bool] = lambda: False) -> None:
+    def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
         """Move the robot as the page says until it is gone or `ended` says so; then hold and pause it."""
         try:
             super().run(page, ended)
         finally:
             self._driver.leave()
 
-    def _tick(self, page: StatePage) -> None:
+    def _tick(self, page: PageProcess) -> None:
         """Do what the page wants in a tick; a robot that cannot be reached or is another's is sent nothing."""
         try:
             for change in page.changes():

@@ -10,11 +10,12 @@ import time
 from collections.abc import Callable
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
-from typing import Protocol, Self
+from typing import Self
 
 from catenary.errors import CatenaryError, InputError, MissingPackageError
 from catenary.view.shown import Change, Shown
 from catenary.view.state import SharedState, ViewState
+from catenary.view.viser_page import ViserPage, open_server
 
 DRAW_HZ = 20.0
 WRITE_EVERY, PLOT_EVERY = 5, 10  # pictures between two updates of words, of curves and paths
@@ -22,17 +23,6 @@ START_WITHIN = 120.0  # [s]
 PORT = 8080
 _END = "end"
 _ADDRESS, _SHOWN, _FAILED = "address", "shown", "failed"
-
-
-class StatePage(Protocol):
-    """What a program that shows itself asks of a page: where states go and changes come from; neither waits."""
-
-    @property
-    def is_running(self) -> bool: ...  # noqa: D102
-
-    def put(self, state: ViewState) -> None: ...  # noqa: D102
-
-    def changes(self) -> list[Change]: ...  # noqa: D102
 
 
 class PageProcess:
@@ -144,8 +134,6 @@ def _run_page(pipe: Connection, port: int) -> None:
             pipe.send(tuple(change))
 
     try:
-        from catenary.view.viser_page import ViserPage, open_server
-
         server, url = open_server(port)
         pipe.send((_ADDRESS, url))
         received = pipe.recv()
@@ -173,26 +161,7 @@ def _ended(pipe: Connection) -> bool:
         return True
 
 
-class DrawnPage(Protocol):
-    """A page that states are drawn on."""
-
-    @property
-    def clients(self) -> int: ...  # noqa: D102
-
-    def draw(self, state: ViewState) -> None: ...  # noqa: D102
-
-    def write(self, state: ViewState) -> None: ...  # noqa: D102
-
-    def plot(self) -> None: ...  # noqa: D102
-
-
-class StateSource(Protocol):
-    """Where states come from; None when there is none that is new."""
-
-    def take(self) -> ViewState | None: ...  # noqa: D102
-
-
-def draw_until(page: DrawnPage, states: StateSource, ended: Callable[[], bool]) -> None:
+def draw_until(page: ViserPage, states: SharedState, ended: Callable[[], bool]) -> None:
     """Draw states as they come, DRAW_HZ times a second at most, and nothing while nobody looks."""
     number = 0
     while not ended():

@@ -17,7 +17,7 @@ from catenary.plant import Joints, MotionLog, places_of
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.view.curves import SPACING, JointColumns
-from catenary.view.page_process import StatePage
+from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes, arm_shapes
 from catenary.view.shown import (
     ButtonsControl,
@@ -73,25 +73,18 @@ class RecordedArm:
 
     def state(self, row: int) -> ViewState:
         """Return the state of a row."""
-        n = self.model.n
         warnings = []
         outside = [self.model.joint_names[j] for j in np.flatnonzero(self.inside[row] == 0.0)]
         if outside:
             warnings.append(f"outside the model's valid range: {', '.join(outside)}")
         if np.isfinite(self.true).any() and not np.isfinite(self.true[row, list(self.joints)]).all():
             warnings.append("no truth on this row")
-        return unknown_state(n)._replace(
-            time=float(self.time[row]),
-            q=self.q[row],
-            calibrated=self.calibrated[row],
-            interval=self.interval[row],
-            inside=self.inside[row],
-            true=self.true[row],
-            tau=self.tau[row],
-            gravity_tau=self.gravity_tau[row],
-            mode="recording of a simulated robot" if self.simulated else "recording",
-            warnings=tuple(warnings),
-        )
+        told = ("q", "calibrated", "interval", "inside", "true", "tau", "gravity_tau")
+        mode = "recording of a simulated robot" if self.simulated else "recording"
+        return unknown_state(self.model.n)._replace(
+            **{name: getattr(self, name)[row] for name in told},
+            time=float(self.time[row]), mode=mode, warnings=tuple(warnings),
+        )  # fmt: skip
 
     def columns(self) -> JointColumns:
         """Return what is drawn as curves, no closer than SPACING."""
@@ -211,7 +204,7 @@ class Replay:
 
     def run(
         self,
-        page: StatePage,
+        page: PageProcess,
         ended: Callable[[], bool] = lambda: False,
         *,
         clock: Callable[[], float] = time.monotonic,

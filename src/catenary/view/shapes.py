@@ -1,7 +1,8 @@
 """The shape of each link of an arm: as its file shows it, or tubes from joint to joint, from its kinematics alone."""
 
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,18 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import CatenaryError, FileFormatError
 from catenary.robots.catalog import robot_names
-from catenary.robots.geometry import (
-    Ball,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Form,
-    HalfSpace,
-    MeshFile,
-    Shape,
-    TriangleMesh,
-)
+from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Form, HalfSpace, MeshFile, Shape, TriangleMesh
 from catenary.robots.model import RobotModel
 from catenary.robots.shapes import described_geometry
 
@@ -60,46 +50,40 @@ def tube(points: ArrayLike, radius: float) -> Mesh:
     ways = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     along = np.vstack([ways[:1], ways[:-1] + ways[1:], ways[-1:]])
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    bends = np.linspace(0.0, 0.5 * np.pi, CAP_RINGS, endpoint=False)[1:]
+
+    def cap(end: int, outward: float, bend: float) -> tuple[Floats, Floats, float]:
+        return line[end] + outward * radius * np.sin(bend) * along[end], along[end], radius * np.cos(bend)
+
+    rings = [cap(0, -1.0, bend) for bend in bends[::-1]]
+    rings += [(centre, way, radius) for centre, way in zip(line, along, strict=True)]
+    rings += [cap(-1, 1.0, bend) for bend in bends]
     side = np.eye(3)[np.argmin(np.abs(along[0]))]
     angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
-    rings: list[Floats] = []
-
-    def ring(centre: Floats, way: Floats, across: Floats, size: float) -> None:
-        other = np.cross(way, across)
-        rings.append(centre + size * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), other)))
-
-    bends = np.linspace(0.0, 0.5 * np.pi, CAP_RINGS, endpoint=False)[::-1]
-    for k, (point, way) in enumerate(zip(line, along, strict=True)):
+    vertices: list[Floats] = []
+    for centre, way, size in rings:
         side = side - (side @ way) * way
         side = side / np.linalg.norm(side)
-        if k == 0:
-            for bend in bends[:-1]:
-                ring(point - radius * np.sin(bend) * way, way, side, radius * np.cos(bend))
-        ring(point, way, side, radius)
-        if k == len(line) - 1:
-            for bend in bends[::-1][1:]:
-                ring(point + radius * np.sin(bend) * way, way, side, radius * np.cos(bend))
+        around = np.outer(np.cos(angles), side) + np.outer(np.sin(angles), np.cross(way, side))
+        vertices.append(centre + size * around)
     ends = line[0] - radius * along[0], line[-1] + radius * along[-1]
-    return _closed(np.vstack(rings), ends)
+    return _closed(np.vstack(vertices), ends)
 
 
 def _closed(rings: Floats, ends: tuple[Floats, Floats]) -> Mesh:
     """Join rings of SIDES points each, in order, and close the tube by a point at either end."""
-    count = len(rings) // SIDES
     here = np.arange(SIDES)
     after = np.roll(here, -1)
-    faces = []
-    for k in range(count - 1):
-        low, high = k * SIDES, (k + 1) * SIDES
-        faces += [
-            np.column_stack([low + here, low + after, high + after]),
-            np.column_stack([low + here, high + after, high + here]),
-        ]
-    first, last = len(rings), len(rings) + 1
-    faces.append(np.column_stack([np.full(SIDES, first), after, here]))
-    top = (count - 1) * SIDES
-    faces.append(np.column_stack([np.full(SIDES, last), top + here, top + after]))
-    return Mesh(np.vstack([rings, *ends]), np.vstack(faces).astype(np.uint32))
+    low = SIDES * np.arange(len(rings) // SIDES - 1)[:, None]  # rows of the rings that have another one above
+    first, last, top = len(rings), len(rings) + 1, len(rings) - SIDES
+    triangles = [
+        (low + here, low + after, low + SIDES + after),
+        (low + here, low + SIDES + after, low + SIDES + here),
+        (np.full(SIDES, first), after, here),
+        (np.full(SIDES, last), top + here, top + after),
+    ]
+    faces = np.vstack([np.column_stack([corner.ravel() for corner in corners]) for corners in triangles])
+    return Mesh(np.vstack([rings, *ends]), faces.astype(np.uint32))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -129,17 +113,7 @@ class ArmShapes:
     length: float  # [m] of the arm from end to end of its chain: how large everything about it is drawn
 
 
-@dataclass
-class _Parts:
-    """Tubes by link; -1 is the base."""
-
-    found: dict[int, list[Mesh]] = field(default_factory=dict)
-
-    def add(self, link: int, mesh: Mesh) -> None:
-        self.found.setdefault(link, []).append(mesh)
-
-    def mesh(self, link: int) -> Mesh | None:
-        return joined(self.found[link]) if link in self.found else None
+_Parts = defaultdict[int, list[Mesh]]  # tubes by link; -1 is the base
 
 
 def arm_shapes(model: RobotModel) -> ArmShapes:
@@ -151,7 +125,7 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
     """
     length = arm_length(model)
     radius = THICKNESS * length
-    parts = _Parts()
+    parts: _Parts = defaultdict(list)
     spherical = _spherical_joints(model, NEAR * length)
     if spherical:
         _draw_spherical(model, parts, spherical, radius)
@@ -168,12 +142,12 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
             axis = model.tree.axis[link]
             # a wrist's hubs lie in one another: thinner ones at the end of the chain
             size = radius * (1.25 if children.get(link) else 2.0 * TIP)
-            parts.add(link, tube(np.outer([-HUB / 2.0, HUB / 2.0], axis) * size, size))
+            parts[link].append(tube(np.outer([-HUB / 2.0, HUB / 2.0], axis) * size, size))
     frame = model.frame()
     if np.linalg.norm(frame.pose.position) > NEAR * length:
-        parts.add(frame.link, tube([np.zeros(3), frame.pose.position], TIP * radius))
-    links = tuple(parts.mesh(link) or _point(radius) for link in range(n))
-    return ArmShapes(links, parts.mesh(-1), length)
+        parts[frame.link].append(tube([np.zeros(3), frame.pose.position], TIP * radius))
+    links = tuple(joined(parts[link]) if parts[link] else _point(radius) for link in range(n))
+    return ArmShapes(links, joined(parts[-1]) if parts[-1] else None, length)
 
 
 def arm_length(model: RobotModel) -> float:
@@ -210,9 +184,9 @@ def _draw_way(model: RobotModel, parts: _Parts, link: int, child: int, radius: f
         axis = tree.rotation[child] @ tree.axis[child]
         low, high = _travel(model, child)
         if high - low > near:
-            parts.add(link, tube(origin + np.outer([low, high], axis), 0.6 * radius))
+            parts[link].append(tube(origin + np.outer([low, high], axis), 0.6 * radius))
     if np.linalg.norm(origin) > near:
-        parts.add(link, tube([np.zeros(3), origin], radius))
+        parts[link].append(tube([np.zeros(3), origin], radius))
 
 
 def _spherical_joints(model: RobotModel, near: float) -> list[int]:
@@ -240,16 +214,16 @@ def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius:
     # unit vectors to the hubs of joint i and i + 1, both in the frame of link i: axes turn nothing about themselves
     toward = np.sign(middle) * (tree.rotation[slider] @ tree.axis[slider])
     rail_end = (max(abs(low), abs(high)) / abs(middle)) * abs(middle) * toward
-    parts.add(joints[-1], tube([size * toward, rail_end], 0.8 * radius))
+    parts[joints[-1]].append(tube([size * toward, rail_end], 0.8 * radius))
     for joint in reversed(joints):
         axis = tree.axis[joint]
         hub = axis if axis @ toward > 0.0 else -axis
-        parts.add(joint, tube(size * _arc(hub, toward), 0.8 * radius))
-        parts.add(joint, tube(np.outer([size - HUB * radius, size + HUB * radius], hub), 1.3 * radius))
+        parts[joint].append(tube(size * _arc(hub, toward), 0.8 * radius))
+        parts[joint].append(tube(np.outer([size - HUB * radius, size + HUB * radius], hub), 1.3 * radius))
         toward = tree.rotation[joint] @ hub
     centre = tree.origin[joints[0]]
     foot = centre + 1.35 * size * toward
-    parts.add(-1, tube([centre + (size + HUB * radius) * toward, foot], 1.6 * radius))
+    parts[-1].append(tube([centre + (size + HUB * radius) * toward, foot], 1.6 * radius))
 
 
 def _arc(a: Floats, b: Floats) -> Floats:
@@ -287,16 +261,16 @@ def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
 
 def described_shapes(shapes: tuple[Shape, ...], model: RobotModel, tubes: ArmShapes) -> ArmShapes:
     """Return forms fixed to links as one mesh a link; a link without any is a point at its joint."""
-    found: dict[int, list[Mesh]] = {}
+    found: _Parts = defaultdict(list)
     for shape in shapes:
         mesh = form_mesh(shape.form)
         if mesh is not None:
             vertices = mesh.vertices @ shape.pose.rotation.T + shape.pose.position
-            found.setdefault(shape.link, []).append(Mesh(vertices, mesh.faces))
+            found[shape.link].append(Mesh(vertices, mesh.faces))
     length = arm_length(model)
     speck = tube([[0.0, 0.0, -1e-3 * length], [0.0, 0.0, 1e-3 * length]], 1e-3 * length)
-    links = tuple(joined(found.get(link, [speck])) for link in range(len(model.link_names)))
-    base = joined(found[-1]) if -1 in found else tubes.base
+    links = tuple(joined(found[link] or [speck]) for link in range(len(model.link_names)))
+    base = joined(found[-1]) if found[-1] else tubes.base
     return ArmShapes(links, base, length)
 
 
@@ -318,12 +292,8 @@ def form_mesh(form: Form) -> Mesh | None:
     if isinstance(form, Box):
         return _mesh(trimesh.creation.box(extents=(form.x, form.y, form.z)))
     ball = trimesh.creation.icosphere(subdivisions=2)
-    size = np.full(3, form.radius) if isinstance(form, Ball) else np.array(_axes(form))
+    size = np.full(3, form.radius) if isinstance(form, Ball) else np.array((form.x, form.y, form.z))
     return Mesh(np.asarray(ball.vertices) * size, np.asarray(ball.faces, dtype=np.uint32))
-
-
-def _axes(form: Ellipsoid) -> tuple[float, float, float]:
-    return form.x, form.y, form.z
 
 
 def _read(path: Path, scale: tuple[float, float, float]) -> Mesh:

@@ -9,6 +9,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import link_poses
+from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
 from catenary.view.curves import JointColumns
 from catenary.view.shapes import ArmShapes
@@ -125,7 +126,8 @@ class Extent(NamedTuple):
 def extent_of(shown: Shown) -> Extent:
     """Return the ball about an arm's shapes and its base's origin."""
     model = shown.model
-    q = middle_of_ranges(model) if shown.start is None else shown.start
+    ranges = finite_ranges(model)
+    q = 0.5 * (ranges.lower + ranges.upper) if shown.start is None else shown.start
     rotations, positions = link_poses(model, q)
     points = [np.zeros((1, 3))]
     for mesh, rotation, position in zip(shown.shapes.links, rotations, positions, strict=True):
@@ -137,10 +139,18 @@ def extent_of(shown: Shown) -> Extent:
     return Extent(centre, float(np.linalg.norm(every - centre, axis=1).max()))
 
 
-def middle_of_ranges(model: RobotModel) -> Floats:
-    """Return the middle of the joints' ranges (n,) [rad|m]; of one without limits zero."""
-    widest = np.array([WIDEST[unit] for unit in model.joint_units])
-    lower = np.where(np.isfinite(model.lower), model.lower, -widest)
-    upper = np.where(np.isfinite(model.upper), model.upper, widest)
-    middle: Floats = 0.5 * (lower + upper)
-    return middle
+class FiniteRanges(NamedTuple):
+    """Joints and ranges to move them in: their limits, or so far to either side of zero where they have none."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    lower: Floats  # (n,) [rad|m]
+    upper: Floats  # (n,)
+
+
+def finite_ranges(limits: Bounded) -> FiniteRanges:
+    """Return ranges of joints, all of them finite."""
+    widest = np.array([WIDEST[unit] for unit in limits.joint_units])
+    lower = np.where(np.isfinite(limits.lower), limits.lower, -widest)
+    upper = np.where(np.isfinite(limits.upper), limits.upper, widest)
+    return FiniteRanges(limits.joint_names, limits.joint_units, lower, upper)

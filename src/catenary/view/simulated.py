@@ -22,7 +22,7 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.simulated_plant import PacedPlant
 from catenary.spatial import LEVEL
 from catenary.units import DISPLAY
-from catenary.view.page_process import StatePage
+from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
 from catenary.view.shown import Change, Shown, Value
 from catenary.view.state import ViewState
@@ -50,7 +50,7 @@ from catenary.view.surroundings import (
     Surroundings,
     driving_tabs,
 )
-from catenary.view.watched import view_state
+from catenary.view.watched import operating_in_words, view_state
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
 
@@ -106,7 +106,7 @@ class DrivenArm:
         self._robot = robot
         self._said: tuple[float, str] = (-np.inf, "")
         self._values: dict[str, Value] = {}
-        self._page: StatePage | None = None
+        self._page: PageProcess | None = None
 
     def shown(self, title: str) -> Shown:
         """Return what its page shows."""
@@ -122,7 +122,7 @@ class DrivenArm:
             self._say(why)
         return Shown(title, self.arm.model, shapes, tabs, self._goal, legend)
 
-    def run(self, page: StatePage, ended: Callable[[], bool] = lambda: False) -> None:
+    def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
         """Run until the page is gone, `ended` says so, or Ctrl-C."""
         self._page, self._ended = page, ended
         self._choose_motion(self.motion)
@@ -206,12 +206,11 @@ class DrivenArm:
         if now - self._said[0] < SAID:
             notes.insert(0, self._said[1])
         doing = f": {self.motion}" if operating.state == "ENABLED" and operating.is_homed else ""
-        mode = f"{operating.state}, {'homing' if operating.is_busy else 'homed' if operating.is_homed else 'not homed'}"
         assumed = {"PD + gravity of a level base (SG)": LEVEL, "PD + sensed gravity (DG)": gravity}
         return view_state(
             snapshot, self._n, feedback=state.tau if feedback is None else feedback,
             assumed=assumed.get(self.control), actual=world.actual(), nominal_hz=1.0 / plant.period,
-            mode=mode + doing, notes=tuple(notes), values=self._values,
+            mode=operating_in_words(operating) + doing, notes=tuple(notes), values=self._values,
         )  # fmt: skip
 
     # what somebody changes

@@ -1,21 +1,22 @@
 """What a program hands to the view of an arm: one instant, as numbers and words, in memory that two processes share."""
 
-import json
+import pickle
+import struct
 from collections.abc import Mapping
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, NamedTuple, Self
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 
-TEXT = 6144  # bytes that words may take: more than MOST_WARNINGS and a mode of six bytes a character
+TEXT = 16384  # bytes that words may take: more than MOST_WARNINGS and a mode of four bytes a character
+OF_A_JOINT = 128  # bytes: nine numbers, and to spare
 MOST_WARNINGS = 6
 LONGEST = 140  # characters of a warning
 TRIES = 5  # reads of a state that is written meanwhile
-_HEAD = np.dtype([("number", np.uint64), ("sum", np.uint64)])
+_HEAD = struct.Struct("<QQI")  # number of the state, its bytes, their checksum
 
 
 class ViewState(NamedTuple):
@@ -44,7 +45,6 @@ class ViewState(NamedTuple):
 
 _JOINTS = ("q", "calibrated", "interval", "inside", "true", "setpoint", "tau", "gravity_tau", "feedback")
 _VECTORS = ("gravity", "assumed", "actual")
-_NUMBERS = ("time", "gravity_age", "rate", "late")
 
 
 def unknown_state(n: int) -> ViewState:
@@ -54,43 +54,14 @@ def unknown_state(n: int) -> ViewState:
     return ViewState(time=0.0, **joints, **vectors)
 
 
-def state_record(n: int) -> np.dtype[Any]:
-    """Return the layout of a state of n joints in memory that two processes share."""
-    return np.dtype(
-        [
-            *((name, np.float64, (n,)) for name in _JOINTS),
-            *((name, np.float64, (3,)) for name in _VECTORS),
-            *((name, np.float64) for name in _NUMBERS),
-            ("text", np.uint8, (TEXT,)),
-            ("text_length", np.int64),
-        ]
-    )
+def _as_bytes(state: ViewState) -> bytes:
+    warnings = tuple(_word(warning) for warning in state.warnings[:MOST_WARNINGS])
+    return pickle.dumps(state._replace(mode=_word(state.mode), warnings=warnings, values=dict(state.values)))
 
 
-def write_state(state: ViewState, record: NDArray[Any]) -> None:
-    """Write a state into a record () of that layout; words that do not fit are left out."""
-    for name in (*_JOINTS, *_VECTORS, *_NUMBERS):
-        record[name] = getattr(state, name)
-    warnings = [warning[:LONGEST] for warning in state.warnings[:MOST_WARNINGS]]
-    words = {"mode": state.mode[:LONGEST], "warnings": warnings, "values": dict(state.values)}
-    text = _as_bytes(words)
-    if len(text) > TEXT:
-        text = _as_bytes({**words, "values": {}})
-    record["text"][: len(text)] = np.frombuffer(text, np.uint8)
-    record["text_length"] = len(text)
-
-
-def _as_bytes(words: Mapping[str, Any]) -> bytes:
-    return json.dumps(words, ensure_ascii=False).encode(errors="replace")
-
-
-def read_state(record: NDArray[Any]) -> ViewState:
-    """Return the state that a record () holds."""
-    text = record["text"][: int(record["text_length"])].tobytes()
-    words = json.loads(text)
-    arrays: dict[str, Any] = {name: np.array(record[name]) for name in (*_JOINTS, *_VECTORS)}
-    numbers: dict[str, Any] = {name: float(record[name]) for name in _NUMBERS}
-    return ViewState(**arrays, **numbers, mode=words["mode"], warnings=tuple(words["warnings"]), values=words["values"])
+def _word(text: str) -> str:
+    """Return a text cut, and without what is none, as in a file's name."""
+    return text[:LONGEST].encode(errors="replace").decode()
 
 
 class SharedState:
@@ -101,46 +72,41 @@ class SharedState:
 
     def __init__(self, n: int, name: str | None = None) -> None:
         """Make the memory for a state of n joints, or open that of another process by its name."""
-        layout = state_record(n)
-        self._memory = SharedMemory(name, create=name is None, size=_HEAD.itemsize + layout.itemsize)
+        self._room = TEXT + OF_A_JOINT * n
+        self._memory = SharedMemory(name, create=name is None, size=_HEAD.size + self._room)
         self._is_owner = name is None
         self.name = self._memory.name
-        self._layout = layout
-        size = _HEAD.itemsize + layout.itemsize
-        self._whole: NDArray[np.uint8] | None = np.ndarray(size, np.uint8, buffer=self._memory.buf)
-        self._record: NDArray[Any] = np.zeros((), layout)  # made here, then copied at once
-        self._seen = 0
-        self._number = 0
+        self._bytes = self._memory.buf  # None once it is closed
+        self._seen = self._number = 0
 
     def put(self, state: ViewState) -> None:
-        """Leave a state in place of the last one."""
-        if self._whole is None:
+        """Leave a state in place of the last one; its controls' values are left out where there is no room for them."""
+        if self._bytes is None:
             return
-        write_state(state, self._record)
-        content = self._record.tobytes()
+        content = _as_bytes(state)
+        if len(content) > self._room:
+            content = _as_bytes(state._replace(values={}))
         self._number += 1
-        head = np.array((self._number, crc32(content)), _HEAD).tobytes()
-        self._whole[:] = np.frombuffer(head + content, np.uint8)
+        whole = _HEAD.pack(self._number, len(content), crc32(content)) + content
+        self._bytes[: len(whole)] = whole
 
     def take(self) -> ViewState | None:
         """Return the newest state; None when none came since the last one that was taken."""
-        if self._whole is None:
-            return None
-        for _ in range(TRIES):
-            copy = self._whole.tobytes()
-            head = np.frombuffer(copy, _HEAD, count=1)[0]
-            number = int(head["number"])
+        for _ in range(0 if self._bytes is None else TRIES):
+            copy = bytes(self._bytes or b"")
+            number, size, checksum = _HEAD.unpack_from(copy)
             if number == self._seen:
                 return None
-            content = copy[_HEAD.itemsize :]
-            if int(head["sum"]) == crc32(content):
+            content = copy[_HEAD.size : _HEAD.size + size]
+            if crc32(content) == checksum:
                 self._seen = number
-                return read_state(np.frombuffer(content, self._layout, count=1)[0])
+                state: ViewState = pickle.loads(content)  # memory of this program's own
+                return state
         return None
 
     def close(self) -> None:
         """Let go of the memory; it is gone once its owner has."""
-        self._whole = None
+        self._bytes = None
         self._memory.close()
         if self._is_owner:
             self._memory.unlink()

@@ -1,7 +1,6 @@
 """What somebody changes while a control loop runs: the motion, the controller, the correction; none of them leaps."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +16,7 @@ from catenary.trajectories.reference import InTurn, Reference, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import follow_waypoints
 from catenary.trajectories.zigzag import zigzag
-from catenary.view.shown import WIDEST
+from catenary.view.shown import FiniteRanges, finite_ranges
 from catenary.workflows.gravity.motions import make_motion
 from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY, check_motion, gentle_way
 
@@ -147,23 +146,6 @@ class SwitchedCorrector:
         out[:] = state.q + correction - self._fade.left_out(correction, self.is_on != self._was_on)
         self._was_on = self.is_on
         inside[:], interval[:] = self.inside, self.interval
-
-
-class FiniteRanges(NamedTuple):
-    """Joints and ranges to move them in: their limits, or so far to either side of zero where they have none."""
-
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    lower: Floats  # (n,) [rad|m]
-    upper: Floats  # (n,)
-
-
-def finite_ranges(limits: Bounded) -> FiniteRanges:
-    """Return ranges of joints, all of them finite."""
-    widest = np.array([WIDEST[unit] for unit in limits.joint_units])
-    lower = np.where(np.isfinite(limits.lower), limits.lower, -widest)
-    upper = np.where(np.isfinite(limits.upper), limits.upper, widest)
-    return FiniteRanges(limits.joint_names, limits.joint_units, lower, upper)
 
 
 def way_to(limits: Bounded, goal: Floats) -> Motion:

@@ -18,8 +18,16 @@ from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.sensors import InjectedFault
 from catenary.units import DISPLAY
-from catenary.view.shown import ButtonsControl, ChoiceControl, Control, ControlTab, SliderControl, ToggleControl, Value
-from catenary.view.steering import finite_ranges
+from catenary.view.shown import (
+    ButtonsControl,
+    ChoiceControl,
+    Control,
+    ControlTab,
+    SliderControl,
+    ToggleControl,
+    Value,
+    finite_ranges,
+)
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, base_sensor
 
 NOISY = 0.5  # [m/s2] standard deviation of an axis of a reading

@@ -8,12 +8,15 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.monitor import Snapshot
-from catenary.view.page_process import StatePage
+from catenary.plant import OperatingState
+from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes
 from catenary.view.shown import Shown, Value
 from catenary.view.state import ViewState, unknown_state
 from catenary.workflows.robot.operated_robot import OperatedRobot
 from catenary.workflows.robot.snapshots import watch_robot
+
+_OF_JOINTS = ("q", "calibrated", "interval", "inside", "setpoint", "tau", "gravity_tau")  # of a snapshot
 
 
 def view_state(
@@ -35,51 +38,34 @@ def view_state(
 
     Args:
         snapshot: Of a robot whose first n joints are the model's.
-        n: Number of the model's joints.
         feedback: (n,) torque of the PD term [Nm|N].
         assumed: (3,) gravity that the controller goes by [m/s2].
         actual: (3,) gravity as it is [m/s2].
         nominal_hz: At which ticks should come.
         mode: What the robot does, in words; its operating state when empty.
-        notes: Further warnings, after the snapshot's own.
-        values: Of the page's controls.
     """
-    unknown = unknown_state(n)
-    missing = unknown.q
-
-    def of_joints(values: Floats | None) -> Floats:
-        return missing if values is None else np.asarray(values, dtype=float)[:n]
-
-    inside = None if snapshot.inside is None else np.asarray(snapshot.inside, dtype=float)
+    state = unknown_state(n)
+    of_joints = {name: getattr(snapshot, name) for name in _OF_JOINTS} | {"true": _true(snapshot), "feedback": feedback}
+    vectors = {"gravity": snapshot.gravity, "assumed": assumed, "actual": actual}
+    known = {name: np.asarray(row, dtype=float)[:n] for name, row in of_joints.items() if row is not None}
+    known |= {name: vector for name, vector in vectors.items() if vector is not None}
     rate = np.nan
     if nominal_hz is not None and snapshot.rate_hz is not None:
         rate = snapshot.rate_hz / nominal_hz
-    return unknown._replace(
+    return state._replace(
+        **known,
         time=snapshot.time,
-        q=of_joints(snapshot.q),
-        calibrated=of_joints(snapshot.calibrated),
-        interval=of_joints(snapshot.interval),
-        inside=of_joints(inside),
-        true=of_joints(_true(snapshot)),
-        setpoint=of_joints(snapshot.setpoint),
-        tau=of_joints(snapshot.tau),
-        gravity_tau=of_joints(snapshot.gravity_tau),
-        feedback=of_joints(feedback),
-        gravity=unknown.gravity if snapshot.gravity is None else snapshot.gravity,
-        assumed=unknown.assumed if assumed is None else assumed,
-        actual=unknown.actual if actual is None else actual,
         gravity_age=snapshot.gravity_age,
         rate=rate,
         late=float(snapshot.late),
-        mode=mode or state_in_words(snapshot),
+        mode=mode or operating_in_words(snapshot.operating),
         warnings=(*snapshot.warnings(), *notes),
         values=values,
     )
 
 
-def state_in_words(snapshot: Snapshot) -> str:
+def operating_in_words(state: OperatingState | None) -> str:
     """Return a robot's operating state as text; nothing of a recording."""
-    state = snapshot.operating
     if state is None:
         return ""
     homed = "homing" if state.is_busy else "homed" if state.is_homed else "not homed"
@@ -115,7 +101,7 @@ class WatchedArm:
             legend["true"] = "true"
         return Shown(title, self._robot.model, self._shapes, legend=legend)
 
-    def run(self, page: StatePage, ended: Callable[[], bool] = lambda: False) -> None:
+    def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
         """Show the robot until the page is gone or `ended` says so."""
         n, hertz = self._robot.model.n, 1.0 / self._robot.plant.period
         watched = watch_robot(self._robot, model=self._model, observe=lambda: self._tick(page), clock=self._clock)
@@ -124,9 +110,9 @@ class WatchedArm:
             if ended() or not page.is_running:
                 return
 
-    def _tick(self, page: StatePage) -> None:
+    def _tick(self, page: PageProcess) -> None:
         """Let the page's changes go: nothing here moves a robot."""
         page.changes()
 
     def _mode(self, snapshot: Snapshot) -> str:
-        return state_in_words(snapshot)
+        return operating_in_words(snapshot.operating)

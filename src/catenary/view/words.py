@@ -1,9 +1,11 @@
 """What a page says of a state, as text with simple marks."""
 
+from functools import partial
 from html import escape
 
 import numpy as np
 
+from catenary.reports.page import Table, TableColumn
 from catenary.units import DISPLAY
 from catenary.view.shown import Shown
 from catenary.view.state import ViewState
@@ -21,29 +23,41 @@ def status_html(state: ViewState) -> str:
     return _block("<br>".join(lines))
 
 
-def joints_html(shown: Shown, state: ViewState) -> str:
+def joints_table(shown: Shown, state: ViewState) -> Table:
     """Return a table of the joints [deg|mm]: reported, calibrated with its interval (? outside), true."""
-    columns = [name for name in ("reported", "calibrated", "true") if name in shown.legend]
     rows = {"reported": state.q, "calibrated": state.calibrated, "true": state.true}
-    head = "".join(
-        f'<th style="text-align:right;padding-left:6px;vertical-align:bottom">'
-        f'<span style="color:{COLOURS[name]}">&#9632;</span> {escape(shown.legend[name])}</th>'
-        for name in columns
-    )
-    body = []
-    for j, (name, unit) in enumerate(zip(shown.model.joint_names, shown.model.joint_units, strict=True)):
-        shown_unit, scale = DISPLAY[unit]
-        cells = []
-        for column in columns:
-            text = _number(scale * rows[column][j])
-            if column == "calibrated":
-                if np.isfinite(state.interval[j]):
-                    text += f" &plusmn; {_number(scale * state.interval[j])}"
-                if state.inside[j] == 0.0:
-                    text += "?"
-            cells.append(f'<td style="text-align:right;padding-left:6px;white-space:nowrap">{text}</td>')
-        body.append(f"<tr><td>{escape(name)} [{shown_unit}]</td>{''.join(cells)}</tr>")
-    return _block(f'<table style="width:100%"><tr><th></th>{head}</tr>{"".join(body)}</table>')
+    units = [DISPLAY[unit] for unit in shown.model.joint_units]
+
+    def cell(name: str, j: int) -> str | None:
+        scale = units[j][1]
+        value, interval = scale * rows[name][j], scale * state.interval[j]
+        if not np.isfinite(value):
+            return None
+        about = f" \u00b1 {interval:.2f}" if name == "calibrated" and np.isfinite(interval) else ""
+        return f"{value:.2f}{about}{'?' if name == 'calibrated' and state.inside[j] == 0.0 else ''}"
+
+    joints = TableColumn("", lambda j: f"{shown.model.joint_names[j]} [{units[j][0]}]")
+    columns = [TableColumn(shown.legend[name], partial(cell, name)) for name in rows if name in shown.legend]
+    return Table([joints, *columns], range(shown.model.n))
+
+
+def joints_html(shown: Shown, state: ViewState) -> str:
+    """Return the table of the joints, its columns marked in the colours of the arms."""
+    table = joints_table(shown, state)
+    marks = ["", *(_square(colour) for name, colour in COLOURS.items() if name in shown.legend)]
+    head = [f"{mark} {escape(heading)}" for mark, heading in zip(marks, table.header, strict=True)]
+    rows = [_row("th", head), *(_row("td", [escape(cell) for cell in row]) for row in table.rows)]
+    return _block(f'<table style="width:100%">{"".join(rows)}</table>')
+
+
+def _row(kind: str, cells: list[str]) -> str:
+    right = f"text-align:right;padding-left:6px;vertical-align:bottom{';white-space:nowrap' if kind == 'td' else ''}"
+    placed = [f'<{kind} style="{right if k else ""}">{cell}</{kind}>' for k, cell in enumerate(cells)]
+    return f"<tr>{''.join(placed)}</tr>"
+
+
+def _square(colour: str) -> str:
+    return f'<span style="color:{colour}">&#9632;</span>'
 
 
 def gravity_html(state: ViewState) -> str:
@@ -52,8 +66,7 @@ def gravity_html(state: ViewState) -> str:
     for name, vector in (("measured", state.gravity), ("assumed", state.assumed)):
         if np.isfinite(vector).all():
             x, y, z = vector
-            mark = f'<span style="color:{GRAVITY_COLOURS[name]}">&#9632;</span>'
-            lines.append(f"{mark} gravity {name}: {x:.2f}, {y:.2f}, {z:.2f} m/s&sup2;")
+            lines.append(f"{_square(GRAVITY_COLOURS[name])} gravity {name}: {x:.2f}, {y:.2f}, {z:.2f} m/s&sup2;")
     if len(lines) == 2:
         lines.append(f"{angle_between(state.gravity, state.assumed):.1f} deg apart")
     if np.isfinite(state.gravity_age):
@@ -64,10 +77,6 @@ def gravity_html(state: ViewState) -> str:
 def angle_between(a: np.ndarray, b: np.ndarray) -> float:
     """Return the angle between two vectors [deg]."""
     return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
-
-
-def _number(value: float) -> str:
-    return f"{value:.2f}" if np.isfinite(value) else "&ndash;"
 
 
 def _block(text: str) -> str:

@@ -67,23 +67,6 @@ def test_what_fast_dds_writes_is_read(robot: Any, fast: FastPeer, reliability: s
     assert raw[0][4:].rstrip(b"\0") == expected[4:].rstrip(b"\0")
 
 
-def test_a_thousand_messages_come_in_order_both_ways(robot: Any, fast: FastPeer) -> None:
-    heard = robot.subscribe("/to", TEXT)
-    publisher = robot.publisher("/from", JOINT_STATE, queue=1000)
-    fast.tell("listen", "rt/from", JOINTS, "reliable", "volatile")
-    fast.tell("publish", "rt/to", dds_type(TEXT), "reliable", "volatile")
-    until(lambda: robot.connections("/from").subscribers and robot.connections("/to").publishers)
-    fast.line("subscribers rt/to 1")
-    for k in range(1000):
-        fast.tell("text", "rt/to", "base", k)
-        publisher.publish(joint_state_message(NAMES, k, [0.1, -0.2, 0.3]))
-    stamps = [bytes.fromhex(fast.line("got rt/from").split()[2])[8:12] for _ in range(1000)]
-    assert [int.from_bytes(one, "little") for one in stamps] == list(range(1000))
-    got: list[str] = []
-    until(lambda: got.extend(one.message.string for one in heard.take(0.1)) or len(got) >= 1000)
-    assert got == [str(k) for k in range(1000)]
-
-
 def test_a_late_listener_of_fast_dds_gets_the_last_state(robot: Any, fast: FastPeer) -> None:
     state = robot.publisher("/state", TEXT, latch=True)
     for text in ("old", "last"):
@@ -104,29 +87,3 @@ def test_the_last_state_of_fast_dds_reaches_a_late_listener_as_an_old_one(robot:
     (one,) = heard.take_arrivals(PATIENCE)
     assert (one.message.string, one.is_first) == ("last", True)
     assert one.sent <= one.time
-
-
-def test_a_listener_of_fast_dds_that_asks_for_more_is_named_on_both_sides(
-    robot: Any, fast: FastPeer, caplog: pytest.LogCaptureFixture
-) -> None:
-    robot.publisher("/state", TEXT)
-    fast.tell("listen", "rt/state", dds_type(TEXT), "reliable", "latched")
-    assert fast.line("incompatible rt/state") == "incompatible rt/state 2"  # DDS's number of durability
-    until(lambda: caplog.records)
-    assert "hears nothing of /robot: it asks for reliable, transient local" in caplog.text
-    assert "(durability)" in caplog.text
-
-
-@pytest.mark.parametrize(
-    "data", ["00010000ffffffff", "0001000000000000", "00", "0007000000000000", "00010000" + "ff" * 400]
-)
-def test_bytes_of_fast_dds_that_are_no_message_reach_nobody(robot: Any, fast: FastPeer, data: str) -> None:
-    heard = robot.subscribe("/state", TEXT)
-    fast.tell("publish", "rt/state", dds_type(TEXT), "reliable", "volatile", "raw")
-    fast.line("subscribers rt/state")
-    until(lambda: robot.connections("/state").publishers)
-    good = "00010000" + "00" * 8 + "0100000000" + "000000" + "0300000061620000"
-    for one in (data, good):
-        fast.tell("bytes", "rt/state", one)
-    ((got, _),) = heard.take(PATIENCE)
-    assert got.string == "ab"

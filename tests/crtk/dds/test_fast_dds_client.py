@@ -14,12 +14,12 @@ STEPS = ["connected", "enabled", "homed", "moved", "servoed"]
 @pytest.mark.parametrize(
     ("served", "namespace", "largest_deg"),
     [
-        (("--dialect", "crtk"), "/arm1", 0.5),
+        (("--dialect", "crtk", "--homed"), "/arm1", 0.5),
         (("--robot", "dvrk_psm"), "/PSM1", 1.5),  # its controller has no integral: the arm's weight shows
     ],
 )
 def test_a_client_of_fast_dds_homes_moves_and_reads_a_served_robot(
-    served: tuple[str, str], namespace: str, largest_deg: float
+    served: tuple[str, ...], namespace: str, largest_deg: float
 ) -> None:
     build("client")
     network = Network()

@@ -7,9 +7,8 @@ import pytest
 
 from catenary.crtk.dds.transport import DdsTransport
 from catenary.crtk.message import message_class
-from catenary.crtk.transport import Spinner
 from catenary.errors import InputError, TransportError
-from patience import PATIENCE, until
+from patience import PATIENCE, polled, until
 
 TRIGGER = "std_srvs/Trigger"
 RESPONSE = message_class("std_srvs/TriggerResponse")
@@ -29,7 +28,7 @@ def test_a_client_like_rmw_cyclonedds_gets_its_own_answers(robot: Any, peer: Any
     answers = peer.reader("rr/buttonReply", TriggerResponse)
     until(lambda: requests.get_matched_subscriptions() and answers.get_matched_publications())
     client = requests.instance_handle % 2**64
-    with Spinner(robot):
+    with polled(robot):
         for number in (7, 8):
             requests.write(TriggerRequest(client, number))
             got = answers.take_one(timeout=round(PATIENCE * 1e9))
@@ -60,7 +59,7 @@ def test_a_service_like_rmw_cyclonedds_is_called(robot: Any, peer: Any) -> None:
 def test_a_service_between_two_programs_is_found_offered_once_and_forgotten(robot: Any, dds_domain: int) -> None:
     with DdsTransport("client", settle=0.05) as client:
         robot.service("/button", TRIGGER, lambda _: RESPONSE(True, "yes"))
-        with Spinner(robot):
+        with polled(robot):
             assert client.call("/button", TRIGGER, timeout=PATIENCE) == (True, "yes")
         with pytest.raises(TransportError, match="offered already"):
             client.service("/button", TRIGGER, print)
@@ -83,7 +82,7 @@ def test_a_server_that_is_late_answers_nobody_who_has_gone(robot: Any, dds_domai
 
         until(asked_in_vain)
         until(lambda: robot.poll(0.05))
-        with Spinner(robot):
+        with polled(robot):
             assert client.call("/button", TRIGGER, timeout=PATIENCE).success
 
 
@@ -99,7 +98,7 @@ def test_a_service_with_messages_in_it_answers_and_says_why_it_failed(robot: Any
 
     robot.service("/fk", kind, answer)
     asked = message_class("crtk_msgs/QueryForwardKinematicsRequest")
-    with Spinner(robot):
+    with polled(robot):
         got = robot.call("/fk", kind, asked(jp=np.array([0.25, -1.0, 4.0])), timeout=PATIENCE)
         failed = robot.call("/fk", kind, asked(jp=np.ones(2)), timeout=PATIENCE)
     assert (tuple(got.cp.position), got.result, got.message) == ((0.25, -1.0, 4.0), True, "here")
@@ -123,7 +122,7 @@ def test_the_receiver_alone_lets_dds_delete_so_that_no_ctrl_c_is_lost(
         offers.service("/press", TRIGGER, lambda _: RESPONSE(True, ""))
         gc.collect()  # what other tests left
         monkeypatch.setattr(Entity, "__del__", noting)
-        with Spinner(offers):
+        with polled(offers):
             assert asks.call("/press", TRIGGER).success
         publisher = asks.publisher("/a", "std_msgs/Bool")
         heard = asks.subscribe("/a", "std_msgs/Bool")

@@ -88,19 +88,13 @@ def user_data_of(qos: Qos) -> dict[str, str]:
 Gid = bytes  # 16 of them
 
 
-class _Types(NamedTuple):
-    gid: Any
-    node: Any
-    program: Any
-
-
 @cache
-def _types(gid_bytes: int) -> _Types:
-    """Return DDS's classes, with numbers of so many bytes."""
+def _types(gid_bytes: int) -> tuple[Any, Any, Any]:
+    """Return DDS's classes of a number, of what a program tells of a node, and of all that it tells."""
     gid = _struct("Gid", data=array[idl.uint8, gid_bytes])
     gids = sequence[gid]
     node = _struct("NodeEntitiesInfo", node_namespace=str, node_name=str, reader_gid_seq=gids, writer_gid_seq=gids)
-    return _Types(gid, node, _struct("ParticipantEntitiesInfo", gid=gid, node_entities_info_seq=sequence[node]))
+    return gid, node, _struct("ParticipantEntitiesInfo", gid=gid, node_entities_info_seq=sequence[node])
 
 
 def _struct(name: str, **members: Any) -> Any:
@@ -109,7 +103,7 @@ def _struct(name: str, **members: Any) -> Any:
 
 def discovery_type(gid_bytes: int) -> Any:
     """Return DDS's class of what a program tells, with numbers of so many bytes."""
-    return _types(gid_bytes).program
+    return _types(gid_bytes)[-1]
 
 
 def discovery_profile(depth: int = 1) -> Qos:
@@ -121,13 +115,13 @@ def presence(
     gid_bytes: int, program: Gid, namespace: str, node: str, readers: Iterable[Gid], writers: Iterable[Gid]
 ) -> Any:
     """Return what a program of one node tells of itself; `namespace` begins with a slash."""
-    types = _types(gid_bytes)
+    number_type, node_type, program_type = _types(gid_bytes)
 
     def gid(number: Gid) -> Any:
-        return types.gid(data=list(number.ljust(gid_bytes, b"\0")))
+        return number_type(data=list(number.ljust(gid_bytes, b"\0")))
 
     ends = ([gid(number) for number in listed] for listed in (readers, writers))
-    return types.program(gid(program), [types.node(namespace, node, *ends)])
+    return program_type(gid(program), [node_type(namespace, node, *ends)])
 
 
 def node_names(told: Any) -> tuple[Gid, dict[Gid, str]]:

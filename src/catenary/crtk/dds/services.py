@@ -170,10 +170,7 @@ class Services:
         halves = [(request_topic(name), "Request"), (reply_topic(name), "Response")]
         if role == "service":
             halves.reverse()
-        hashes = [
-            f"typehash={half_hash(type_name, half)};" if self.program.distribution.has_hashes else ""
-            for _, half in halves
-        ]
+        hashes = [self.program.distribution.said_of(half_hash(type_name, half)) for _, half in halves]
         (sent, sent_half), (heard, heard_half) = halves
         kinds = half_type(type_name, sent_half), half_type(type_name, heard_half)
         writer = self.program.writer(sent, kinds[0], Quality(), _QUEUE, said + hashes[0])

@@ -20,18 +20,18 @@ from catenary.crtk.dds.directory import HANDLES, MANY, Endpoint, Mismatches, Qua
 from catenary.crtk.dds.program import Program
 from catenary.crtk.dds.services import Services
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
-from catenary.crtk.inbox import Origin, Subscription
+from catenary.crtk.inbox import Origin
 from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import CDR, NO_MESSAGE, Bounds, codec
-from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, other_type
+from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.transport import Connections, Handler, HeardTopic, Publisher, Transport, absolute, other_type
 from catenary.errors import TransportError
-from catenary.recording.messages import current_name, ros2_name, typestore
+from catenary.recording.messages import current_name
 
 _USUAL = Quality()
 _DEPTH = 4000  # messages that DDS keeps of a topic until the receiver takes them; what it drops, nobody counts
 
 
-class ListenedTopic:
+class ListenedTopic(HeardTopic):
     """A topic and its subscriptions; its methods are called with the program's lock held.
 
     A reader that asks for more than a writer offers gets nothing of it: nothing of a sensor's best effort where it asks
@@ -41,14 +41,11 @@ class ListenedTopic:
     """
 
     def __init__(self, program: Program, dds_name: str, type_name: str, steady: Callable[[], int]) -> None:
-        self.type_name = current_name(type_name)
+        super().__init__(type_name, self._close)
         self.dds_name = dds_name
         self._program, self._steady = program, steady
-        self._subscriptions: list[Subscription] = []
-        self._latched: dict[str, tuple[bytes, int, Origin, int]] = {}  # by publisher
         self._origins: dict[int, tuple[Endpoint, Origin]] = {}  # by Cyclone's handle of the writer
         self._readers: dict[Quality, DataReader[Any]] = {}
-        self._to_ros1 = partial(typestore(2).cdr_to_ros1, typename=ros2_name(type_name))
         publishers = program.directory.publishers(self.dds_name)
         for publisher in publishers:
             self.hear(publisher)
@@ -64,24 +61,12 @@ class ListenedTopic:
         if quality in self._readers:
             return
         program = self._program
-        user_data = f"typehash={message_hash(self.type_name)};" if program.distribution.has_hashes else ""
+        user_data = program.distribution.said_of(message_hash(self.type_name))
         self._readers[quality] = program.reader(
             self.dds_name, message_type(self.type_name), quality, _DEPTH, user_data, partial(self._take, quality)
         )
 
-    def add(self, subscription: Subscription) -> None:
-        """Give a subscription what comes from now on, and what publishers have latched."""
-        for latched in self._latched.values():
-            self._give(subscription, *latched)
-        self._subscriptions.append(subscription)
-
-    def remove(self, subscription: Subscription) -> bool:
-        """Take a subscription away; return whether none is left."""
-        self._subscriptions = [one for one in self._subscriptions if one is not subscription]
-        return not self._subscriptions
-
-    def close(self) -> None:
-        """Receive no more."""
+    def _close(self) -> None:
         while self._readers:
             self._program.end(self._readers.popitem()[1])
 
@@ -115,24 +100,7 @@ class ListenedTopic:
         end, origin = self._origin(info.publication_handle)
         if (_USUAL if end is None else _asked_of(end)) != quality:
             return  # it comes to another reader, too
-        time, sent = self._steady(), info.source_timestamp
-        if origin is not None and origin.is_latching:
-            self._latched[origin.process.partition(" ")[0]] = sample.data, time, origin, sent
-        for subscription in self._subscriptions:
-            self._give(subscription, sample.data, time, origin, sent)
-
-    def _give(self, subscription: Subscription, data: bytes, time: int, origin: Origin | None, sent: int) -> None:
-        """Give a subscription a message: as it is, or where it has bounds as ROS 1's bytes, which these are about."""
-        if subscription.largest is None:
-            subscription.push(data, time, origin, sent)
-            return
-        # at most twice as many bytes as ROS 1's: padding, and an end of each text
-        if not subscription.has_room_for(len(data) // 2):
-            return
-        try:
-            subscription.push(bytes(self._to_ros1(data)), time, origin, sent)
-        except NO_MESSAGE:
-            subscription.damaged += 1
+        self.give(sample.data, self._steady(), origin, info.source_timestamp)
 
     def _origin(self, handle: int) -> tuple[Endpoint | None, Origin | None]:
         """Say where a message came from; nothing of a writer that came and went at once."""
@@ -170,7 +138,7 @@ class DdsPublisher(Publisher):
         self._matched = 0  # readers, when last asked; DDS is asked of each message while there were none
         self._kind = message_type(type_name)
         self._encode_cdr = codec(type_name, CDR).encode
-        user_data = f"typehash={message_hash(type_name)};" if program.distribution.has_hashes else ""
+        user_data = program.distribution.said_of(message_hash(type_name))
         self._writer: Any = program.writer(dds_name, self._kind, quality, queue, user_data)
 
     @property
@@ -207,6 +175,7 @@ class DdsPublisher(Publisher):
 class DdsTransport(Transport):
     """A node of ROS 2, in a program of DDS; a thread of its own receives."""
 
+    encoding = CDR
     # one that ends says so; one that is killed is missed when its lease has run out, Cyclone's or Fast DDS's
     lapses = (0, 10 * SECOND, 20 * SECOND)
 
@@ -220,9 +189,9 @@ class DdsTransport(Transport):
         """
         self._arguments = arguments or RosArguments()
         super().__init__(self._arguments.node or name)
-        self._topics: dict[str, ListenedTopic] = {}
         others = distribution(self._arguments.distro)
         self.program = Program(self.name, self._arguments.namespace, others, self._come)
+        self._heard_lock = self.program.lock  # which the receiver holds
         self._services = Services(self.program, self.inbox)
         self._mismatches = Mismatches(self.program.directory, self.program.gid, self.program.node)
         self.program.each_look = self._look
@@ -245,41 +214,25 @@ class DdsTransport(Transport):
             for one in tuple(self._publishers.values())
             if isinstance(one, DdsPublisher) and not one.is_closed
         }
-        self._mismatches.look(published, {one.dds_name: (one.type_name, Quality()) for one in self._topics.values()})
+        self._mismatches.look(published, {one.dds_name: (one.type_name, Quality()) for one in self._listened()})
 
     def _come(self, end: Endpoint) -> None:
         """Listen to a publisher that has come."""
-        for topic in self._topics.values():
+        for topic in self._listened():
             topic.hear(end)
 
+    def _listened(self) -> list[ListenedTopic]:
+        return [topic for topic in tuple(self._heard.values()) if isinstance(topic, ListenedTopic)]
+
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> DdsPublisher:
-        self._refuse_other_type(topic, type_name)
         quality = Quality(is_latched=latch)
         return DdsPublisher(self.program, topic, self._dds_name(topic), type_name, quality, queue)
 
     def _dds_name(self, topic: str) -> str:
         return dds_topic(self._arguments.network_name(topic))
 
-    def _decoder(self, type_name: str, bounds: Bounds | None) -> Callable[[Any], Message]:
-        return codec(type_name, CDR).decode if bounds is None else super()._decoder(type_name, bounds)
-
-    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
-        topic = subscription.topic
-        self.program.look()
-        with self.program.lock:
-            found = self._topics.get(topic)
-            if found is None:
-                self._refuse_other_type(topic, type_name)
-                found = self._topics[topic] = ListenedTopic(self.program, self._dds_name(topic), type_name, self.steady)
-            elif found.type_name != subscription.type_name:
-                raise other_type(topic, type_name, found.type_name)
-            found.add(subscription)
-        subscription.on_close(lambda: self._unsubscribe(topic, subscription))
-
-    def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
-        with self.program.lock:
-            if self._topics[topic].remove(subscription):
-                self._topics.pop(topic).close()
+    def _hear(self, topic: str, type_name: str) -> ListenedTopic:
+        return ListenedTopic(self.program, self._dds_name(topic), type_name, self.steady)
 
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         found = self.topics().get(topic)
@@ -296,15 +249,16 @@ class DdsTransport(Transport):
         """Return the peers over a topic that DDS has brought together with this program."""
         topic = absolute(topic)
         with self.program.lock:
-            publisher, received = self._publishers.get(topic), self._topics.get(topic)
+            publisher, received = self._publishers.get(topic), self._heard.get(topic)
             handles = publisher.subscribers() if isinstance(publisher, DdsPublisher) else []
-            senders = [] if received is None else received.matched()
+            heard = received if isinstance(received, ListenedTopic) else None
+            senders = [] if heard is None else heard.matched()
             directory = self.program.directory
             if not (directory.subscriptions.keys() >= set(handles) and directory.publications.keys() >= set(senders)):
                 self.program.look()  # a server asks this of all its topics: only for who is not known yet
             known = directory.subscriptions
             return Connections(
-                () if received is None else received.publishers(),
+                () if heard is None else heard.publishers(),
                 directory.names(known[handle] for handle in handles if handle in known),
             )
 
@@ -327,21 +281,12 @@ class DdsTransport(Transport):
             if own is not None:
                 yield own, kind, end
 
-    def is_up(self) -> bool:
-        """Return whether it is open; ROS 2 has no master."""
-        return not self.inbox.closed
-
     def close(self) -> None:
         """End the node."""
         if self.inbox.closed:
             return
         super().close()
-        for publisher in self._publishers.values():
-            publisher.close()
         self.program.each_look = None
+        self._end_topics()
         self._services.close()
-        with self.program.lock:
-            for topic in self._topics.values():
-                topic.close()
-            self._topics.clear()
         self.program.close()

@@ -21,6 +21,7 @@ from cyclonedds.idl import types as idl
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from catenary.crtk.message import HEADER
 from catenary.errors import InputError
 from catenary.recording.messages import SERVICES, Field, current_name, fields, ros2_name, typestore
 
@@ -72,6 +73,10 @@ class Distribution(NamedTuple):
     name: str
     gid: int  # bytes by which a program or a topic's end is told in ros_discovery_info
     has_hashes: bool  # topics' ends carry a hash of their type, which ROS 2 warns without
+
+    def said_of(self, type_hash: str) -> str:
+        """Return what the end of a topic says of its type, in its user data."""
+        return f"typehash={type_hash};" if self.has_hashes else ""
 
 
 # rmw's storage of a gid had 24 bytes up to Humble; type hashes came with Iron (REP 2016)
@@ -133,10 +138,7 @@ _NUMBERS = {
     "uint8": idl.uint8, "uint16": idl.uint16, "uint32": idl.uint32, "uint64": idl.uint64,
     "float32": idl.float32, "float64": idl.float64,
 }  # fmt: skip
-_TIMES = {
-    "time": ("builtin_interfaces/Time", {"sec": idl.int32, "nanosec": idl.uint32}),
-    "duration": ("builtin_interfaces/Duration", {"sec": idl.int32, "nanosec": idl.uint32}),
-}
+_TIMES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 _EMPTY = {"structure_needs_at_least_one_member": idl.uint8}  # ROS 2's field of a type that has none
 _ASKED = {"guid": idl.uint64, "seq": idl.int64}  # rmw_cyclonedds: who asks, and how often it has
 # their brackets make types, which their hints do not know
@@ -158,12 +160,8 @@ def half_type(service: str, half: str) -> type[Raw]:
 
 
 def _members(name: str) -> dict[str, Any]:
-    listed = {field.name: _member(field) for field in fields(name) if not _is_dropped(name, field)}
-    return listed or dict(_EMPTY)
-
-
-def _is_dropped(name: str, field: Field) -> bool:
-    return name == "std_msgs/Header" and field.name == "seq"  # which ROS 2's has not
+    dropped = "seq" if name == HEADER else ""  # which ROS 2's has not
+    return {field.name: _member(field) for field in fields(name) if field.name != dropped} or dict(_EMPTY)
 
 
 def _member(field: Field) -> Any:
@@ -173,14 +171,13 @@ def _member(field: Field) -> Any:
     if field.type in _NUMBERS:
         return _NUMBERS[field.type]
     if field.type in _TIMES:
-        name, members = _TIMES[field.type]
-        return _time(dds_type(name), tuple(members.items()))
+        return _time(dds_type(_TIMES[field.type]))
     return str if field.type == "string" else message_type(field.type)
 
 
 @cache
-def _time(name: str, members: tuple[tuple[str, Any], ...]) -> type[Raw]:
-    return _raw(name, dict(members))
+def _time(name: str) -> type[Raw]:
+    return _raw(name, {"sec": idl.int32, "nanosec": idl.uint32})
 
 
 def _raw(typename: str, members: dict[str, Any]) -> type[Raw]:

@@ -13,11 +13,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from catenary.crtk.inbox import Origin, Request, Subscription
+from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.ros1.master import master_uri
-from catenary.crtk.transport import Connections, Handler, Publisher, Transport, absolute, answer_of, other_type
+from catenary.crtk.transport import (
+    Connections,
+    Handler,
+    HeardTopic,
+    Publisher,
+    Transport,
+    absolute,
+    answer_of,
+    other_type,
+)
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name
 
@@ -81,32 +90,16 @@ class Ros1Publisher(Publisher):
         self._node.end(self._publisher)
 
 
-class _Topic:
-    """What this process receives of one topic: one connection per publisher, for all subscriptions."""
+class _Topic(HeardTopic):
+    """What this process receives of one topic, by a `rospy.Subscriber`."""
 
     def __init__(self, node: Any, name: str, type_name: str, steady: Callable[[], int]) -> None:
-        self.type_name = current_name(type_name)
-        self._subscriptions: list[Subscription] = []
-        self._latched: dict[str, tuple[bytes, int, Origin]] = {}  # by publisher
+        super().__init__(type_name, lambda: node.end(self.subscriber))
         self._origins: dict[str, Origin] = {}  # the last one of each publisher
-        self._lock = threading.Lock()
         self._node, self._steady = node, steady
         self.subscriber: Any = None
         with self._lock:  # a message may come before it is known
             self.subscriber = node.subscribe(name, type_name, self._receive, self._takes)
-
-    def add(self, subscription: Subscription) -> None:
-        """Give a subscription what comes from now on, and what publishers have latched."""
-        with self._lock:
-            for latched in self._latched.values():
-                subscription.push(*latched)
-            self._subscriptions.append(subscription)
-
-    def remove(self, subscription: Subscription) -> bool:
-        """Take a subscription away; return whether none is left."""
-        with self._lock:
-            self._subscriptions = [one for one in self._subscriptions if one is not subscription]
-            return not self._subscriptions
 
     def publishers(self) -> tuple[str, ...]:
         """Return the names of the nodes that it is connected to."""
@@ -115,18 +108,13 @@ class _Topic:
 
     def _takes(self, size: int) -> bool:
         """Return whether a message of so many bytes is for anybody; who has no room for it counts it."""
-        with self._lock:
-            return max((one.has_room_for(size) for one in self._subscriptions), default=True)
+        return max((one.has_room_for(size) for one in self.subscriptions), default=True)
 
     def _receive(self, message: Any) -> None:
         time = self._steady()
         with self._lock:
-            origin = self._origin(message._connection_header)  # documented: wiki.ros.org/rospy/Overview/Messages
-            if origin.is_latching:
-                name = origin.process.partition(" ")[0]
-                self._latched[name] = message.data, time, origin
-            for subscription in self._subscriptions:
-                subscription.push(message.data, time, origin)
+            # documented: wiki.ros.org/rospy/Overview/Messages
+            self.give(message.data, time, self._origin(message._connection_header))
 
     def _origin(self, head: dict[str, str]) -> Origin:
         """Say where a message came from; rospy makes a connection's header anew when it has connected again."""
@@ -154,30 +142,16 @@ class Ros1Transport(Transport):
         if _open is not None:
             raise TransportError(f'this process has the ROS 1 transport "{_open.name}"; close that one first')
         self.node = importlib.import_module("catenary.crtk.ros1.node").node(name, master_uri(uri))
-        self._topics: dict[str, _Topic] = {}
         self._services: list[str] = []
-        self.node.on_shutdown = self.inbox.close  # ends `spin`
+        self.node.on_shutdown = self.inbox.close
         _open = self
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Ros1Publisher:
         """Begin to publish; `queue` counts messages beyond what the system's socket holds."""
-        self._refuse_other_type(topic, type_name)
         return Ros1Publisher(self.node, topic, type_name, latch, queue)
 
-    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
-        topic = subscription.topic
-        found = self._topics.get(topic)
-        if found is None:
-            self._refuse_other_type(topic, type_name)
-            found = self._topics[topic] = _Topic(self.node, topic, type_name, self.steady)
-        elif found.type_name != subscription.type_name:
-            raise other_type(topic, type_name, found.type_name)
-        found.add(subscription)
-        subscription.on_close(lambda: self._unsubscribe(topic, subscription))
-
-    def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
-        if self._topics[topic].remove(subscription):
-            self.node.end(self._topics.pop(topic).subscriber)
+    def _hear(self, topic: str, type_name: str) -> _Topic:
+        return _Topic(self.node, topic, type_name, self.steady)
 
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse what rospy would only mention in a log, while nothing arrives."""
@@ -216,9 +190,9 @@ class Ros1Transport(Transport):
     def connections(self, topic: str) -> Connections:
         """Peers over a topic, by node name."""
         topic = absolute(topic)
-        publisher, received = self._publishers.get(topic), self._topics.get(topic)
+        publisher, received = self._publishers.get(topic), self._heard.get(topic)
         return Connections(
-            () if received is None else received.publishers(),
+            received.publishers() if isinstance(received, _Topic) else (),
             publisher.subscribers() if isinstance(publisher, Ros1Publisher) else (),
         )
 
@@ -251,9 +225,6 @@ class Ros1Transport(Transport):
         self.node.on_shutdown = lambda: None
         if was_shut_down:
             return  # rospy has ended everything
-        for publisher in self._publishers.values():
-            publisher.close()
-        for topic in self._topics.values():
-            self.node.end(topic.subscriber)
+        self._end_topics()
         for service in self._services:
             self.node.end_service(service)

@@ -12,7 +12,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
-from catenary.crtk.message_values import operating_state_message, pose_message, rotation_of
+from catenary.crtk.message_values import pose_message, rotation_of
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.tool_forces import FrameOfForces, exerted, jacobian
 from catenary.errors import CatenaryError, LimitError
@@ -31,44 +31,20 @@ _Layout = message_class("std_msgs/MultiArrayLayout")
 _MultiArray = message_class("std_msgs/Float64MultiArray")
 
 
-def measured_js(arm: ServedArm, stamp: int) -> Message:
-    """Return the joint state as measured, at `stamp` [ns]."""
-    return _joint_state(arm, arm.measured, stamp)
+def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, int], Message]]:
+    """Return what both dialects publish of an arm in every tick, verb by verb: messages of it at a stamp [ns].
 
-
-def setpoint_js(arm: ServedArm, stamp: int) -> Message:
-    """Return the joint setpoint, at `stamp` [ns]."""
-    return _joint_state(arm, arm.setpoint, stamp)
-
-
-def jaw_measured_js(arm: ServedArm, stamp: int, name: str = "jaw") -> Message:
-    """Return the opening of the jaws as measured, jaw1 + jaw2, with the mean of both efforts."""
-    return _jaw(arm, arm.measured, stamp, name)
-
-
-def jaw_setpoint_js(arm: ServedArm, stamp: int, name: str = "jaw") -> Message:
-    """Return the setpoint of the opening of the jaws, jaw1 + jaw2, with the mean of both efforts."""
-    return _jaw(arm, arm.setpoint, stamp, name)
-
-
-def measured_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message:
-    """Return the tool's pose as measured: a PoseStamped, or a TransformStamped where the tool's frame is given."""
-    return pose_message(arm.measured_tool.pose, stamp, BASE, child=child)
-
-
-def setpoint_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message:
-    """Return the setpoint of the tool's pose, as `measured_cp`."""
-    return pose_message(arm.setpoint_tool.pose, stamp, BASE, child=child)
-
-
-def measured_cv(arm: ServedArm, stamp: int) -> Message:
-    """Return the tool's velocity as measured, linear [m/s] and angular [rad/s], in base axes."""
-    return _twist(arm.measured_tool.twist, stamp)
-
-
-def setpoint_cv(arm: ServedArm, stamp: int) -> Message:
-    """Return the velocity of the tool's setpoint, as `measured_cv`."""
-    return _twist(arm.setpoint_tool.twist, stamp)
+    Poses are in the base: PoseStamped, or TransformStamped where `child`, the tool's frame, is given. Velocities are
+    linear [m/s] and angular [rad/s], in base axes.
+    """
+    return {
+        "measured_js": lambda arm, stamp: _joint_state(arm, arm.measured, stamp),
+        "setpoint_js": lambda arm, stamp: _joint_state(arm, arm.setpoint, stamp),
+        "measured_cp": lambda arm, stamp: pose_message(arm.measured_tool.pose, stamp, BASE, child=child),
+        "setpoint_cp": lambda arm, stamp: pose_message(arm.setpoint_tool.pose, stamp, BASE, child=child),
+        "measured_cv": lambda arm, stamp: _twist(arm.measured_tool.twist, stamp),
+        "setpoint_cv": lambda arm, stamp: _twist(arm.setpoint_tool.twist, stamp),
+    }
 
 
 def measured_cf(arm: ServedArm, stamp: int, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Message:
@@ -95,14 +71,9 @@ def _layout(rows: int, columns: int) -> Message:
 def grasp_measured_js(arm: ServedArm, stamp: int) -> Message:
     """Return what a RAVEN-II says of a grasp: opening and both jaws, one velocity, one effort, its own names."""
     names = tuple(f"{arm.arm}_{name}" for name in ("grasp", "jaw1", "jaw2"))
-    opening = _jaw(arm, arm.measured, stamp, "grasp")
+    opening = jaw(arm, arm.measured, stamp, "grasp")
     positions = [opening.position[0], *arm.measured.q[-arm.tool.jaws :]]
     return _JointState(header(stamp), names, positions, opening.velocity, opening.effort)
-
-
-def operating_state(arm: ServedArm, stamp: int) -> Message:
-    """Return the operating state, at `stamp` [ns]."""
-    return operating_state_message(arm.state, stamp)
 
 
 def _twist(twist: Floats, stamp: int) -> Message:
@@ -115,7 +86,8 @@ def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:
     return _JointState(header(stamp), arm.reported, state.q[:n], state.qd[:n], state.tau[:n])
 
 
-def _jaw(arm: ServedArm, state: JointState, stamp: int, name: str) -> Message:
+def jaw(arm: ServedArm, state: JointState, stamp: int, name: str = "jaw") -> Message:
+    """Return the opening of the jaws in a state, jaw1 + jaw2, with the mean of both efforts."""
     jaws = arm.tool.jaws
     position, velocity, effort = (row[-jaws:].sum() for row in (state.q, state.qd, state.tau))
     return _JointState(header(stamp), (name,), [position], [velocity], [effort / jaws])

@@ -19,7 +19,6 @@ from typing import NamedTuple
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, stamp_of
-from catenary.crtk.message_bytes import Bounds
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.topic_names import COMMAND, GRAV_DIR, CrtkTopic
 from catenary.crtk.transport import Transport
@@ -27,7 +26,7 @@ from catenary.crtk.transport import Transport
 OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
 LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
-LARGEST = Bounds(entries=32, text=128)  # of a command that is looked at, ours
+LARGEST = 2048  # bytes of a command that is looked at, ours: what is larger costs a tick its time
 ALWAYS_OBEYED = ("disable", "pause")
 # tenths of a millisecond that a command takes at most: inverse kinematics, of two arms
 COSTS = {
@@ -60,7 +59,7 @@ class CommandSource:
         self._old = beginning.publishing.get(topic.name, frozenset())
         self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
         self._waits = topic.name in beginning.published
-        self._subscription = transport.subscribe(topic.name, topic.type, bounds=LARGEST)
+        self._subscription = transport.subscribe(topic.name, topic.type, largest=LARGEST)
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)
         # what is switched moves nothing
@@ -93,8 +92,7 @@ class CommandSource:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
             self._missed = lost
         if heard.oversized > self._oversized:
-            most = f"{heard.largest} bytes or {LARGEST.entries} names"
-            text = f"{heard.oversized - self._oversized} commands of more than {most} dropped"
+            text = f"{heard.oversized - self._oversized} commands of more than {LARGEST} bytes dropped"
             to = () if self.topic.arm is None else (self.topic.arm,)
             self._reports.say(f"{self.topic.name}: too large", text, now, to=to)
             self._oversized = heard.oversized

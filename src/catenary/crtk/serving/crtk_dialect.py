@@ -10,7 +10,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message
-from catenary.crtk.message_values import joint_values, pose_of
+from catenary.crtk.message_values import joint_values, operating_state_message, pose_of
 from catenary.crtk.serving import arm_messages, moves
 from catenary.crtk.serving.arm_messages import kinematics_services
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
@@ -24,18 +24,14 @@ from catenary.spatial import Pose, rotation_vector
 BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
 # from the setpoint: a RAVEN-II's shoulder that covers 0.25 rad as fast as it may comes to a stop in FAULT
 SERVO_REACH = {"rad": 0.2, "m": 0.02}
+_JOINTS_AND_TOOL = arm_messages.joints_and_tool()
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
-    "measured_js": arm_messages.measured_js,
-    "setpoint_js": arm_messages.setpoint_js,
-    "jaw/measured_js": arm_messages.jaw_measured_js,
-    "jaw/setpoint_js": arm_messages.jaw_setpoint_js,
-    "measured_cp": arm_messages.measured_cp,
-    "setpoint_cp": arm_messages.setpoint_cp,
-    "local/measured_cp": arm_messages.measured_cp,  # it stands on its own base
-    "local/setpoint_cp": arm_messages.setpoint_cp,
-    "measured_cv": arm_messages.measured_cv,
-    "setpoint_cv": arm_messages.setpoint_cv,
+    **_JOINTS_AND_TOOL,
+    "jaw/measured_js": lambda arm, stamp: arm_messages.jaw(arm, arm.measured, stamp),
+    "jaw/setpoint_js": lambda arm, stamp: arm_messages.jaw(arm, arm.setpoint, stamp),
+    # it stands on its own base
+    **{f"local/{verb}": _JOINTS_AND_TOOL[verb] for verb in ("measured_cp", "setpoint_cp")},
     **{f"{frame.value}measured_cf": partial(arm_messages.measured_cf, frame=frame) for frame in FrameOfForces},
     **{f"{frame.value}jacobian": partial(arm_messages.jacobian_matrix, frame=frame) for frame in FrameOfForces},
 }
@@ -53,7 +49,6 @@ class CrtkDialect(Dialect):
         """Speak for arms.
 
         Args:
-            arms: By name.
             listed: Topics of which those are spoken that the arms have; a RAVEN-II's when None.
         """
         all_topics = topics("crtk") if listed is None else listed
@@ -80,7 +75,7 @@ class CrtkDialect(Dialect):
             told, tick = self._told.get(name, (None, 0))
             if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
                 self._told[name] = arm.state, arm.tick
-                lazy.publish(arm_messages.operating_state(arm, now))
+                lazy.publish(operating_state_message(arm.state, now))
         super().publish(now)
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
@@ -159,10 +154,6 @@ def _moved(arm: ServedArm, message: Message) -> Pose:
     return Pose(step.rotation @ start.rotation, start.position + step.position)
 
 
-def _twist(message: Message) -> Floats:
-    return np.array([*message.twist.linear, *message.twist.angular])
-
-
 def _servo_cr(arm: ServedArm, message: Message) -> None:
     step = pose_of(message)
     moves.servo_pose_increment(arm, step.position, rotation_vector(step.rotation))
@@ -175,7 +166,7 @@ _OBEYED: dict[str, Obey] = {
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
     "servo_cp": lambda arm, message: moves.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
-    "servo_cv": lambda arm, message: moves.servo_twist(arm, _twist(message)),
+    "servo_cv": lambda arm, message: moves.servo_twist(arm, np.array([*message.twist.linear, *message.twist.angular])),
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),

@@ -1,7 +1,6 @@
 """The public RAVEN-II software's dialect (branch crtk), topic for topic, /ravenstate too; see docs/crtk.md."""
 
 from collections.abc import Iterable, Mapping
-from functools import partial
 
 import numpy as np
 
@@ -91,7 +90,6 @@ class RavenState:
 
 _JointState = message_class("sensor_msgs/JointState")
 SLOW = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
-_CHILD = "tool"
 # rviz's model of the arms; each twice: as measured, and as set with a 2 behind
 _RVIZ = ("shoulder", "elbow", "insertion", "tool_roll", "wrist_joint", "grasper_joint_1", "grasper_joint_2")
 _RVIZ_NAMES = tuple(f"{name}_{side}{what}" for what in ("", "2") for side in "LR" for name in _RVIZ)
@@ -100,13 +98,8 @@ _RVIZ_SIGN = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
 _RVIZ_SHIFT = np.array([0.0, 0.0, -0.47, -np.pi / 4.0, 0.0, 0.0, 0.0])
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
-    "measured_js": arm_messages.measured_js,
-    "setpoint_js": arm_messages.setpoint_js,
+    **arm_messages.joints_and_tool(child="tool"),
     "grasp_measured_js": arm_messages.grasp_measured_js,
-    "measured_cp": partial(arm_messages.measured_cp, child=_CHILD),
-    "setpoint_cp": partial(arm_messages.setpoint_cp, child=_CHILD),
-    "measured_cv": arm_messages.measured_cv,
-    "setpoint_cv": arm_messages.setpoint_cv,
 }
 
 
@@ -119,7 +112,6 @@ class RavenDialect(Dialect):
         """Speak for arms of seven joints, both of them.
 
         Args:
-            arms: Gold and green.
             torque_arm: Whose `servo_jp` carries torques of its motors [mNm], as the UW's torque controller uses it.
         """
         for name in ("gold", "green"):

@@ -35,11 +35,9 @@ class Reports:
 
         Args:
             kind: What it is, such as "/arm1/servo_jr: refused".
-            text: What happened this time.
             now: [ns].
             to: Arms whose clients are told, when it is logged.
             each: Tell them each time.
-            times: It happened.
         """
         text = text[:LONGEST]
         report = self.kinds.setdefault(kind, Report(text))

@@ -1,11 +1,10 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, cast
+from collections.abc import Callable, Iterator
+from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.crtk.serving.reports import Reports
@@ -126,22 +125,6 @@ LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then fo
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
 
 
-class PushedInPart(Plant, Protocol):
-    """A plant that takes torques of some joints while the others hold: it supports `servo_jf_of`."""
-
-    def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
-        """Command torques (n,) of those joints that are pushed (n,)."""
-        ...
-
-
-class WeighsItself(Plant, Protocol):
-    """A plant whose own program compensates gravity, by a vector in its own units [cm/s2, z down]."""
-
-    def switch_own_gravity(self, grav_dir: Sequence[int] | None) -> None:
-        """Switch it on by a vector, or off."""
-        ...
-
-
 class ServedArm:
     """An arm, its state machine, and what it is to do next.
 
@@ -162,11 +145,6 @@ class ServedArm:
         """Take over a plant.
 
         Args:
-            plant: The arm.
-            dialect: Whose rules its states follow.
-            reports: Where troubles go.
-            arm: Which of the robot's arms it is.
-            tool: Its kinematics.
             gravity_torque: What holds it still, for the compensation that CRTK's clients may ask for.
         """
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
@@ -258,9 +236,10 @@ class ServedArm:
 
     def switch_own_gravity(self, grav_dir: tuple[int, int, int] | None) -> None:
         """Switch the plant's own gravity compensation, by whole cm/s2 with z down, or off."""
-        if not hasattr(self.plant, "switch_own_gravity"):
+        switch = getattr(self.plant, "switch_own_gravity", None)
+        if switch is None:
             raise InputError("the arm has no gravity compensation of its own")
-        cast(WeighsItself, self.plant).switch_own_gravity(grav_dir)
+        switch(grav_dir)
 
     def hold(self) -> None:
         """Forget all commands and stay."""
@@ -401,7 +380,7 @@ class ServedArm:
         tau = np.where(outward, 0.0, tau)
         held = np.isnan(tau)
         if held.any():
-            cast(PushedInPart, self.plant).servo_jf_of(tau, ~held)
+            cast(Any, self.plant).servo_jf_of(tau, ~held)  # which it supports
         else:
             self.plant.servo_jf(tau)
 

@@ -84,9 +84,9 @@ class Diagnostics:
 OF_RAVEN = (JOINT_ENC, EXT_JPOS)
 
 
-def has_encoders(plant: Plant, topics: Sequence[Topic] = OF_RAVEN) -> bool:
-    """Return whether a plant's telemetry holds what external encoders read, as topics carry it."""
-    return {topic.columns[0].name for topic in topics} <= {c.name for c in plant.columns}
+def has_encoders(plant: Plant) -> bool:
+    """Return whether a plant's telemetry holds what a RAVEN-II's external encoders read."""
+    return {topic.columns[0].name for topic in OF_RAVEN} <= {c.name for c in plant.columns}
 
 
 class ServedEncoders:
@@ -154,10 +154,6 @@ class Server:
         """Publish and subscribe; nothing moves before `tick`.
 
         Args:
-            transport: What carries the messages; it stays the caller's to close.
-            arms: What is served.
-            dialect: How.
-            reports: Where troubles go.
             button: Offer the RAVEN-II's silver button as a service.
             publish_every: Ticks from one publication to the next.
             encoders: External ones at an arm's joints, which have topics of their own.

@@ -30,7 +30,6 @@ class ToolState:
         """Note where the joints are; nothing is computed yet.
 
         Args:
-            tool: Kinematics.
             q: (n,) joints [rad|m].
             qd: (n,) their velocities.
             beyond_weight: Gives the joint torques (n,) that do not bear the arm's own weight.
