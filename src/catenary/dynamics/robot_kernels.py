@@ -106,11 +106,11 @@ class DynamicQuantity(NamedTuple):
         found: Floats | None = kernel.of_finite(inputs)
         return found
 
-    def of_rows(self, model: RobotModel, inputs: tuple[Floats, ...], threads: int = 1) -> Floats:
+    def of_rows(self, model: RobotModel, inputs: tuple[Floats, ...]) -> Floats:
         """Return the quantity at N configurations: the first input has N rows, others N, or one for all."""
         count = len(inputs[0])
-        if count >= MANY or threads > 1:
-            return self.kernel(model).rows(*inputs, threads=threads)
+        if count >= MANY:
+            return self.kernel(model).rows(*inputs)
         out = np.empty((count, *(model.n,) * self.dimensions))
         self.recursion(model.tree, model.coupling, model.offset, *inputs, out)
         return out
