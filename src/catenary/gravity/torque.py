@@ -136,7 +136,7 @@ def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
     """
     mass = _total_mass(model)
     rows, single = as_batch("q", q, model.n)
-    jacobian: Floats = np.stack([gravity_torque(model, rows, axis) for axis in np.eye(3)], axis=1) / -mass
+    jacobian: Floats = (0.0 - np.stack([gravity_torque(model, rows, axis) for axis in np.eye(3)], axis=1)) / mass
     return jacobian[0] if single else jacobian
 
 

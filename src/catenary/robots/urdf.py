@@ -14,7 +14,6 @@ from catenary.robots.assembly import Coordinate, JointKind, Link, assemble, file
 from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
-from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
 XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
@@ -57,8 +56,6 @@ def parse_urdf(
     """Return the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
     robot = urdf_root(text, where)
     links = dict(named_elements(where, robot, "link"))
-    if len(links) > MOST_LINKS:
-        raise FileFormatError(f"{where}: {len(links)} links, expected at most {MOST_LINKS}")
     joints = [_joint(where, name, element, links) for name, element in named_elements(where, robot, "joint")]
     if not links:
         raise FileFormatError(f"{where}: no <link>, expected at least one")
@@ -139,8 +136,6 @@ def _joint(where: str, name: str, element: Element, links: Mapping[str, Element]
     parent, child = (_link_name(what, element, tag, links) for tag in ("parent", "child"))
     axis = element.find("axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else numbers_of(f"{what}: <axis>", axis, "xyz", 3)
-    if _KINDS[kind] != "fixed" and not np.linalg.norm(direction) > 1e-9:
-        raise FileFormatError(f"{what}: <axis xyz> is zero, expected a direction")
     mimic = element.find("mimic")
     return _Joint(
         name=name,
@@ -178,8 +173,6 @@ def _coordinate(what: str, name: str, kind: str, joint: Element) -> Coordinate:
     if kind == "continuous":
         return Coordinate(name, unit, velocity=velocity, effort=effort)
     lower, upper = (number_of(what, limit, key, default=0.0) for key in ("lower", "upper"))
-    if lower > upper:
-        raise FileFormatError(f"{what}: lower {lower} is above upper {upper}")
     return Coordinate(name, unit, lower, upper, velocity, effort)
 
 

@@ -15,11 +15,11 @@ from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, 
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.firmware import (
     ControlState,
+    OwnGravity,
     TickLog,
     grav_dir_of,
     gravity_of,
     joint_torques,
-    own_gravity,
     read_encoders,
     run_ticks,
 )
@@ -90,14 +90,14 @@ class CablePlant(FirmwarePlant[TickLog]):
         self.side, self.seed = side, seed
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
-        self._positioning = positioning
+        self._positioning, self._links = positioning, _writable(positioning.tree)
         self.carry(payload)
         # the arm's parameters and the firmware's; others may be put in place of them
         self.cable, self.firmware = self.arm.cable.copy(), self.arm.firmware.copy()
         self.state = ArmState()
         self.control = ControlState(braked=True, guarded=True)
         self.encoders = ExternalEncoders(self.arm.rig)
-        self._own_gravity = own_gravity(positioning.tree)
+        self._own_gravity = OwnGravity()
         # what its program begins with
         self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
         self._work = Work()
@@ -172,9 +172,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         if not payload >= 0.0 or not np.isfinite(payload):
             raise InputError(f"payload: expected zero or more kg, got {payload}")
         self.payload = payload
-        links = self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree
-        # writable ones, as deep copies are: compiled code is compiled once more for another kind of array
-        self._tree = Tree._make(np.array(part) for part in links)
+        self._tree = _writable(self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree)
 
     def rub(self, factor: float) -> None:
         """Rub with so many times the arm's own Coulomb friction from now on, at rotors and joints.
@@ -216,6 +214,7 @@ class CablePlant(FirmwarePlant[TickLog]):
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: TickLog) -> int:
         return run_ticks(
             self._tree,
+            self._links,
             self.cable,
             self.firmware,
             self.state,
@@ -261,3 +260,8 @@ class CablePlant(FirmwarePlant[TickLog]):
         insertion = state.rotor[POSITIONING - 1]
         state.rotor[POSITIONING:] = self.cable.tool_ratio * tools + self.cable.tool_carried * insertion
         self._wake_encoders(rng, 2e5, lambda: read_encoders(self.firmware, state, self.control))
+
+
+def _writable(tree: Tree) -> Tree:
+    """Return a tree of arrays that can be written, as deep copies are: compiled code is made anew for another kind."""
+    return Tree._make(np.array(part) for part in tree)
