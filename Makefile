@@ -22,7 +22,7 @@ help:
 	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
 	@echo "make lint        format, lint, types, import order"
 	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
-	@echo "make campaign-short  those parts of it whose cases are short, two minutes, always the same seeds"
+	@echo "make campaign-short  those parts of it whose cases are short, a minute, always the same seeds"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make bench-dds   the same over ROS 2's DDS: a served robot and a client that hears every topic (10 minutes)"
@@ -62,7 +62,7 @@ campaign: $(VENV)/.development
 SHORT = files messages origins sensors clocks.stamps disks.recorder kills.recorder signals.simulated
 campaign-short: $(VENV)/.development
 	rm -rf build/campaign-short
-	$(BIN)/python -m tests.campaign $(SHORT) --seconds 120 --out build/campaign-short
+	$(BIN)/python -m tests.campaign $(SHORT) --seconds 60 --out build/campaign-short
 
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
