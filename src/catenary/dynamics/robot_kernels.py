@@ -65,12 +65,7 @@ def mass_matrix_kernel(model: RobotModel) -> Kernel:
 
 
 def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Kernel:
-    """Return `kernel(q)`, rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m].
-
-    Args:
-        model: The robot.
-        frame: Name of the frame; the model's tip when None.
-    """
+    """Return `kernel(q)`, rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]; of the tip when None."""
     name = model.tip if frame is None else frame
     return known_kernel(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4)).ready()
 

@@ -92,18 +92,13 @@ def assemble(
     """Fold fixed links into those that carry them and order the rest parents first.
 
     Args:
-        name: The robot's name.
+        name: The robot's.
         links: In any order; a parent that is no link's name must be `root`.
-        coordinates: In the order of q.
+        coordinates: In the order of q; those that move no link may be in `actuation`.
         frames: Further named frames: link they are fixed to, pose in it.
         root: What everything hangs on; it is called "base" too, unless a link or frame is.
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
-        massless: Links to treat as massless though the description gives them no inertia; "all" for every such link.
-        closed_form: Name of the closed-form inverse kinematics that holds.
-        actuation: Friction, motors, springs. Coordinates that move no link may be in it.
-        sources: Where the numbers come from.
-        notes: What the description holds and the model leaves out.
-        doubts: What is doubtful about its numbers, beside inertias that no body has.
+        massless, closed_form, actuation, sources, notes, doubts: As `RobotModel` has them.
         strict: Refuse inertias that are missing or that no body has. Otherwise they are doubts, and logged; what needs
             them (mass matrix, inverse dynamics) is refused where a moving link as a whole has no possible one and
             more than a gram. Gravity never needs them.

@@ -34,11 +34,6 @@ def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
     A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear
     joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and
     "world".
-
-    Args:
-        path: The file.
-        massless: Moving bodies without inertia that are meant to have none; "all" for all such.
-        strict: Refuse inertias that no body has.
     """
     content = read_bounded(path, MOST_XML)
     included = included_files(path, content)

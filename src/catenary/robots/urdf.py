@@ -35,11 +35,8 @@ def load_urdf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
     no other, in the file's order; links and frames have the file's link names. A link without any inertia, shape
     or picture that carries a moving joint where it itself is moved is a step of a joint of several axes, and massless.
 
-    Args:
-        path: The file.
-        massless: Moving links without inertia that are meant to have none; "all" for all such.
-        strict: Refuse inertias that no body has, and masses of zero. Otherwise they are doubts (`assemble`), and a
-            mass that the file says is zero is zero.
+    Strict refuses inertias that no body has, and masses of zero. Otherwise they are doubts (`assemble`), and a mass
+    that the file says is zero is zero.
     """
     content = read_bounded(path, MOST_XML)
     return parse_urdf(content, str(path), massless=massless, strict=strict, sources=[file_source(path, content)])
