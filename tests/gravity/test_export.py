@@ -21,8 +21,7 @@ from catenary.robots.catalog import load_robot
 from oracles.random_trees import random_robot
 
 TREE = random_robot(12).model  # branching, three joints slide, four joints on three coordinates
-ROBOTS = [load_robot("raven2"), TREE]
-QUANTITIES = get_args(ExportedQuantity)
+CASES = [*((TREE, quantity) for quantity in get_args(ExportedQuantity)), (load_robot("raven2"), "gravity")]
 MOVING = ("q", "qd", "qdd", "gravity")
 INPUTS = {"mass_matrix": ("q",), "forward_kinematics": ("q",), "inverse_dynamics": MOVING}
 PACKAGES = {"jax": "jax", "casadi": "casadi", "sympy": "symbolic"}
@@ -76,8 +75,7 @@ def by_c(text, name, arrays, size, folder):
     return np.array(out)
 
 
-@pytest.mark.parametrize("model", ROBOTS, ids=lambda model: model.name)
-@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize(("model", "quantity"), CASES, ids=lambda case: getattr(case, "name", case))
 def test_every_target_computes_what_the_recursion_computes(model, quantity, tmp_path):
     arrays = arrays_of(model, quantity)
     expected = by_recursion(model, quantity, arrays)
