@@ -100,16 +100,16 @@ class RobotTable(Settings):
     actuation: dict[str, JsonValue] | None = None  # an `Actuation`, once the coordinates have names
 
 
-def load_table(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+def load_table(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a TOML table."""
     table = load_toml(path, RobotTable)
     try:
-        return robot_of_table(str(path), table, massless, strict=strict)
+        return robot_of_table(str(path), table, massless)
     except (InputError, UnsupportedModelError) as error:
         raise type(error)(f"{path}: {error}") from error
 
 
-def robot_of_table(where: str, table: RobotTable, massless: Massless = (), *, strict: bool = False) -> RobotModel:
+def robot_of_table(where: str, table: RobotTable, massless: Massless = ()) -> RobotModel:
     """Return the robot of a table; `where` opens what is said of its keys."""
     coordinates = _coordinates(where, table)
     actuation = None
@@ -148,7 +148,6 @@ def robot_of_table(where: str, table: RobotTable, massless: Massless = (), *, st
         closed_form=table.closed_form,
         actuation=actuation,
         sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
-        strict=strict,
     )
 
 

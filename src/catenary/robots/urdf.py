@@ -28,27 +28,20 @@ _KINDS: dict[str, JointKind] = {
 }
 
 
-def load_urdf(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a URDF file.
 
     The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
     no other, in the file's order; links and frames have the file's link names. A link without any inertia, shape
     or picture that carries a moving joint where it itself is moved is a step of a joint of several axes, and massless.
-
-    Strict refuses inertias that no body has, and masses of zero. Otherwise they are doubts (`assemble`), and a mass
-    that the file says is zero is zero.
+    A mass that the file says is zero is zero, and a doubt where the link is not declared massless.
     """
     content = read_bounded(path, MOST_XML)
-    return parse_urdf(content, str(path), massless=massless, strict=strict, sources=[file_source(path, content)])
+    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)])
 
 
 def parse_urdf(
-    text: str | bytes,
-    where: str = "URDF",
-    *,
-    massless: Massless = (),
-    strict: bool = False,
-    sources: Sequence[str] = (),
+    text: str | bytes, where: str = "URDF", *, massless: Massless = (), sources: Sequence[str] = ()
 ) -> RobotModel:
     """Return the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
     robot = urdf_root(text, where)
@@ -60,9 +53,9 @@ def parse_urdf(
     free, following = _leaders(where, joints)
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
-        tree_links = [
-            _tree_link(where, joint, links[joint.child], following, stepping, strict=strict) for joint in joints
-        ]
+        tree_links = [_tree_link(where, joint, links[joint.child], following, stepping) for joint in joints]
+    declared = set(links) if massless == "all" else set(massless)
+    weightless = [link.name for link in tree_links if _is_weighed(link) and link.name not in declared]
     with naming_the_file(where):
         model = assemble(
             robot.get("name") or "unnamed",
@@ -71,8 +64,7 @@ def parse_urdf(
             root=root,
             sources=sources,
             notes=_notes(robot, joints, following),
-            doubts=[f'link "{link.name}": has no mass, as the file says' for link in tree_links if _is_weighed(link)],
-            strict=strict,
+            doubts=[f'link "{name}": has no mass, as the file says' for name in weightless],
         )
     return model.with_massless(massless)
 
@@ -215,12 +207,12 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
 
 
 def _tree_link(
-    where: str, joint: _Joint, child: Element, following: Mapping[str, Mimic], stepping: Container[str], *, strict: bool
+    where: str, joint: _Joint, child: Element, following: Mapping[str, Mimic], stepping: Container[str]
 ) -> Link:
     mimic = following.get(joint.name, Mimic(joint.name, 1.0, 0.0))
     inertia = _inertia(f'{where}: link "{joint.child}"', child)
     bare = len(child) == 0 and joint.child in stepping
-    weightless = inertia is not None and inertia.mass == 0.0 and not strict
+    weightless = inertia is not None and inertia.mass == 0.0
     return Link(
         name=joint.child,
         parent=joint.parent,
