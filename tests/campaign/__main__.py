@@ -77,11 +77,8 @@ def _run(results: Results, module: str, part: Part, deadline: float, options: ar
 def replay(folder: Path) -> int:
     """Try a kept failure again, in this process and without limits; its exception ends the program."""
     _, part = found_parts()[folder.resolve().parent.name]
-    if part.again is not None:
-        part.attempt(lambda: part.again(folder))  # type: ignore[misc]
-    else:
-        with TemporaryDirectory() as scratch:
-            part.attempt(lambda: part.case(int(folder.resolve().name), Path(scratch)))
+    with TemporaryDirectory() as scratch:
+        part.attempt(lambda: part.case(int(folder.resolve().name), Path(scratch)))
     print(f"{folder}: held")
     return 0
 
