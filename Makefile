@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-dds bench-serving bench-bags clean help
+.PHONY: demo test test-slow lint campaign campaign-short bench bench-dds bench-serving clean help
 .PHONY: papers refit prior docs
 
 help:
@@ -22,12 +22,10 @@ help:
 	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
 	@echo "make lint        format, lint, types, import order"
 	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
-	@echo "make campaign-short  those parts of it whose cases are short, two minutes, always the same seeds"
+	@echo "make campaign-short  those parts of it whose cases are short, a minute, always the same seeds"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
-	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
-	@echo "make bench-dds   the same over ROS 2's DDS: a served robot and a client that hears every topic (10 minutes)"
+	@echo "make bench-dds   a served robot over ROS 2's DDS and a client that hears every topic (10 minutes)"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
-	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make docs        the documentation site into build/site: open build/site/index.html"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make prior       learn the prior of few minutes on simulated arms again (a minute); rewrites its data file"
@@ -62,7 +60,7 @@ campaign: $(VENV)/.development
 SHORT = files messages origins sensors clocks.stamps disks.recorder kills.recorder signals.simulated
 campaign-short: $(VENV)/.development
 	rm -rf build/campaign-short
-	$(BIN)/python -m tests.campaign $(SHORT) --seconds 120 --out build/campaign-short
+	$(BIN)/python -m tests.campaign $(SHORT) --seconds 60 --out build/campaign-short
 
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
@@ -73,18 +71,12 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.c_law --json build/benchmarks/c_law.json
 	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json
 
-bench-ros1: $(VENV)/.development
-	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
-
 bench-dds: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.serving --listener dds --seconds 300 --json build/benchmarks/dds_serving.json
 
 bench-serving: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.serving --listener sockets --listener rospy --seconds 300 --json build/benchmarks/serving.json
 	$(BIN)/python -m tests.benchmarks.deployed --seconds 60 --json build/benchmarks/deployed.json
-
-bench-bags: $(VENV)/.development
-	$(BIN)/python -m tests.benchmarks.bag_extraction --json build/benchmarks/bag_extraction.json
 
 PAPER ?= all
 papers: $(VENV)/.papers

@@ -1,4 +1,4 @@
-"""The bases of the gravity paper's experiments, turned about Z0, joint 1's axis, on the left arm; units of its joints.
+"""The bases of the gravity paper's experiments, turned about Z0, joint 1's axis; units of joints; an ideal sensor.
 
 Lewis and Hannaford 2014, sections IV-B and V: base angles "about the Z0 axis" of the mechanism's frame 0.
 """
@@ -7,7 +7,9 @@ import numpy as np
 
 from catenary import FixedBase
 from catenary.arrays import frozen
+from catenary.sensing.mounting import Mounting
 from catenary.simulation.base_motion import RockingBase
+from catenary.simulation.sensors import SensorModel
 
 SHOWN = frozen(np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0]))  # rad, rad, m to deg, deg, mm
 Z0 = frozen(np.array([0.0, -1.0, 0.0]))  # in base axes, whose z is up
@@ -28,3 +30,8 @@ def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0), hz: float 
     """
     x, y, z = Z0.tolist()
     return RockingBase(float(np.deg2rad(15.0)), float(np.deg2rad(5.0)), hz, (x, y, z), lever)
+
+
+def ideal_sensor(rate_hz: float, mounting: Mounting | None = None, *, has_gyroscope: bool = True) -> SensorModel:
+    """Return a sensor without noise, resolution, latency or end of range."""
+    return SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0, has_gyroscope, mounting or Mounting())

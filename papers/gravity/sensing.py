@@ -24,7 +24,7 @@ from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import RockingBase
-from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
+from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL
 from papers.calibration.published import TABLE_1
 from papers.claims import by_count
@@ -42,7 +42,7 @@ from papers.experiment import (
     run,
 )
 from papers.figures import panels
-from papers.gravity.raven_base import ASIDE, SHOWN, rocking_base
+from papers.gravity.raven_base import ASIDE, SHOWN, ideal_sensor, rocking_base
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

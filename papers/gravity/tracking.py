@@ -27,7 +27,7 @@ from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import FixedGravity, GravityReading, Mailbox, ReadingStatus
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
-from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
+from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 from catenary.trajectories.cartesian import CYCLES, CartesianSinusoids
 from catenary.trajectories.reference import SampledTrajectory, Trajectory
@@ -37,7 +37,7 @@ from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.trials import track
 from papers.experiment import Result, run
 from papers.gravity.events import TrueAttitude
-from papers.gravity.raven_base import ASIDE, SHOWN, rocking_base, turned_base
+from papers.gravity.raven_base import ASIDE, SHOWN, ideal_sensor, rocking_base, turned_base
 
 # the base of figure 10, and one that is rocked alike about an axis 0.32 m away; others are angles about Z0 [deg]
 ROCKING, ROCKING_ASIDE = "rocking", "rocking aside"

@@ -5,10 +5,24 @@ from dataclasses import replace
 import numpy as np
 
 from catenary import RobotModel, compact_regressor, gravity_regressor, load_robot
+from catenary.arrays import Floats
 from catenary.gravity.compact_regressor import DOWN, CompactRegressor
 from catenary.gravity.gravity_regressor import carried_links, gravity_parameters
 from catenary.gravity.symbols import expression_text, mass_expression, moment_expression
-from catenary.gravity.written_terms import SHORT, full_entry, terms_text
+from catenary.gravity.written_terms import (
+    SHORT,
+    SymbolicVector,
+    Terms,
+    TooLongError,
+    constant_vector,
+    crossed,
+    dotted,
+    scaled,
+    terms_text,
+    times,
+    turned,
+    way_to,
+)
 from papers.experiment import Result, run
 
 ZERO, NO_EFFECT = 0, -1  # in place of a parameter's number, from 1
@@ -61,6 +75,36 @@ def block_texts(model: RobotModel, joint: int) -> list[str]:
             name = f"Z{joint + 1},{3 * (frame + 1) + along + 1}"
             texts.append(terms_text(terms or {}) if short else name)
     return texts
+
+
+def full_entry(
+    model: RobotModel, joint: int, frame: int, axis: Floats, gravity: Floats, coordinate: int
+) -> Terms | None:
+    """Write an entry of the paper's full regressor, -gravity . (z_joint x e); None for what is too long.
+
+    Unlike `moment_entries` it stands for one joint alone, whether it carries the frame or not. joint and frame are
+    indices of the tree, frame -1 the base; axis is e (3,) in that frame, gravity (3,) a constant, such as (0, 0, -1)
+    for a level base, in units of the free fall; coordinate is the row of the regressor.
+    """
+    weight = float(model.coupling[joint, coordinate])
+    if weight == 0.0 or model.tree.prismatic[joint]:
+        return {}
+    try:
+        z = _in_base(model, joint, model.tree.axis[joint])
+        e = constant_vector(axis) if frame < 0 else _in_base(model, frame, axis)
+        # -gravity . (z x e) = (gravity x e) . z
+        return scaled(dotted(crossed(gravity, e), z), weight)
+    except TooLongError:
+        return None
+
+
+def _in_base(model: RobotModel, link: int, axis: Floats) -> SymbolicVector:
+    """Return an axis of a link in the base frame."""
+    way = way_to(model, link)
+    v = constant_vector(way.end @ axis)
+    for turn in reversed(way.turns):
+        v = times(turn.before, turned(turn, v, back=False))
+    return v
 
 
 @run(revision=1)

@@ -15,8 +15,6 @@ from catenary.control.limits import TorqueLimits as TorqueLimits
 from catenary.control.loop import run_loop as run_loop
 from catenary.control.pd import JointPD as JointPD
 from catenary.crtk.client import CrtkClient as CrtkClient
-from catenary.dynamics.center_of_mass import center_of_mass as center_of_mass
-from catenary.dynamics.center_of_mass import center_of_mass_jacobian as center_of_mass_jacobian
 from catenary.dynamics.inverse_dynamics import BaseMotion as BaseMotion
 from catenary.dynamics.inverse_dynamics import coriolis_matrix as coriolis_matrix
 from catenary.dynamics.inverse_dynamics import inverse_dynamics as inverse_dynamics
@@ -33,6 +31,8 @@ from catenary.gravity.estimator import GravityEstimator as GravityEstimator
 from catenary.gravity.export import export_function as export_function
 from catenary.gravity.gravity_regressor import gravity_regressor as gravity_regressor
 from catenary.gravity.load_location import locate_load as locate_load
+from catenary.gravity.torque import center_of_mass as center_of_mass
+from catenary.gravity.torque import center_of_mass_jacobian as center_of_mass_jacobian
 from catenary.gravity.torque import gravity_torque as gravity_torque
 from catenary.gravity.torque import potential_energy as potential_energy
 from catenary.identification.identification import identify as identify

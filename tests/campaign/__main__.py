@@ -1,7 +1,7 @@
 """Try faults by seeds: `python -m tests.campaign [PART...]`, or `list`; docs/reliability.md tells what must hold.
 
 PART is a name ("files.journal") or a group ("files"); all parts without one. A run adds what it tried to
-DIR/campaign.json and writes campaign.html beside it; without --count it tries what is left of each part's target.
+DIR/campaign.json; without --count it tries what is left of each part's target.
 """
 
 import argparse
@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tests.campaign.part import Part, chosen, found_parts
-from tests.campaign.results import Results, markdown, seeds_of, write_campaign_page
+from tests.campaign.results import Results, markdown, seeds_of
 from tests.campaign.run import run_part
 
 OFTEN = 5.0  # between two writings of the results [s]
@@ -23,10 +23,6 @@ def main() -> int:
     if options.replay is not None:
         return replay(options.replay)
     results = Results(options.out)
-    if options.add is not None:
-        results.merge(options.add)
-        print(write_campaign_page(results))
-        return 0
     if options.markdown:
         print(markdown(results.read()))
         return 0
@@ -42,7 +38,7 @@ def main() -> int:
         now = time.monotonic()
         share = now + max(end - now, 0.0) / left  # what one leaves is shared by those after it
         failed += _run(results, module, part, share, options)
-    print(f"{write_campaign_page(results)}{f': {failed} failed' if failed else ''}")
+    print(f"{results.path}{f': {failed} failed' if failed else ''}")
     return int(failed > 0)
 
 
@@ -81,11 +77,8 @@ def _run(results: Results, module: str, part: Part, deadline: float, options: ar
 def replay(folder: Path) -> int:
     """Try a kept failure again, in this process and without limits; its exception ends the program."""
     _, part = found_parts()[folder.resolve().parent.name]
-    if part.again is not None:
-        part.attempt(lambda: part.again(folder))  # type: ignore[misc]
-    else:
-        with TemporaryDirectory() as scratch:
-            part.attempt(lambda: part.case(int(folder.resolve().name), Path(scratch)))
+    with TemporaryDirectory() as scratch:
+        part.attempt(lambda: part.case(int(folder.resolve().name), Path(scratch)))
     print(f"{folder}: held")
     return 0
 
@@ -99,7 +92,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=Path("build/campaign"), help="folder of the results")
     parser.add_argument("--workers", type=int, default=1, help="child processes at a time")
     parser.add_argument("--replay", type=Path, metavar="FAILURE", help="a folder below failures/, tried again")
-    parser.add_argument("--add", type=Path, metavar="JSON", help="another campaign.json, added to these results")
     parser.add_argument("--markdown", action="store_true", help="print the table of the results, try nothing")
     return parser.parse_args()
 

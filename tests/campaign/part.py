@@ -34,7 +34,6 @@ class Part:
             where the case fails, also where the process ends in it.
         may_refuse: A CatenaryError is an answer: the case has held.
         warnings_fail: Warnings from below are errors, but for those of what is deprecated.
-        again: Tries what a kept folder holds, for a replay; None tries the seed again.
         processor_time: A case may take [s]; of the child process, not of processes of its own. inf limits nothing.
         patience: A case may last [s], on a busy machine: one that hangs takes no processor time.
         memory: A case may take beyond what the child process has after its imports [bytes]; None limits nothing.
@@ -46,7 +45,6 @@ class Part:
     case: Case
     may_refuse: bool = False
     warnings_fail: bool = True
-    again: Callable[[Path], object] | None = None
     processor_time: float = 5.0
     patience: float = 120.0
     memory: int | None = 10**9

@@ -1,4 +1,4 @@
-"""What a campaign has found, kept in one file that several runs add to: seeds, failures; as table and page."""
+"""What a campaign has found, kept in one file that several runs add to: seeds, failures; as a table."""
 
 import fcntl
 import json
@@ -13,7 +13,6 @@ from typing import Any
 
 from catenary import __version__
 from catenary.files import json_text, write_atomically
-from catenary.reports.page import Block, Facts, Heading, Listing, Table, Text, write_page
 from tests.campaign.part import Part
 
 Ranges = list[list[int]]  # first and last of seeds in a row, ascending
@@ -55,18 +54,6 @@ class Results:
             content["parts"][part.name] = _counted(entry, part.target, round(entry["seconds"] + seconds, 1))
             content["parts"] = dict(sorted(content["parts"].items()))
             content |= _about()
-
-    def merge(self, other: Path) -> None:
-        """Add the results of another campaign.json, of another machine or of a part run by itself."""
-        with self._changing() as content:
-            for name, theirs in json.loads(other.read_text(encoding="utf-8"))["parts"].items():
-                mine = content["parts"].get(name, {"seeds": [], "failures": [], "seconds": 0.0})
-                done = seeds_of(mine["seeds"])
-                new = [failure for failure in theirs["failures"] if failure["seed"] not in done]
-                entry = {"seeds": ranges_of(done | seeds_of(theirs["seeds"])), "failures": mine["failures"] + new}
-                seconds = round(mine["seconds"] + theirs["seconds"], 1)
-                content["parts"][name] = _counted(entry, theirs["target"], seconds)
-            content["parts"] = dict(sorted(content["parts"].items()))
 
     def following(self, part: Part, first: int, count: int | None) -> Iterator[range]:
         """Yield ranges of seeds to try: as many as asked for, else as many as the part's target still wants; from
@@ -132,46 +119,9 @@ def _about() -> dict[str, Any]:
     }
 
 
-HEADER = ("part", "asked for", "tried", "held", "failed")
-
-
-def table_rows(content: Mapping[str, Any]) -> list[list[str]]:
-    """Return the rows of the table."""
-    columns = ("target", "tried", "held", "failed")
-    return [[name, *(f"{row[column]:,}" for column in columns)] for name, row in content["parts"].items()]
-
-
 def markdown(content: Mapping[str, Any]) -> str:
     """Return the table as Markdown, for docs/reliability.md."""
-    rows = [list(HEADER), ["---"] + ["---:"] * (len(HEADER) - 1), *table_rows(content)]
+    columns = ("target", "tried", "held", "failed")
+    rows = [["part", "asked for", "tried", "held", "failed"], ["---"] + ["---:"] * len(columns)]
+    rows += [[name, *(f"{row[column]:,}" for column in columns)] for name, row in content["parts"].items()]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
-def write_campaign_page(results: Results) -> Path:
-    """Write campaign.html beside the results: the table, the failures, the seeds."""
-    content, path = results.read(), results.folder / "campaign.html"
-    parts = content["parts"]
-    failures = [(name, failure) for name, row in parts.items() for failure in row["failures"]]
-    blocks: list[Block] = [Table(HEADER, table_rows(content)), Heading("Failures")]
-    if failures:
-        blocks.append(Facts([(f"{name}, seed {one['seed']}", one["why"]) for name, one in failures[:200]]))
-        blocks += [
-            Listing(one["folder"], text.read_text(encoding="utf-8", errors="replace"))
-            for _, one in failures[:50]
-            if (text := results.folder / one["folder"] / "why.txt").exists()
-        ]
-    else:
-        blocks.append(Text("None."))
-    said = ("version", "commit", "date", "python", "system")
-    seeds = [
-        f"{name}: {', '.join(f'{a} to {b}' for a, b in row['seeds'])}; {row['seconds']:g} s"
-        for name, row in parts.items()
-    ]
-    blocks += [
-        Heading("How it was made"),
-        Facts([(name, str(content[name])) for name in said if content.get(name)]),
-        Listing("Seeds, and the time they took", "\n".join(seeds)),
-    ]
-    lead = "Damaged files, messages of any content, kills, full disks, clocks, signals and broken sensors: what held."
-    write_page(path, "The campaign", lead, blocks)
-    return path

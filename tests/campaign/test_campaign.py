@@ -11,7 +11,7 @@ import pytest
 
 from catenary.errors import InputError
 from tests.campaign.part import Part, chosen
-from tests.campaign.results import Results, markdown, write_campaign_page
+from tests.campaign.results import Results, markdown
 from tests.campaign.run import run_part
 
 MODULE = "tests.campaign.test_campaign"  # where the child process finds PARTS
@@ -74,14 +74,6 @@ def test_every_way_to_fail_is_found_and_kept_and_counts_once(tmp_path: Path) -> 
     assert (entry["seeds"], entry["tried"], entry["held"], entry["failed"]) == ([[0, 10]], 11, 7, 4)
     assert not (tmp_path / "failures" / "made.up" / "2").exists()
     assert markdown(results.read()).endswith("| made.up | 12 | 11 | 7 | 4 |")
-    other = Results(tmp_path / "other")
-    other.add(part, {3: None, 10: None, 11: "no", 12: "no"}, 1.0)
-    for _ in range(2):  # what both have counts once
-        results.merge(other.path)
-    entry = results.read()["parts"]["made.up"]
-    assert (entry["seeds"], entry["tried"], entry["held"], entry["failed"]) == ([[0, 12]], 13, 7, 6)
-    page = write_campaign_page(results).read_text()
-    assert "made.up, seed 3" in page
     assert json.loads(results.path.read_text())["version"]
 
 

@@ -10,9 +10,8 @@ from catenary.errors import CatenaryError, InputError, NotReadyError, Unsupporte
 from catenary.plant import JOINT_UNITS, Plant, fault_of
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cable_plant import CablePlant, PositioningArm
 from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.psm_plant import PsmPlant
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from catenary.raven2.topics import JOINTS
 from numpy.testing import assert_allclose
 
 from catenary.crtk.client import CrtkClient
@@ -12,6 +11,7 @@ from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.reader import CrtkReader
 from catenary.errors import TransportError
+from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.ideal_plant import IdealPlant

@@ -17,13 +17,11 @@ from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function
 from catenary.gravity.gravity_regressor import standard_gravity_regressor
 from catenary.gravity.torque import gravity_torque
-from catenary.kernels import jax_casadi_sympy
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import random_robot
 
 TREE = random_robot(12).model  # branching, three joints slide, four joints on three coordinates
-ROBOTS = [load_robot("raven2"), TREE]
-QUANTITIES = get_args(ExportedQuantity)
+CASES = [*((TREE, quantity) for quantity in get_args(ExportedQuantity)), (load_robot("raven2"), "gravity")]
 MOVING = ("q", "qd", "qdd", "gravity")
 INPUTS = {"mass_matrix": ("q",), "forward_kinematics": ("q",), "inverse_dynamics": MOVING}
 PACKAGES = {"jax": "jax", "casadi": "casadi", "sympy": "symbolic"}
@@ -77,8 +75,7 @@ def by_c(text, name, arrays, size, folder):
     return np.array(out)
 
 
-@pytest.mark.parametrize("model", ROBOTS, ids=lambda model: model.name)
-@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize(("model", "quantity"), CASES, ids=lambda case: getattr(case, "name", case))
 def test_every_target_computes_what_the_recursion_computes(model, quantity, tmp_path):
     arrays = arrays_of(model, quantity)
     expected = by_recursion(model, quantity, arrays)
@@ -139,33 +136,6 @@ def test_jax_takes_batches_and_names(rng):
     batch = jax.vmap(function, in_axes=(0, None))(q, gravity)
     assert_allclose(batch, gravity_torque(model, q, gravity), atol=1e-12)
     assert function(gravity=gravity, q=q[0].astype(np.float32)).dtype == np.float64
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("quantity", ["inverse_dynamics", "compact_regressor"])
-def test_jax_runs_long_lines_in_a_loop(quantity, monkeypatch):
-    monkeypatch.setattr(jax_casadi_sympy, "LONGEST", 0)
-    arrays = arrays_of(TREE, quantity)
-    function = export_function(TREE, quantity, "jax")
-    assert_allclose(function(*arrays), by_recursion(TREE, quantity, arrays), atol=1e-10)
-    rows = [np.stack([array, 0.5 * array]) for array in arrays]
-    second = by_recursion(TREE, quantity, [0.5 * array for array in arrays])
-    assert_allclose(jax.vmap(function)(*rows)[1], second, atol=1e-10)
-    slope = jax.jacrev(function)(*arrays)
-    step = np.eye(TREE.n)[0] * 1e-6
-    ahead, behind = (by_recursion(TREE, quantity, [arrays[0] + s * step, *arrays[1:]]) for s in (1.0, -1.0))
-    assert_allclose(slope[..., 0], (ahead - behind) / 2e-6, atol=1e-6)  # central difference, h = 1e-6
-
-
-@pytest.mark.parametrize(
-    "quantity",  # the regressor is too long for one straight line; XLA takes some seconds for each of the others
-    ["gravity_regressor", *(pytest.param(q, marks=pytest.mark.slow) for q in QUANTITIES if q != "gravity_regressor")],
-)
-def test_jax_takes_everything_of_nineteen_joints(quantity):
-    model = load_robot("dual_arm_19")
-    arrays = arrays_of(model, quantity)
-    found = export_function(model, quantity, "jax")(*arrays)
-    assert_allclose(found, by_recursion(model, quantity, arrays), atol=1e-10)
 
 
 def test_jax_demands_float64_and_tells_how():

@@ -4,11 +4,12 @@ from numpy.testing import assert_allclose
 
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.gravity_regressor import CARRIED_MASS, gravity_regressor
-from catenary.gravity.written_terms import SharedTerms, Terms, full_entry, mass_entries, moment_entries, terms_text
+from catenary.gravity.written_terms import SharedTerms, Terms, mass_entries, moment_entries, terms_text
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from oracles.latex import value, values
 from oracles.random_trees import Floats, random_robot
+from papers.regressor.decomposition import full_entry
 
 
 def number(terms: Terms, q: Floats) -> float:

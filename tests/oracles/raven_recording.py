@@ -86,10 +86,12 @@ def write_journal(
 
 
 def write_bag(journal: Path, path: Path) -> Path:
-    """Write a recording as one bag of all its topics, by rosbags: a `.bag`, or a ROS 2 bag with MCAP (a folder)."""
+    """Write a recording as one bag of all its topics, by rosbags: a `.bag`, or a ROS 2 bag (a folder), with MCAP or,
+    where its name ends in `.sqlite`, SQLite."""
     source, about = JournalReader(journal), ABOUT.as_json().encode()
     ros = 1 if path.suffix == ".bag" else 2
-    with Writer1(path) if ros == 1 else Writer2(path, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
+    storage = StoragePlugin.SQLITE3 if path.suffix == ".sqlite" else StoragePlugin.MCAP
+    with Writer1(path) if ros == 1 else Writer2(path, version=8, storage_plugin=storage) as bag:
         connections = {
             topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(ros))
             for topic, kind in ((ABOUT_TOPIC, ABOUT_TYPE), *source.topics)

@@ -169,7 +169,6 @@ def test_a_row_may_declare_on_which_axes_its_centre_of_mass_lies(load):
         (ONE + 'variable = { a = "1" }', 'link[0] "a": variable: a: Input should be a valid number'),
         (ONE + 'variable = ["a"]', 'link[0] "a": variable: Input should be an object'),
         (ONE + "limits_m = [0, 1]", '"a" is in rad: expected limits_deg for its limits'),
-        (ONE + "limits_deg = [1, 0]", '"a": limits (1.0, 0.0): expected the lower one first'),
         (ONE.replace("mass_kg = 2\n", ""), 'link "a": com_m or inertia_kg_m2 without mass_kg'),
         (ONE.replace("com_m = [0.1, 0.2, 0.3]\n", ""), 'link "a": has mass_kg but no com_m'),
         (ONE + "massless = true", 'link "a": is massless and has mass_kg'),

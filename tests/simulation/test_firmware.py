@@ -21,10 +21,10 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import (
     NOMINAL,
     ControlState,
+    OwnGravity,
     control_motors,
     grav_dir_of,
     gravity_of,
-    own_gravity,
     read_encoders,
     register,
     weigh,
@@ -252,12 +252,12 @@ def settled(plant: CablePlant) -> tuple[np.ndarray, np.ndarray]:
 def test_its_torques_are_the_gradient_of_potential_energy_through_each_joints_own_ratio(name: str) -> None:
     arm, model, rng = load_cable_arm(), load_robot(name), np.random.default_rng(0)
     frame_0 = load_robot(name.replace("raven2", "raven2_full")).frames["frame0"].pose.rotation
-    firmware, own, control = arm.firmware, own_gravity(model.tree), ControlState()
+    firmware, own, control = arm.firmware, OwnGravity(), ControlState()
     for _ in range(20):
         q = rng.uniform([0.0, 0.8, 0.23], [1.57, 2.3, 0.56])
         grav_dir = rng.integers(-1500, 1500, 3).tolist()
         own.gravity, control.joint[:3] = gravity_of(grav_dir), q
-        weigh(firmware, own, control)
+        weigh(firmware, model.tree, own, control)
         gravity = frame_0 @ FRAME_0[name] @ grav_dir
         h = 1e-5
         slope = [

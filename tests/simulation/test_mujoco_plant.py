@@ -64,9 +64,9 @@ def test_gravity_torque_holds_a_catalogue_robot_still_on_a_tilted_base(name):
     model = load_robot(name)
     plant = enabled(model, base=TILTED, hardware=hardware_for(name))
     start = plant.measured_js().q
-    end = ticks(plant, 1000, gravity_torque(model, start, gravity_of(TILTED)))[-1]
+    end = ticks(plant, 300, gravity_torque(model, start, gravity_of(TILTED)))[-1]
     # nothing corrects: rounding grows by e^(t sqrt(g / l)), l = 4 cm for the dual arm's wrists; on the Gen3's bracelet,
-    # 7e-4 kg m2, 1e-16 of 23 Nm is 3e-12 rad/s2, times e^9 in the second
+    # 7e-4 kg m2, 1e-16 of 23 Nm is 3e-12 rad/s2, times e^9 a second
     assert_allclose(end, start, atol=1e-6)
 
 
@@ -74,7 +74,7 @@ def test_gravity_torque_holds_random_trees_still(random_robots):
     rng = np.random.default_rng(2)
     for model in small(random_robots):
         q = rng.normal(scale=0.5, size=model.n)
-        end = ticks(enabled(model, start=q), 1000, gravity_torque(model, q, LEVEL))[-1]
+        end = ticks(enabled(model, start=q), 300, gravity_torque(model, q, LEVEL))[-1]
         # poses may be unstable: rounding, 1e-16, grows by e^(t sqrt(g / l)), l some 0.1 m
         assert_allclose(end, q, atol=1e-9)
 
@@ -155,7 +155,7 @@ def test_friction_holds_without_creep_up_to_its_coulomb_torque():
     model, q = load_robot("two_link"), np.array([0.3, 0.4])
     hold = gravity_torque(model, q, LEVEL)
     plant = enabled(model, start=q, hardware=JointHardware(friction=1.0))
-    assert_array_equal(ticks(plant, 1000, hold + np.array([0.999, -0.999])), np.tile(q, (1000, 1)))
+    assert_array_equal(ticks(plant, 300, hold + np.array([0.999, -0.999])), np.tile(q, (300, 1)))
     assert ticks(plant, 200, hold + np.array([1.5, 0.0]))[-1, 0] - q[0] > 1e-3
 
 

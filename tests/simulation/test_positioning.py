@@ -3,7 +3,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.plant import fault_of
 from catenary.robots.catalog import load_robot
-from catenary.simulation.positioning import PositioningArm
+from catenary.simulation.cable_plant import PositioningArm
 from oracles.cable_arms import homed_plant
 
 

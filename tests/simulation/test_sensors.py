@@ -12,12 +12,14 @@ from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox, ReadingStatus
 from catenary.simulation import sensors
 from catenary.simulation.base_motion import FixedBase, RockingBase, imu_reading
-from catenary.simulation.cable_plant import CablePlant
-from oracles.ideal_plant import IdealPlant
 
 TILTED = FixedBase(0.3, -0.2)
 ROCKING = RockingBase(math.radians(15.0), math.radians(5.0), 1.0, (0.0, -1.0, 0.0), lever=(0.0, 0.1, 0.3))
 TURNED = Rotation.from_euler("xyz", [1.0, -0.5, 2.0]).as_matrix()
+
+
+def ideal(rate_hz, mounting=None, *, has_gyroscope=True):
+    return sensors.SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0, has_gyroscope, mounting or Mounting())
 
 
 def samples(base, model, seconds, **options):
@@ -32,7 +34,7 @@ def vectors(taken, kind):
 
 
 def test_an_ideal_sensor_at_the_origin_reads_what_the_base_says():
-    taken = samples(ROCKING, sensors.ideal_sensor(100.0), 1.0)
+    taken = samples(ROCKING, ideal(100.0), 1.0)
     stamps = np.array([s.stamp for s in taken if s.kind is Kind.ANGULAR_RATE])
     assert_allclose(stamps, np.arange(101) / 100.0)
     force, rate = imu_reading(ROCKING.sample(stamps))
@@ -43,7 +45,7 @@ def test_an_ideal_sensor_at_the_origin_reads_what_the_base_says():
 def test_a_sensor_away_from_the_origin_reads_the_acceleration_of_its_own_path():
     position, h = np.array([0.2, -0.1, 0.4]), 1e-4
     mounting = Mounting(rotation=TURNED, position=position)
-    force = vectors(samples(ROCKING, sensors.ideal_sensor(100.0, mounting), 0.4), Kind.SPECIFIC_FORCE)[-1]
+    force = vectors(samples(ROCKING, ideal(100.0, mounting), 0.4), Kind.SPECIFIC_FORCE)[-1]
 
     def place(t):
         """R_world_base and the sensor's place, from the definition of rocking."""
@@ -154,23 +156,8 @@ def test_a_fault_is_named_and_bounded_and_passes(base, kind):
     assert off[-200:].max() < 0.2  # noise of 0.04 m/s2
 
 
-def test_a_plants_own_telemetry_feeds_a_sensor_anywhere_on_the_base():
-    plant, mailboxes = CablePlant(base=ROCKING), (Mailbox(), Mailbox())
-    model = sensors.ideal_sensor(1000.0, Mounting(position=np.array([0.3, 0.0, 0.2])))
-    by_telemetry = sensors.SimulatedSensor(sensors.TelemetryBase(plant), mailboxes[0], model)
-    by_base = sensors.SimulatedSensor(ROCKING, mailboxes[1], model)
-    for _ in range(100):
-        by_telemetry.advance(plant.time)
-        by_base.advance(plant.time)
-        plant.wait()
-    pairs = zip(*([m.take() for _ in range(len(m))] for m in mailboxes), strict=True)
-    for k, (a, b) in enumerate(pairs):
-        if k > 3:  # the first has no rate before it
-            assert_allclose(a.vector, b.vector, atol=0.01)  # half a millisecond of the angular acceleration
-
-
 def test_an_accelerometer_alone_sends_no_rates_and_begins_when_it_is_switched_on():
-    taken = samples(TILTED, sensors.ideal_sensor(100.0, has_gyroscope=False), 30.02, start=29.995)
+    taken = samples(TILTED, ideal(100.0, has_gyroscope=False), 30.02, start=29.995)
     assert {s.kind for s in taken} == {Kind.SPECIFIC_FORCE}
     assert_allclose([s.stamp for s in taken], [30.0, 30.01, 30.02])
 
@@ -182,7 +169,6 @@ def test_an_accelerometer_alone_sends_no_rates_and_begins_when_it_is_switched_on
         (lambda: sensors.SensorModel(noise=-1.0), "noise"),
         (lambda: sensors.SensorModel(latency=math.nan), "latency"),
         (lambda: sensors.InjectedFault("broken", 0.0), '"broken": expected one of drop_out, not_finite'),
-        (lambda: sensors.TelemetryBase(IdealPlant([0.0])), "no accelerometer and no gyroscope"),
     ],
 )
 def test_impossible_sensors_are_refused(make, message):

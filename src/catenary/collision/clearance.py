@@ -44,7 +44,6 @@ class Clearance:
     time: float  # [s] when
     distance: float  # [m] their distance then
     instants: int  # that were looked at
-    measured: int  # distances taken by Coal
 
 
 @dataclass
@@ -56,7 +55,6 @@ class _Looks:
     speeds: Floats
     known: Floats  # (instants, pairs) distances, or what they are at least
     is_true: NDArray[np.bool_]
-    measured: int = 0
     closest: tuple[float, float, int] = field(default=(np.inf, 0.0, 0))  # distance, time, pair
 
     def see(self, rows: NDArray[np.int64], pairs: NDArray[np.int64]) -> bool:
@@ -69,7 +67,6 @@ class _Looks:
             # the lower bound stays one: rounding of Coal's must not undercut it
             found = max(self.known[row, pair], self.scene.distance(self.placed, row, pair, self.margin))
             self.known[row, pair], self.is_true[row, pair] = found, True
-            self.measured += 1
             if found < self.margin:
                 self.closest = found, float(self.times[row]), pair
                 return True
@@ -85,13 +82,13 @@ def clearance_of(scene: CollisionScene, path: JointPath, margin: float) -> Clear
     pairs = np.tile(np.arange(count), FIRST)
     open_ = left, left + 1, pairs
     bound, reach = path.acceleration_bound, scene.reach
-    instants, measured = 0, 0
+    instants = 0
     while True:
         open_, within = _unproven(search, open_, bound, reach)
-        instants, measured = instants + len(search.times), measured + search.measured
+        instants += len(search.times)
         if within or not len(open_[0]):
             found = search.closest if within else _nearest(scene, path, times)
-            return Clearance(not within, scene.names(found[2]), found[1], found[0], instants, measured)
+            return Clearance(not within, scene.names(found[2]), found[1], found[0], instants)
         search, open_ = _halved(search, path, open_)
 
 

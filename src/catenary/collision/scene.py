@@ -223,13 +223,8 @@ def scene_of(
 
     Bodies of one link, and of a link and the one that carries it, are not compared: their joint holds them together. A
     link without a shape is passed over: what it carries is its carrier's neighbour. The base is not compared with
-    obstacles: it stands where it stands.
-
-    Args:
-        model: The robot.
-        geometry: Its shapes.
-        obstacles: Shapes in the base frame.
-        ignored: Pairs of names of links or obstacles that may touch.
+    obstacles: it stands where it stands. Obstacles are in the base frame; `ignored` are pairs of names of links or
+    obstacles that may touch.
     """
     own = bodies_of(geometry.shapes)
     bodies = [*own, *bodies_of(tuple(obstacles), obstacles=True)]

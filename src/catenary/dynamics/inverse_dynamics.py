@@ -108,7 +108,7 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     return out[0] if single else out
 
 
-def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
+def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the mass matrix: the kinetic energy is qd^T M qd / 2.
 
     Composite rigid bodies (Walker, Orin 1982). Motors' inertia is not in it.
@@ -116,7 +116,6 @@ def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
     Args:
         model: The robot.
         q: (n,) or (N, n) coordinates [rad or m].
-        threads: How many to share the rows among; as in `gravity_torque`.
 
     Returns:
         Symmetric (n, n) or (N, n, n) [kg m2, kg m or kg], by the units of its row and column.
@@ -130,7 +129,7 @@ def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
         return quick
     model.require_inertia()
     rows, single = as_batch("q", q, model.n)
-    out = _MASS_MATRIX.of_rows(model, (rows,), threads)
+    out = _MASS_MATRIX.of_rows(model, (rows,))
     return out[0] if single else out
 
 

@@ -217,16 +217,9 @@ def raven_path(
     """Return configurations within the joint limits along a path of poses, each the nearest to the one before.
 
     Distance is in rad, a metre of insertion counting as 100 rad, as in the robot's software; unlike it, a
-    solution far away is not refused.
-
-    Args:
-        model: A RAVEN-II arm: three joints (the positions count) or six.
-        rotations: (N, 3, 3) R_base_tip.
-        positions: (N, 3) of the tip in the base [m].
-        q_start: (n,) configuration before the first pose [rad or m]; the middle of the limits when None.
-
-    Returns:
-        (N, n) [rad or m].
+    solution far away is not refused. Rotations (N, 3, 3) are R_base_tip (of three joints the positions count),
+    positions (N, 3) of the tip in the base [m], q_start (n,) the configuration before the first pose, the middle of the
+    limits when None; the result is (N, n) [rad or m].
     """
     arm = _arm(model)
     R = as_array("rotations", rotations, (None, 3, 3))

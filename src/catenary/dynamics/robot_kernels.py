@@ -65,12 +65,7 @@ def mass_matrix_kernel(model: RobotModel) -> Kernel:
 
 
 def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Kernel:
-    """Return `kernel(q)`, rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m].
-
-    Args:
-        model: The robot.
-        frame: Name of the frame; the model's tip when None.
-    """
+    """Return `kernel(q)`, rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]; of the tip when None."""
     name = model.tip if frame is None else frame
     return known_kernel(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4)).ready()
 
@@ -106,11 +101,11 @@ class DynamicQuantity(NamedTuple):
         found: Floats | None = kernel.of_finite(inputs)
         return found
 
-    def of_rows(self, model: RobotModel, inputs: tuple[Floats, ...], threads: int = 1) -> Floats:
+    def of_rows(self, model: RobotModel, inputs: tuple[Floats, ...]) -> Floats:
         """Return the quantity at N configurations: the first input has N rows, others N, or one for all."""
         count = len(inputs[0])
-        if count >= MANY or threads > 1:
-            return self.kernel(model).rows(*inputs, threads=threads)
+        if count >= MANY:
+            return self.kernel(model).rows(*inputs)
         out = np.empty((count, *(model.n,) * self.dimensions))
         self.recursion(model.tree, model.coupling, model.offset, *inputs, out)
         return out

@@ -86,12 +86,7 @@ class CompactRegressor:
         return symbols_of(self.model, self.expressions)
 
     def Z(self, q: ArrayLike, gravity: ArrayLike) -> Floats:
-        """Return the regressor (n, p), or (N, n, p) for many configurations.
-
-        Args:
-            q: (n,) or (N, n) coordinates [rad or m].
-            gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-        """
+        """Return the regressor (n, p), or (N, n, p), at q (n,) or (N, n) and gravity (3,) or (N, 3) in base axes."""
         rows, single = as_batch("q", q, self.model.n)
         gravities = gravity_rows(gravity, len(rows))
         if len(rows) >= MANY:
@@ -359,11 +354,7 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
 
     c_{12} is cos(q_1 + q_2), joints in rad and m; numbers have six digits. Sums are written out; where an arm's twists
     make them too long, in terms that are defined once on lines before them. Turns that are quarter turns to within
-    1e-6 rad are taken for such.
-
-    Args:
-        model: The robot.
-        gravity: (3,) in base axes, down [m/s2].
+    1e-6 rad are taken for such. Gravity (3,) is in base axes, down [m/s2].
     """
     model.require_masses()
     regressor = compact_regressor(model)

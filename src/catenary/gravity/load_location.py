@@ -187,12 +187,7 @@ def _body(information: Floats, score: Floats) -> tuple[Floats, float]:
 
 
 def log_evidence(information: Floats, score: Floats) -> Floats:
-    """Return log p(y | load) - log p(y | no load), for unknowns in units of their own standard deviations, (N,).
-
-    Args:
-        information: (N, k, k) J of the unknowns.
-        score: (N, k) b.
-    """
+    """Return log p(y | load) - log p(y | no load) (N,), of J (N, k, k) and b (N, k) in standard deviations."""
     whole = np.eye(score.shape[1]) + information
     _, log_determinant = np.linalg.slogdet(whole)
     explained = np.einsum("ni,ni->n", score, np.linalg.solve(whole, score[..., None])[..., 0])

@@ -1,4 +1,4 @@
-"""The torque that holds an arm against gravity, and the energy it is the gradient of.
+"""The torque that holds an arm against gravity, the energy it is the gradient of, and the centre of mass.
 
 Loops hold `gravity_kernel(model)`, machine code of the robot's own.
 """
@@ -12,14 +12,23 @@ from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import first_moments, gravity_recursion, place_tree, to_robot
 from catenary.dynamics.robot_kernels import DynamicQuantity, gravity_kernel
 from catenary.dynamics.torque_regressor import torque_regressor
+from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import LEVEL
 
-__all__ = ["gravity_delta", "gravity_kernel", "gravity_torque", "potential_energy", "unseen_torque"]
+__all__ = [
+    "center_of_mass",
+    "center_of_mass_jacobian",
+    "gravity_delta",
+    "gravity_kernel",
+    "gravity_torque",
+    "potential_energy",
+    "unseen_torque",
+]
 
 
-def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threads: int = 1) -> Floats:
+def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the torques that hold the arm still: g of M(q) qdd + C(q, qd) qd + g(q) = tau.
 
     In frame i let z be the axis of joint i, i_g gravity, and i_r_k the centre of mass of link k, one of the
@@ -27,13 +36,14 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
     -z . sum_k i_g m_k. [Lewis, Hannaford 2014, "Dynamically evaluated gravity compensation for the RAVEN
     surgical robot", eq. 1-3; the paper states the prismatic sign in its text, and writes k >= i for a chain]
 
+    From 50 000 rows or the 101st single call on the robot's own kernel runs, which takes half a second to compile when
+    it is first used; it differs from the recursion in rounding only. Control loops hold `gravity_kernel(model)`,
+    compiled before they begin.
+
     Args:
         model: The robot.
         q: (n,) or (N, n) coordinates [rad or m].
         gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-        threads: How many to share the rows among. From 50 000 rows or the 101st single call on, or with threads,
-            the robot's own kernel runs, which takes half a second to compile when it is first used; it differs from
-            the recursion in rounding only. Control loops hold `gravity_kernel(model)`, compiled before they begin.
 
     Returns:
         (n,) or (N, n) [Nm or N]: what the actuators must supply; never negate it. One q with many gravities
@@ -48,7 +58,7 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         return quick
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
-    out = _GRAVITY.of_rows(model, (rows, gravity_rows(gravity, len(rows))), threads)
+    out = _GRAVITY.of_rows(model, (rows, gravity_rows(gravity, len(rows))))
     return out[0] if single else out
 
 
@@ -81,11 +91,68 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
     """
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
-    gravities = gravity_rows(gravity, len(rows))
+    energies: Floats = -np.sum(_first_moments(model, rows) * gravity_rows(gravity, len(rows)), axis=1)
+    return energies.reshape(()) if single else energies
+
+
+def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
+    """Return the centre of mass of all moving links, p_com = sum m_i p_i / M.
+
+    [gravity-regressor paper, section II] Links fixed to the base do not count.
+
+    Args:
+        model: The robot.
+        q: (n,) or (N, n) coordinates [rad or m].
+
+    Returns:
+        (3,) or (N, 3) in the base frame [m].
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: q has another shape or is not finite; a robot without mass.
+    """
+    mass = _total_mass(model)
+    rows, single = as_batch("q", q, model.n)
+    center: Floats = _first_moments(model, rows) / mass
+    return center[0] if single else center
+
+
+def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
+    """Return the Jacobian of the centre of mass, J_com qd = its velocity in base axes.
+
+    Gravity acts on a robot as on one mass at its centre of mass, g(q) = -M J_com^T gravity [gravity-regressor paper,
+    section II]: row r of J_com is what a unit of gravity along axis r asks of the joints, over -M.
+
+    Args:
+        model: The robot.
+        q: (n,) or (N, n) coordinates [rad or m].
+
+    Returns:
+        (3, n) or (N, 3, n) [m/rad or 1].
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: q has another shape or is not finite; a robot without mass.
+    """
+    mass = _total_mass(model)
+    rows, single = as_batch("q", q, model.n)
+    jacobian: Floats = (0.0 - np.stack([gravity_torque(model, rows, axis) for axis in np.eye(3)], axis=1)) / mass
+    return jacobian[0] if single else jacobian
+
+
+def _total_mass(model: RobotModel) -> float:
+    model.require_masses()
+    mass = float(model.tree.mass.sum())
+    if not mass > 0.0:
+        raise InputError(f'robot "{model.name}": no moving link has a mass, so there is no centre of mass')
+    return mass
+
+
+def _first_moments(model: RobotModel, rows: Floats) -> Floats:
+    """Return the first moment of all moving links about the base's origin (N, 3) [kg m]."""
     moments = np.empty((len(rows), 3))
     _first_moment_rows(model.tree, model.coupling, model.offset, rows, moments)
-    energies: Floats = -np.sum(moments * gravities, axis=1)
-    return energies.reshape(()) if single else energies
+    return moments
 
 
 @compiled

@@ -166,7 +166,7 @@ def _angle_text(factors: tuple[tuple[int, float], ...], *, latex: bool) -> str:
     return text
 
 
-class _Way(NamedTuple):
+class Way(NamedTuple):
     """The way from the base to one link."""
 
     turns: list[Turn]
@@ -179,7 +179,7 @@ def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) 
 
     gravity (3,) is a constant, such as (0, 0, -1) for a level base, in units of the free fall.
     """
-    way = _way(model, link)
+    way = way_to(model, link)
     down, seen = _gravity_before(way, gravity), _seen_before(way, axis)
     entries: list[Terms | None] = []
     for row in range(model.n):
@@ -196,42 +196,12 @@ def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) 
     return entries
 
 
-def full_entry(
-    model: RobotModel, joint: int, frame: int, axis: Floats, gravity: Floats, coordinate: int
-) -> Terms | None:
-    """Write an entry of the paper's full regressor, -gravity . (z_joint x e); None for what is too long.
-
-    Unlike `moment_entries` it stands for one joint alone, whether it carries the frame or not. joint and frame are
-    indices of the tree, frame -1 the base; axis is e (3,) in that frame, gravity (3,) a constant, such as (0, 0, -1)
-    for a level base, in units of the free fall; coordinate is the row of the regressor.
-    """
-    weight = float(model.coupling[joint, coordinate])
-    if weight == 0.0 or model.tree.prismatic[joint]:
-        return {}
-    try:
-        z = _in_base(model, joint, model.tree.axis[joint])
-        e = constant_vector(axis) if frame < 0 else _in_base(model, frame, axis)
-        # -gravity . (z x e) = (gravity x e) . z
-        return scaled(dotted(crossed(gravity, e), z), weight)
-    except TooLongError:
-        return None
-
-
-def _in_base(model: RobotModel, link: int, axis: Floats) -> SymbolicVector:
-    """Return an axis of a link in the base frame."""
-    way = _way(model, link)
-    v = constant_vector(way.end @ axis)
-    for turn in reversed(way.turns):
-        v = times(turn.before, turned(turn, v, back=False))
-    return v
-
-
 def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | None]:
     """Write what the mass that a prismatic joint carries asks of each coordinate; None for what is too long."""
     axis = model.tree.axis[link]
     x, sign = angle_atom("q", model.coupling[link])
     offset = float(model.offset[link])
-    way = _way(model, link)
+    way = way_to(model, link)
     entries: list[Terms | None] = []
     for row, moment in enumerate(moment_entries(model, link, axis, gravity)):
         factor = float(model.coupling[link, row])
@@ -255,7 +225,8 @@ def _short(written: Written | None) -> Written:
     return written
 
 
-def _way(model: RobotModel, link: int) -> _Way:
+def way_to(model: RobotModel, link: int) -> Way:
+    """Return the way from the base to a link; joints with parallel axes in a row make one turn."""
     tree = model.tree
     path = [link]
     while tree.parent[path[0]] >= 0:
@@ -279,10 +250,10 @@ def _way(model: RobotModel, link: int) -> _Way:
             turns.append(Turn(constant, tree.axis[i], angle))
             constant = np.eye(3)
             joints[i] = (len(turns) - 1, tree.axis[i])
-    return _Way(turns, constant, joints)
+    return Way(turns, constant, joints)
 
 
-def _gravity_before(way: _Way, gravity: Floats) -> list[SymbolicVector | None]:
+def _gravity_before(way: Way, gravity: Floats) -> list[SymbolicVector | None]:
     """Return gravity in the frame that each turn starts from; None from where it is too long."""
     out: list[SymbolicVector | None] = [None] * len(way.turns)
     v = constant_vector(gravity)
@@ -296,7 +267,7 @@ def _gravity_before(way: _Way, gravity: Floats) -> list[SymbolicVector | None]:
     return out
 
 
-def _seen_before(way: _Way, axis: Floats) -> list[SymbolicVector | None]:
+def _seen_before(way: Way, axis: Floats) -> list[SymbolicVector | None]:
     """Return an axis of the way's end in the frame that each turn starts from; None where it is too long."""
     out: list[SymbolicVector | None] = [None] * len(way.turns)
     v = constant_vector(way.end @ axis)

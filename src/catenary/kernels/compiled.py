@@ -214,13 +214,9 @@ def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None
 
     The text may use `@compiled` and `@compiled_for(SIGNATURE)`, which compiles for one signature of
     numba's, refuses others with TypeError, and keeps Python's lock: to give it takes as long as a torque. Where the
-    module's `__file__` is None it is in memory.
-
-    Args:
-        stem: What the file's name begins with; letters, digits and hyphens.
-        text: The module's.
-        given: Further names that it uses; what they are must follow from the text.
-        folder: Where files are kept; `cache_folder()` when None.
+    module's `__file__` is None it is in memory. `stem`, of letters, digits and hyphens, is what the file's name
+    begins with; what the names `given` are must follow from the text; files are kept in `folder`, or in
+    `cache_folder()`.
     """
     digest = sha256(text.encode()).hexdigest()[:32]
     name = f"_catenary_kernel_{digest}"

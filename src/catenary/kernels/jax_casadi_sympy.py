@@ -1,8 +1,7 @@
 """Lines of operations as functions of JAX (derivatives, batches, GPUs) and CasADi (MPC), and SymPy's expressions.
 
 XLA compiles a straight line in a time that grows faster than its length: 0.1 s for the gravity of 3 joints, some 10 s
-for thousands of operations. A longer line becomes a loop over rows of operations that do not need each other, which
-compiles in half a second whatever its length, and takes some ten times as long on batches.
+for thousands of operations.
 """
 
 from collections.abc import Callable
@@ -13,8 +12,6 @@ import numpy as np
 from catenary.errors import InputError, MissingPackageError, NotReadyError
 from catenary.kernels.tracing import Line, evaluate, widths_of
 
-LONGEST = 2_500  # operations and results: XLA compiles them in some 10 s
-WIDTH = 64  # operations of a row of the loop
 JaxFunction = Callable[..., Any]
 READABLE = 60  # operations up to which expressions are multiplied out: a RAVEN's three joints
 ROUNDING = 1e-12  # of a coefficient, beside the largest one
@@ -57,10 +54,9 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
             'any array is made, jax.config.update("jax_enable_x64", True)'
         )
     widths = widths_of(line)
-    straight = line.operations + len(line.results) <= LONGEST
-    compute = _straight(line) if straight else _looped(line)
     steps = sorted({r[1] for r in line.results if not isinstance(r, float)})
     place = {step: k for k, step in enumerate(steps)}
+    wanted = line._replace(results=tuple((1, step) for step in steps))
     constant = np.array([r if isinstance(r, float) else 0.0 for r in line.results])
     sign = np.array([0.0 if isinstance(r, float) else float(r[0]) for r in line.results])
     source = np.array([0 if isinstance(r, float) else place[r[1]] for r in line.results], dtype=int)
@@ -73,75 +69,12 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
         for name, array in arrays.items():
             if array.shape != (widths[name],):
                 raise InputError(f"{name}: expected shape ({widths[name]},), got {array.shape}; jax.vmap takes batches")
-        found = constant + sign * compute(arrays, steps)[source] if steps else constant
-        return found.reshape(shape)
+        if not steps:
+            return constant.reshape(shape)
+        found = jnp.stack(evaluate(wanted, sine=jnp.sin, cosine=jnp.cos, **arrays))
+        return (constant + sign * found[source]).reshape(shape)
 
     return jax.jit(function)  # type: ignore[no-any-return]
-
-
-def _straight(line: Line) -> Callable[[dict[str, Any], list[int]], Any]:
-    """Return what computes the wanted steps one operation after the other."""
-    import jax.numpy as jnp
-
-    def compute(arrays: dict[str, Any], steps: list[int]) -> Any:
-        wanted = line._replace(results=tuple((1, step) for step in steps))
-        return jnp.stack(evaluate(wanted, sine=jnp.sin, cosine=jnp.cos, **arrays))
-
-    return compute
-
-
-def _looped(line: Line) -> Callable[[dict[str, Any], list[int]], Any]:
-    """Return what computes the wanted steps by a loop over rows of operations that need earlier rows only.
-
-    Every operation of a row is one of x v[a] + y v[b] + z, v[a] v[b], and sin(x v[a] + z).
-    """
-    import jax.numpy as jnp
-    from jax import lax
-
-    rows = _rows(line)
-    inputs = len(line.inputs)
-    place = {number: step.a for number, step in enumerate(line.steps) if step.kind == "in"}
-    place |= {number: inputs + r * WIDTH + c for r, row in enumerate(rows) for c, number in enumerate(row)}
-    size = (len(rows), WIDTH)
-    a, b = np.zeros(size, dtype=int), np.zeros(size, dtype=int)
-    x, y, z = np.zeros(size), np.zeros(size), np.zeros(size)
-    product, angle = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
-    for at in np.ndindex(size):
-        if at[1] >= len(rows[at[0]]):
-            continue
-        kind, first, second = line.steps[rows[at[0]][at[1]]]
-        a[at], x[at] = place[first], second if kind == "*k" else 1.0
-        product[at], angle[at] = kind == "*", kind in ("sin", "cos")
-        if kind in ("+", "-", "*"):
-            b[at], y[at] = place[int(second)], -1.0 if kind == "-" else 1.0
-        z[at] = second if kind == "+k" else 0.5 * np.pi if kind == "cos" else 0.0
-    turns = angle.any(axis=1)
-
-    def step(v: Any, row: Any) -> Any:
-        at, a, b, x, y, z, product, angle, turns = row
-        new = jnp.where(product, v[a] * v[b], x * v[a] + y * v[b] + z)
-        new = lax.cond(turns, lambda: jnp.where(angle, jnp.sin(new), new), lambda: new)
-        return lax.dynamic_update_slice(v, new, (at,)), None
-
-    def compute(arrays: dict[str, Any], steps: list[int]) -> Any:
-        v = jnp.concatenate([*arrays.values(), jnp.zeros(len(rows) * WIDTH)])
-        starts = inputs + WIDTH * np.arange(len(rows))
-        v, _ = lax.scan(step, v, (starts, a, b, x, y, z, product, angle, turns))
-        return v[np.array([place[number] for number in steps])]
-
-    return compute
-
-
-def _rows(line: Line) -> list[list[int]]:
-    """Return the steps beyond inputs, grouped by how many operations lie before them."""
-    depth: list[int] = []
-    for kind, a, b in line.steps:
-        before = () if kind == "in" else (depth[a], depth[int(b)]) if kind in ("+", "-", "*") else (depth[a],)
-        depth.append(1 + max(before, default=-1))
-    levels: list[list[int]] = [[] for _ in range(max(depth, default=0) + 1)]
-    for number, level in enumerate(depth):
-        levels[level].append(number)
-    return [level[i : i + WIDTH] for level in levels[1:] for i in range(0, len(level), WIDTH)]
 
 
 class SymbolicFunction(NamedTuple):

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,8 @@ class Kernel:
 
     `kernel(q, gravity)` returns a new array. `kernel.bind(q, gravity, out)` returns a function without arguments that
     runs on these very arrays, for loops: it takes a tenth of the time. `kernel.rows(q, gravity)` takes many
-    configurations. Single calls and rows take what `as_array` takes. None looks at values, so that a control loop
-    counts its NaN: one reaches every number that depends on it. Any number of threads may call.
+    configurations, without Python's lock. Single calls and rows take what `as_array` takes. None looks at values, so
+    that a control loop counts its NaN: one reaches every number that depends on it. Any number of threads may call.
 
     Its machine code is made when it is first called or bound, in about half a second, and found in the user's cache
     afterwards (compiled.py). It is pickled without, so it goes to processes that are spawned; what `bind` returns holds
@@ -90,16 +89,13 @@ class Kernel:
                 raise InputError(f"{name}: expected a float64 array of shape {shape}, got {got}")
         return bind(self.into, inputs, [out])
 
-    def rows(self, *inputs: ArrayLike, out: Floats | None = None, threads: int = 1) -> Floats:
+    def rows(self, *inputs: ArrayLike, out: Floats | None = None) -> Floats:
         """Return the quantity at N configurations, (N, ...).
 
         Args:
             inputs: For each of `kernel.inputs` an array of N rows, or of one row for all.
             out: (N, ...) contiguous, to write into; memory that is used again saves up to half the time.
-            threads: How many share the rows; machine code does not hold Python's lock.
         """
-        if threads < 1:
-            raise InputError(f"threads: expected one or more, got {threads}")
         arrays = [
             as_array(name, given, (None, width), finite=False)
             for (name, width), given in zip(self.inputs.items(), self._counted(inputs), strict=True)
@@ -114,11 +110,7 @@ class Kernel:
         elif not isinstance(out, NDARRAY) or out.shape != shape or out.dtype != FLOAT64 or not out.flags.carray:
             got = f"{out.dtype} {out.shape}" if isinstance(out, NDARRAY) else type(out).__name__
             raise InputError(f"out: expected a contiguous float64 array of shape {shape}, got {got}")
-        flat, rows = out.reshape(count, len(self.line.results)), self._functions.rows
-        if threads == 1 or count < 2 * threads:
-            rows(*arrays, flat)
-        else:
-            _in_threads(rows, arrays, flat, threads)
+        self._functions.rows(*arrays, out.reshape(count, len(self.line.results)))
         return out
 
     @cached_property
@@ -139,17 +131,3 @@ class Kernel:
         if len(given) != len(names):
             raise InputError(f"{self.name}: expected {len(names)} arrays ({', '.join(names)}), got {len(given)}")
         return given
-
-
-def _in_threads(rows: Callable[..., None], inputs: list[Floats], out: Floats, threads: int) -> None:
-    from concurrent.futures import ThreadPoolExecutor  # half as long to import as a kernel to load
-
-    edges = np.linspace(0, len(out), threads + 1).astype(int)
-    rows(*(array[:1] for array in inputs), out[:1])  # compiles, once
-    with ThreadPoolExecutor(threads) as pool:
-        parts = [
-            pool.submit(rows, *(a[first:last] if len(a) > 1 else a for a in inputs), out[first:last])
-            for first, last in pairwise(edges)
-        ]
-        for part in parts:
-            part.result()

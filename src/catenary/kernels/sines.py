@@ -8,8 +8,6 @@ chapter 8; pi/2 in three parts of 33 bits, so that products with the multiple ar
 of fdlibm (Sun Microsystems 1993, k_sin.c and k_cos.c). Within 2e-16 of the true values up to LARGEST.
 """
 
-import math
-
 from catenary.kernels.compiled import inlined
 
 LARGEST = 1e5  # [rad] beyond it the C library takes over: 16 000 turns
@@ -32,14 +30,6 @@ COSINE = (
     2.08757232129817482790e-09,
     -1.13596475577881948265e-11,
 )
-
-
-@inlined
-def sine_cosine(x: float) -> tuple[float, float]:
-    """Return the sine and cosine of any angle [rad]; NaN for NaN and infinity."""
-    if abs(x) <= LARGEST:
-        return small_sine_cosine(x)
-    return math.sin(x), math.cos(x)
 
 
 @inlined

@@ -282,9 +282,6 @@ def needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[i
     """Return the steps that the numbered ones need, and those, in order; not what is behind a kind in `stop`."""
     needed = set(numbers)
     for number in range(len(line.steps) - 1, -1, -1):
-        step = line.steps[number]
-        if number in needed and step.kind != "in" and step.kind not in stop:
-            needed.add(step.a)
-            if step.kind in ("+", "-", "*"):
-                needed.add(int(step.b))
+        if number in needed and line.steps[number].kind not in stop:
+            needed.update(_operands(line.steps[number]))
     return sorted(needed)

@@ -273,11 +273,6 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
                 raise InputError(f"{what}: expected an arm above 0 and shorter than the anchor's distance")
             if lever is not None:
                 check_within(f"{what}: lever", [lever.anchor, lever.rest, lever.angle], FARTHEST, "m or rad")
-    for friction in actuation.friction:
-        for key in ("stribeck", "presliding"):
-            scale = getattr(friction, key)
-            if scale is not None and not 0.0 < scale < np.inf:
-                raise InputError(f'{where}: friction "{friction.name}": {key}: expected above zero, got {scale}')
     if actuation.values is not None:
         count = len(actuation_terms(actuation))
         if actuation.values.shape != (count,) or not np.isfinite(actuation.values).all():

@@ -87,26 +87,20 @@ def assemble(
     sources: Sequence[str] = (),
     notes: Sequence[str] = (),
     doubts: Sequence[str] = (),
-    strict: bool = False,
 ) -> RobotModel:
     """Fold fixed links into those that carry them and order the rest parents first.
 
+    Inertias that no body has are doubts, and logged; what needs them (mass matrix, inverse dynamics) is refused where a
+    moving link as a whole has no possible one and more than a gram. Gravity never needs them.
+
     Args:
-        name: The robot's name.
+        name: The robot's.
         links: In any order; a parent that is no link's name must be `root`.
-        coordinates: In the order of q.
+        coordinates: In the order of q; those that move no link may be in `actuation`.
         frames: Further named frames: link they are fixed to, pose in it.
         root: What everything hangs on; it is called "base" too, unless a link or frame is.
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
-        massless: Links to treat as massless though the description gives them no inertia; "all" for every such link.
-        closed_form: Name of the closed-form inverse kinematics that holds.
-        actuation: Friction, motors, springs. Coordinates that move no link may be in it.
-        sources: Where the numbers come from.
-        notes: What the description holds and the model leaves out.
-        doubts: What is doubtful about its numbers, beside inertias that no body has.
-        strict: Refuse inertias that are missing or that no body has. Otherwise they are doubts, and logged; what needs
-            them (mass matrix, inverse dynamics) is refused where a moving link as a whole has no possible one and
-            more than a gram. Gravity never needs them.
+        massless, closed_form, actuation, sources, notes, doubts: As `RobotModel` has them.
     """
     check_names("robot", [name])
     where = f'robot "{name}"'
@@ -131,7 +125,7 @@ def assemble(
         for link, body in zip(folded.moving, folded.inertia, strict=True)
         if body.inertia is None or (body.mass > LIGHTEST and is_negative(body.mass, body.inertia))
     ]
-    doubted = [*doubts, *_far_apart(folded), *_doubts(where, ordered, folded, untold, strict=strict)]
+    doubted = [*doubts, *_far_apart(folded), *_doubts(ordered, folded, untold)]
     if doubted:
         more = f"; and {len(doubted) - SHOWN} more" if len(doubted) > SHOWN else ""
         _log.warning("%s: %s%s", where, "; ".join(doubted[:SHOWN]), more)
@@ -183,9 +177,7 @@ def _far_apart(folded: "_Folded") -> list[str]:
     return doubts
 
 
-def _doubts(
-    where: str, ordered: Sequence[Link], folded: "_Folded", untold: Sequence[str], *, strict: bool
-) -> list[str]:
+def _doubts(ordered: Sequence[Link], folded: "_Folded", untold: Sequence[str]) -> list[str]:
     """Return in words what inertias no body has, and what becomes of them."""
     doubts = []
     for link in ordered:
@@ -195,8 +187,6 @@ def _doubts(
         fault = "has a mass but no inertia" if tensor is None else unphysical(link.inertia.mass, tensor)
         if fault is None:
             continue
-        if strict:
-            raise InputError(f'{where}: link "{link.name}": {fault}')
         carrier = folded.carrier[link.name].link
         if carrier < 0:
             effect = "it is fixed to the base and plays no part"

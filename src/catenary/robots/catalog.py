@@ -6,7 +6,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
-from catenary.errors import FileFormatError
+from catenary.errors import FileFormatError, InputError
 from catenary.robots.model import Massless, RobotModel
 
 RAVEN_SIDES = {"raven2": "left", "raven2_right": "right"}  # which arm of a RAVEN-II a robot is
@@ -29,20 +29,28 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
         source: Name in the catalogue, or path of a `.toml` table, `.urdf`, MJCF (`.xml`, `.mjcf`) or the `.npz` that
             identification wrote, or URDF itself, as ROS has it in `robot_description`.
         massless: Links that have no inertia in the file and are meant to have none; "all" for all such.
-        strict: Refuse inertias that are missing or that no body has, and masses of zero. Otherwise the model names
-            them in `doubts`, they are logged, and what would be wrong with them is refused when it is asked for.
+        strict: Refuse what is doubtful: inertias that no body has, masses of zero, lengths that no arm has. Otherwise
+            the model names them in `doubts`, they are logged, and what would be wrong with them is refused when it is
+            asked for.
 
     Raises:
         FileFormatError: Unknown name, missing file, or a file of another kind.
-        InputError: `massless` names a link that does not exist or has a mass.
+        InputError: `massless` names a link that does not exist or has a mass; strict, and the model has doubts.
         UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent.
     """
+    model = _load(source, massless)
+    if strict and model.doubts:
+        raise InputError(f'robot "{model.name}": {"; ".join(model.doubts)}')
+    return model
+
+
+def _load(source: str | Path, massless: Massless) -> RobotModel:
     name = str(source)
     if isinstance(source, str) and source.lstrip().startswith("<"):
-        return load_text(source, massless=massless, strict=strict)
+        return load_text(source, massless=massless)
     if name in robot_names():
         with as_file(catalogue_file(name)) as table:
-            return load_file(table, massless=massless, strict=strict)
+            return load_file(table, massless=massless)
     path = Path(source)
     if not _is_file(path):
         begins = [known for known in robot_names() if name.startswith(known)]
@@ -52,17 +60,17 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
             f'robot "{cut(name)}": neither a file nor in the catalogue{hint}; '
             f"the catalogue has {', '.join(robot_names())}"
         )
-    return load_file(path, massless=massless, strict=strict)
+    return load_file(path, massless=massless)
 
 
-def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a `.toml`, `.urdf`, `.xml`, `.mjcf` or `.npz` file; an `.xml` may hold either XML kind."""
     kind = path.suffix.lower()
     # each reader is imported when its kind of file comes: a table needs neither an XML nor a MuJoCo reader
     if kind == ".toml":
         from catenary.robots.dh_table import load_table
 
-        return load_table(path, massless=massless, strict=strict)
+        return load_table(path, massless=massless)
     if kind == ".npz":
         from catenary.robots.model_record import load_identified
 
@@ -76,16 +84,16 @@ def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> R
         if root == "robot":
             from catenary.robots.urdf import load_urdf
 
-            return load_urdf(path, massless=massless, strict=strict)
+            return load_urdf(path, massless=massless)
         if root == "mujoco":
             from catenary.robots.mjcf import load_mjcf
 
-            return load_mjcf(path, massless=massless, strict=strict)
+            return load_mjcf(path, massless=massless)
         raise FileFormatError(f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)")
     raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml, .mjcf or .npz')
 
 
-def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+def load_text(text: str, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from the text of a URDF, such as the value of ROS's `robot_description`."""
     from catenary.robots.assembly import file_source
     from catenary.robots.urdf import parse_urdf
@@ -97,7 +105,7 @@ def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> Ro
     if root == "mujoco":
         raise FileFormatError(f"{where}: is MJCF, which may include files: expected the path of a file that holds it")
     source = file_source(Path("text"), content)
-    return parse_urdf(content, where, massless=massless, strict=strict, sources=[source])
+    return parse_urdf(content, where, massless=massless, sources=[source])
 
 
 def _is_file(path: Path) -> bool:

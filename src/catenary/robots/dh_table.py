@@ -18,7 +18,6 @@ from catenary.robots.actuation import Actuation
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.model import BASE, Massless, RobotModel
-from catenary.robots.plausible import FARTHEST, check_within
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
 
 Vector = tuple[float, float, float]
@@ -101,16 +100,16 @@ class RobotTable(Settings):
     actuation: dict[str, JsonValue] | None = None  # an `Actuation`, once the coordinates have names
 
 
-def load_table(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+def load_table(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a TOML table."""
     table = load_toml(path, RobotTable)
     try:
-        return robot_of_table(str(path), table, massless, strict=strict)
+        return robot_of_table(str(path), table, massless)
     except (InputError, UnsupportedModelError) as error:
         raise type(error)(f"{path}: {error}") from error
 
 
-def robot_of_table(where: str, table: RobotTable, massless: Massless = (), *, strict: bool = False) -> RobotModel:
+def robot_of_table(where: str, table: RobotTable, massless: Massless = ()) -> RobotModel:
     """Return the robot of a table; `where` opens what is said of its keys."""
     coordinates = _coordinates(where, table)
     actuation = None
@@ -149,7 +148,6 @@ def robot_of_table(where: str, table: RobotTable, massless: Massless = (), *, st
         closed_form=table.closed_form,
         actuation=actuation,
         sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
-        strict=strict,
     )
 
 
@@ -161,9 +159,6 @@ def _coordinates(where: str, table: RobotTable) -> list[Coordinate]:
     own = []
     for row in table.link:
         what = f'robot "{table.name}": DH row "{row.name}"'
-        for column, unit in (("alpha_deg", "deg"), ("a_m", "m"), ("d_m", "m"), ("theta_deg", "deg")):
-            most = float(np.rad2deg(FARTHEST)) if unit == "deg" else FARTHEST
-            check_within(f"{what}: {column}", getattr(row, column), most, unit)
         coordinate = _coordinate(where, row.name, "m" if row.joint == "prismatic" else "rad", row)
         moves_itself = row.joint != "fixed" and (row.variable is None or row.name in row.variable)
         limited = np.isfinite(coordinate.lower) or np.isfinite(coordinate.upper)
@@ -222,7 +217,4 @@ def _coordinate(where: str, name: str, unit: str, limits: LimitsTable) -> Coordi
     fastest = np.inf if velocity is None else velocity * to_si
     if given is None:
         return Coordinate(name, unit, velocity=fastest, effort=effort)
-    lower, upper = (v * to_si for v in given)
-    if not lower < upper:
-        raise ConfigError(f'{where}: "{name}": limits {given}: expected the lower one first')
-    return Coordinate(name, unit, lower, upper, fastest, effort)
+    return Coordinate(name, unit, given[0] * to_si, given[1] * to_si, fastest, effort)

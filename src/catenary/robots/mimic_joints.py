@@ -15,11 +15,7 @@ class Mimic(NamedTuple):
 
 
 def resolve_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
-    """Express each following joint, q = multiplier * q_leader + offset, by a joint that is free.
-
-    Args:
-        mimics: The following joints, by name; a leader that is not among them is free.
-    """
+    """Express each following joint, q = multiplier * q_leader + offset, by one that is free: not among them."""
     resolved: dict[str, Mimic] = {}
     for joint, first in mimics.items():
         chain = [joint]

@@ -26,7 +26,7 @@ _LEAST_MASS = 1e-12  # [kg]
 _LEAST_INERTIA = 1e-14  # [kg m2], above mjMINVAL = 1e-15
 
 
-def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+def load_mjcf(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from an MJCF file; included files and meshes are found beside it, images are not opened.
 
     MuJoCo moves a body by its joints in turn, each about its own anchor p:
@@ -34,11 +34,6 @@ def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
     A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear
     joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and
     "world".
-
-    Args:
-        path: The file.
-        massless: Moving bodies without inertia that are meant to have none; "all" for all such.
-        strict: Refuse inertias that no body has.
     """
     content = read_bounded(path, MOST_XML)
     included = included_files(path, content)
@@ -48,7 +43,7 @@ def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> R
     sources += [file_source(Path(name), text) for name, text in included.items()]
     with naming_the_file(str(path)), np.errstate(all="ignore"):  # what is not finite is refused by name
         _refuse_what_no_tree_has(compiled)
-        model = _assemble(compiled, path, sources, strict=strict)
+        model = _assemble(compiled, path, sources)
     return model.with_massless(massless)
 
 
@@ -155,7 +150,7 @@ def _refuse_what_no_tree_has(c: CompiledMjcf) -> None:
             )
 
 
-def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str], *, strict: bool) -> RobotModel:
+def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel:
     joints = _joint_names(c)
     following = resolve_mimics(_mimics(c, joints))
     links: list[Link] = []
@@ -178,7 +173,6 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str], *, strict: bo
         root=_WORLD,
         sources=sources,
         notes=[*notes, *_notes(c, joints)],
-        strict=strict,
     )
 
 

@@ -22,12 +22,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
 
 def check_names(what: str, names: Iterable[str]) -> None:
-    """Refuse names that are empty, too long, or hold control characters.
-
-    Args:
-        what: What they are names of, such as `robot "a": link`.
-        names: The names.
-    """
+    """Refuse names of something, such as `robot "a": link`, that are empty, too long, or hold control characters."""
     for name in names:
         if not 0 < len(name) <= LONGEST_NAME or _CONTROL.search(name):
             raise InputError(

@@ -22,7 +22,7 @@ def with_quarter_turns(model: RobotModel) -> RobotModel:
     These are constant rotations from one joint's frame to the next that take an axis to an axis, joints' axes along
     one of their frame, and constants of turning joints. A robot that has none but exact ones is returned itself.
     """
-    off = turns_off(model)
+    off = _turns_off(model.tree, model.offset)
     if not ((off > ROUNDING) & (off <= WITHIN)).any():
         return model
     tree = model.tree
@@ -50,15 +50,11 @@ def quarter_turn_notes(names: tuple[str, ...], tree: Tree, offset: Floats) -> li
     return notes
 
 
-def turns_off(model: RobotModel) -> Floats:
+def _turns_off(tree: Tree, offset: Floats) -> Floats:
     """Return how far each link's turns are from multiples of quarter turns [rad], (n_tree, 5).
 
     Of its rotation that of each axis to the nearest of the parent's, of its joint's axis likewise, of its constant.
     """
-    return _turns_off(model.tree, model.offset)
-
-
-def _turns_off(tree: Tree, offset: Floats) -> Floats:
     rows = []
     for rotation, axis, constant, slides in zip(tree.rotation, tree.axis, offset, tree.prismatic, strict=True):
         quarters = 0.5 * np.pi * round(constant / (0.5 * np.pi))

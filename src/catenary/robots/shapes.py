@@ -60,11 +60,6 @@ def load_geometry(
         model: The robot.
         packages: Folders in which ROS's packages lie, for meshes named `package://PACKAGE/FILE`.
         link_radius: Of capsules along the links [m], in place of what the description has.
-
-    Raises:
-        FileFormatError: A shape that is damaged, or a mesh that is not there.
-        InputError: A radius that is not positive.
-        MissingPackageError: MuJoCo, which reads MJCF, is not installed.
     """
     if link_radius is not None:
         if not 0.0 < link_radius < 1.0:
@@ -78,11 +73,8 @@ def described_geometry(
 ) -> Geometry | None:
     """Return the shapes that a robot's description states; None where it states none.
 
-    Args:
-        source: As for `load_geometry`.
-        model: The robot.
-        packages: Likewise.
-        kind: Of a URDF's shapes, those that collide or those that are seen; the others where there are none.
+    source, model and packages are as for `load_geometry`; of a URDF's shapes `kind` says which, the others where there
+    are none of these.
     """
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return urdf_shapes(source, "robot description", model, None, packages, kind)
@@ -106,11 +98,8 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> Geom
     From a link's joint to those it carries, thick enough to hold the link's mass as a body of the density of water:
     arms are hollow tubes with motors and gears in them. A UR10e's upper arm (13.05 kg over 0.61 m) comes out some 75 mm
     in radius. An assumption, not a measurement: a robot whose shapes matter needs a description that has them. Where
-    the centre of mass lies outside a capsule to the next joint, two capsules pass through it.
-
-    Args:
-        model: The robot.
-        radius: Of all capsules [m]; by the links' masses when None.
+    the centre of mass lies outside a capsule to the next joint, two capsules pass through it. `radius` is of all
+    capsules [m]; by the links' masses when None.
     """
     known = [i for i, mass in enumerate(model.tree.mass) if mass > 0.0]
     if radius is None and not known:
@@ -202,16 +191,7 @@ def urdf_shapes(
     packages: Sequence[Path] = (),
     kind: Kind = "collision",
 ) -> Geometry | None:
-    """Return the shapes of a URDF; None where it has none.
-
-    Args:
-        content: The URDF.
-        where: What it is, for messages.
-        model: The robot that was read from it.
-        path: Where it lies, None for a text; meshes are looked for beside it.
-        packages: Folders in which ROS's packages lie, for meshes named `package://PACKAGE/FILE`.
-        kind: Which shapes; the others where the file has none of these.
-    """
+    """Return the shapes of a URDF, whose meshes are looked for beside `path`; None where it has none."""
     robot = urdf_root(content, where)
     wanted = kind
     if robot.find(f"link/{kind}/geometry") is None:

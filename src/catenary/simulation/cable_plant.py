@@ -1,13 +1,14 @@
-"""A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant."""
+"""A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant, and its first joints."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.plant import Column
+from catenary.plant import Column, JointState
 from catenary.raven2.topics import JOINTS, UNITS
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
@@ -16,11 +17,11 @@ from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, 
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.firmware import (
     ControlState,
+    OwnGravity,
     TickLog,
     grav_dir_of,
     gravity_of,
     joint_torques,
-    own_gravity,
     read_encoders,
     run_ticks,
 )
@@ -89,14 +90,14 @@ class CablePlant(FirmwarePlant[TickLog]):
         self.side, self.seed = side, seed
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
-        self._positioning = positioning
+        self._positioning, self._links = positioning, _writable(positioning.tree)
         self.carry(payload)
         # the arm's parameters and the firmware's; others may be put in place of them
         self.cable, self.firmware = self.arm.cable.copy(), self.arm.firmware.copy()
         self.state = ArmState()
         self.control = ControlState(braked=True, guarded=True)
         self.encoders = ExternalEncoders(self.arm.rig)
-        self._own_gravity = own_gravity(positioning.tree)
+        self._own_gravity = OwnGravity()
         # what its program begins with
         self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
         self._work = Work()
@@ -171,9 +172,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         if not payload >= 0.0 or not np.isfinite(payload):
             raise InputError(f"payload: expected zero or more kg, got {payload}")
         self.payload = payload
-        links = self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree
-        # writable ones, as deep copies are: compiled code is compiled once more for another kind of array
-        self._tree = Tree._make(np.array(part) for part in links)
+        self._tree = _writable(self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree)
 
     def rub(self, factor: float) -> None:
         """Rub with so many times the arm's own Coulomb friction from now on, at rotors and joints.
@@ -215,6 +214,7 @@ class CablePlant(FirmwarePlant[TickLog]):
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: TickLog) -> int:
         return run_ticks(
             self._tree,
+            self._links,
             self.cable,
             self.firmware,
             self.state,
@@ -260,3 +260,69 @@ class CablePlant(FirmwarePlant[TickLog]):
         insertion = state.rotor[POSITIONING - 1]
         state.rotor[POSITIONING:] = self.cable.tool_ratio * tools + self.cable.tool_carried * insertion
         self._wake_encoders(rng, 2e5, lambda: read_encoders(self.firmware, state, self.control))
+
+
+def _writable(tree: Tree) -> Tree:
+    """Return a tree of arrays that can be written, as deep copies are: compiled code is made anew for another kind."""
+    return Tree._make(np.array(part) for part in tree)
+
+
+class PositioningArm:
+    """A Plant of the positioning joints alone, as the robot model of the same name has; the firmware holds the tool.
+
+    The robot compensates gravity for these alone, and its model has mass for these alone. What is not of joints, such
+    as the operating state, telemetry and the clock, is the arm's own.
+    """
+
+    def __init__(self, arm: CablePlant) -> None:
+        """Take an arm; commands to it and to this one reach the same joints."""
+        self.arm = arm
+        self.joint_names = arm.joint_names[:POSITIONING]
+        self.joint_units = arm.joint_units[:POSITIONING]
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "arm":  # while a copy is made
+            raise AttributeError(name)
+        return getattr(self.arm, name)
+
+    @property
+    def lower(self) -> Floats:
+        """Software limits below, (3,)."""
+        return self.arm.lower[:POSITIONING]
+
+    @property
+    def upper(self) -> Floats:
+        """Software limits above, (3,)."""
+        return self.arm.upper[:POSITIONING]
+
+    @property
+    def q_true(self) -> Floats:
+        """Where the joints really are, (3,) [rad, rad, m]."""
+        return self.arm.state.q.copy()
+
+    def measured_js(self) -> JointState:
+        """Return the joint state as the firmware believes it."""
+        return _first(self.arm.measured_js())
+
+    def setpoint_js(self) -> JointState:
+        """Return the joint setpoint of the firmware."""
+        return _first(self.arm.setpoint_js())
+
+    def servo_jp(self, q: Floats) -> None:
+        """Move the setpoint towards q (3,)."""
+        wanted = as_array("servo_jp", q, (POSITIONING,))
+        self.arm.servo_jp(np.concatenate([wanted, self.arm.control.setpoint[POSITIONING:]]))
+
+    def servo_jr(self, dq: Floats) -> None:
+        """Move the setpoint by dq (3,)."""
+        step = as_array("servo_jr", dq, (POSITIONING,))
+        self.arm.servo_jr(np.concatenate([step, np.zeros(len(self.arm.joint_names) - POSITIONING)]))
+
+    def servo_jf(self, tau: Floats) -> None:
+        """Command joint torques (3,) [Nm, Nm, N]; the tool is held."""
+        self.arm.servo_jf(as_array("servo_jf", tau, (POSITIONING,)))
+
+
+def _first(state: JointState) -> JointState:
+    n = POSITIONING
+    return state._replace(q=state.q[:n], qd=state.qd[:n], tau=state.tau[:n], q_motor=state.q_motor[:n])

@@ -12,7 +12,6 @@ for it; here there is.
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from catenary.kernels.compiled import compiled, inlined
 from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, Firmware
-from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step
+from catenary.simulation.cable_physics import ArmState, TreeWork, Work, link_dynamics, physics_step
 from catenary.simulation.records import AXES, POSITION, POSITIONING, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_coupling import joint_forces, joints_of, tensions_for, winding_of
@@ -238,37 +237,12 @@ MOST = 32_767  # [cm/s2] of a component
 # grav_dir's axes in the base's, whose z points up: turned by 180 deg about y
 _AXES = np.array([-1.0, 1.0, -1.0])
 
-_Matrices = Annotated[Floats, "f8", (POSITIONING, 3, 3)]
-_Vectors = Annotated[Floats, "f8", (POSITIONING, 3)]
-_Codes = Annotated[Floats, "i8", (POSITIONING,)]
 
-
-class OwnGravity(Record):
-    """What the firmware knows of the arm's weight, and scratch. The arm's links have the fields of a `Tree`."""
+class OwnGravity(TreeWork):
+    """What the firmware's gravity compensation goes by, and scratch."""
 
     weighs: bool  # whether its torques are added
-    gravity: PerJoint  # that it goes by, in base axes [m/s2]
-    parent: _Codes
-    prismatic: _Codes
-    rotation: _Matrices
-    origin: _Vectors
-    axis: _Vectors
-    mass: PerJoint  # [kg]; no load
-    com: _Vectors  # [m]
-    sine: PerJoint
-    cosine: PerJoint
-    turned: _Matrices
-    place: _Vectors
-    carried: Annotated[Floats, "f8", (POSITIONING + 1,)]
-    moment: Annotated[Floats, "f8", (POSITIONING + 1, 3)]
-    link_gravity: Annotated[Floats, "f8", (POSITIONING + 1, 3)]
-    torque: PerJoint  # at the joints [Nm, Nm, N]
-
-
-def own_gravity(links: Tree) -> OwnGravity:
-    """Return the compensation of an arm of these links, switched off."""
-    of_links = ("parent", "prismatic", "rotation", "origin", "axis", "mass", "com")
-    return OwnGravity(**{name: getattr(links, name) for name in of_links})
+    gravity: PerJoint  # in base axes [m/s2]
 
 
 def gravity_of(grav_dir: Sequence[int]) -> Floats:
@@ -287,30 +261,22 @@ def grav_dir_of(gravity: Floats) -> tuple[int, int, int]:
 
 
 @inlined
-def weigh(firmware: Firmware, own: OwnGravity, control: ControlState) -> None:
+def weigh(firmware: Firmware, links: Tree, own: OwnGravity, control: ControlState) -> None:
     """Write the motor torques that hold the links at the reported positions [Nm at the gearbox's output]."""
-    links: Any = own  # it has a tree's fields
     for j in range(POSITIONING):
         own.sine[j] = math.sin(control.joint[j])
         own.cosine[j] = math.cos(control.joint[j])
-    place_joints(links, control.joint, own.sine, own.cosine, own.turned, own.place)
-    gravity_recursion(
-        links,
-        own.turned,
-        own.place,
-        (own.gravity[0], own.gravity[1], own.gravity[2]),
-        own.carried,
-        own.moment,
-        own.link_gravity,
-        own.torque,
-    )
+    place_joints(links, control.joint, own.sine, own.cosine, own.rotation, own.position)
+    gravity = (own.gravity[0], own.gravity[1], own.gravity[2])
+    gravity_recursion(links, own.rotation, own.position, gravity, own.mass, own.first_moment, own.force, own.bias)
     for j in range(POSITIONING):
-        control.gravity_torque[j] = own.torque[j] / firmware.ratio[j] * firmware.gearbox[j]
+        control.gravity_torque[j] = own.bias[j] / firmware.ratio[j] * firmware.gearbox[j]
 
 
 @compiled
 def run_ticks(
     tree: Tree,
+    links: Tree,
     cable: Cable,
     firmware: Firmware,
     arm: ArmState,
@@ -327,7 +293,8 @@ def run_ticks(
 
     A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the physics by 1
     ms, and reads the encoders again. The log holds each tick's reading and what was sent on it. Joint torques act
-    within the motors' limits and the joints' soft ones. The tree is that of the positioning joints, payload included.
+    within the motors' limits and the joints' soft ones. The tree is that of the positioning joints, payload included,
+    links what the firmware knows of it.
     Setpoints (T, 7) are desired joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in
     base axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log. Returns the number of
     ticks run; fewer than T when the software e-stop tripped.
@@ -339,7 +306,7 @@ def run_ticks(
     for k in range(len(setpoints)):
         take_setpoint(firmware, control, setpoints[k])
         if own.weighs:
-            weigh(firmware, own, control)
+            weigh(firmware, links, own, control)
         control_motors(firmware, control, shaft_torque)
         if len(log) > 0:
             _write_row(log[k], control, arm)

@@ -78,12 +78,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self.control.mode[n:] = POSITION
 
     def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
-        """Command torques of some joints, as `servo_jf`; the others hold their setpoint.
-
-        Args:
-            tau: (n,) [Nm, Nm, N, Nm...], looked at where a joint is pushed.
-            pushed: (n,) which.
-        """
+        """Command torques (n,) [Nm, Nm, N, Nm...] of joints that are pushed, (n,); others hold their setpoint."""
         self._require_ready()
         n = len(self.joint_names)
         self.control.torque_command[:] = as_array("servo_jf_of", np.where(pushed, tau, 0.0), (n,))
@@ -118,13 +113,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         return log
 
     def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
-        """Go on from a saved tick, disabled; `state` and `control` have been written already.
-
-        Args:
-            tick: Since power-on.
-            registered: As `registered` was.
-            is_homed: Whether the arm was homed then.
-        """
+        """Go on from a saved tick, disabled, as `registered` was; `state` and `control` have been written already."""
         self._tick = tick
         self._is_homed = is_homed
         self._set_state("DISABLED")

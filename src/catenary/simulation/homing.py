@@ -62,11 +62,7 @@ class ExternalEncoders:
         self._seen = None
 
     def register(self, stop_side: Floats) -> None:
-        """Register each joint at its stop: the mean of the counts within a window of their peak.
-
-        Args:
-            stop_side: (3,) -1 for a stop below, 1 above.
-        """
+        """Register each joint at its stop, (3,) -1 for one below, 1 above: the mean of the counts near their peak."""
         if self._seen:
             self.zero = mean_near_peak(np.array(self._seen), stop_side, self.rig.window)
         self._seen = None

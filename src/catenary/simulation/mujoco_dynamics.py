@@ -113,12 +113,7 @@ class MujocoDynamics:
         return twin
 
     def move_base(self, gravity: Floats, motion: Floats) -> None:
-        """Set gravity and the base's motion for the next `update`.
-
-        Args:
-            gravity: (3,) free-fall acceleration in base axes [m/s2].
-            motion: (3, 3) of the base, in its axes: angular velocity, angular acceleration, linear acceleration.
-        """
+        """Set gravity (3,) [m/s2] and the base's motion (3, 3), as `BaseSamples` has them, for the next `update`."""
         self._gravity[:] = gravity
         self.tree.qd[3:6] = motion[0]
         self._qdd[:3] = motion[2]

@@ -2,14 +2,12 @@
 
 from dataclasses import replace
 from importlib.resources import as_file, files
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.config import Settings, load_toml
-from catenary.errors import ConfigError
 from catenary.robots.catalog import load_robot
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import RobotModel, Tree
@@ -109,15 +107,11 @@ class PsmArm(NamedTuple):
         return replace(load_robot("dvrk_psm_motors"), tree=self.links, missing_inertia=())
 
 
-def load_psm(path: Path | None = None) -> PsmArm:
-    """Load the package's PSM, or another of the kind from a file."""
-    if path is None:
-        with as_file(files("catenary.simulation") / "data" / "dvrk_psm.toml") as packaged:
-            return load_psm(packaged)
-    content = load_toml(path, PsmFile)
+def load_psm() -> PsmArm:
+    """Load the package's PSM."""
+    with as_file(files("catenary.simulation") / "data" / "dvrk_psm.toml") as path:
+        content = load_toml(path, PsmFile)
     model = load_robot("dvrk_psm_motors")
-    if set(content.links) != set(model.link_names):
-        raise ConfigError(f"{path}: [links]: expected {', '.join(model.link_names)}, got {', '.join(content.links)}")
     links = [content.links[name] for name in model.link_names]
     tree = model.tree._replace(
         mass=np.array([link.mass_kg for link in links]),

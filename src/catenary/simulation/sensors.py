@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.plant import Plant
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
-from catenary.simulation.base_motion import BaseSamples, MovingBase
+from catenary.simulation.base_motion import MovingBase
 from catenary.spatial import STANDARD_GRAVITY, rotation_about_x, rotation_about_z
 
 _G = 9.80665  # [m/s2] of a datasheet
@@ -90,18 +89,10 @@ class SensorModel:
                 raise InputError(f"{name}: expected zero or more, got {getattr(self, name)}")
 
 
-def ideal_sensor(rate_hz: float, mounting: Mounting | None = None, *, has_gyroscope: bool = True) -> SensorModel:
-    """Return a sensor without noise, resolution, latency or end of range.
-
-    Its samples repeat bit for bit on a base that stands still: give the estimator SensorRules(stuck_samples=0).
-    """
-    return SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0, has_gyroscope, mounting or Mounting())
-
-
 class SimulatedSensor:
     """Puts the samples of a sensor on a moving base into a mailbox; `advance` delivers what is due.
 
-    The base is anything with `sample`, such as the one that a plant stands on, or `TelemetryBase(plant)`.
+    The base is anything with `sample`, such as the one that a plant stands on.
     """
 
     def __init__(
@@ -177,34 +168,3 @@ class SimulatedSensor:
                 stamp, vector = spoilt
         self._sent[kind] = stamp, vector
         self._under_way.append((arrival, stamp, vector, kind))
-
-
-class TelemetryBase:
-    """The base of a plant that reports an ideal accelerometer and gyroscope, as it is at the plant's present time.
-
-    The angular acceleration, which only a sensor away from the base's origin feels, is the difference of rates
-    between samples.
-    """
-
-    def __init__(self, plant: Plant) -> None:
-        """Take a plant."""
-        names = {column.name for column in plant.columns}
-        missing = {"accelerometer", "gyroscope"} - names
-        if missing:
-            raise InputError(f"the plant's telemetry has no {' and no '.join(sorted(missing))}; it has {sorted(names)}")
-        self._plant = plant
-        self._last: tuple[float, Floats] | None = None
-
-    def sample(self, times: Floats) -> BaseSamples:
-        """Return the motion now, for every one of times (N,)."""
-        stamps = as_array("times", times, (None,))
-        telemetry = self._plant.telemetry()
-        force, rate = telemetry["accelerometer"], np.asarray(telemetry["gyroscope"], dtype=float)
-        time, alpha = float(stamps[-1]), np.zeros(3)
-        if self._last is not None and time > self._last[0]:
-            alpha = (rate - self._last[1]) / (time - self._last[0])
-        self._last = time, rate
-        n = len(stamps)
-        # only their difference is known, and only it counts
-        motion = np.stack([rate, alpha, np.zeros(3)])
-        return BaseSamples(np.tile(-np.asarray(force, dtype=float), (n, 1)), np.tile(motion, (n, 1, 1)))

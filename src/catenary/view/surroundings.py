@@ -13,9 +13,8 @@ from catenary.plant import Bounded
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.simulation.base_motion import BaseSamples, SteeredBase
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cable_plant import CablePlant, PositioningArm
 from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.sensors import InjectedFault
 from catenary.units import DISPLAY
 from catenary.view.shown import (

@@ -1,4 +1,4 @@
-"""Clocks that somebody sets while a robot is recorded: no message is lost, their order is kept, the step is noted."""
+"""Clocks that somebody sets while a robot is recorded: no message is lost, and their order is kept."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -61,42 +61,4 @@ def _monotonic(stamp: "np.ndarray") -> "np.ndarray":
     return np.array(out)
 
 
-def recorder(seed: int, folder: Path) -> None:
-    """Set the machine's clock while its recorder runs, as often as one likes; extract and synchronise what it kept."""
-    from catenary.raven2.topics import raven_topics
-    from catenary.recording.extract import extract
-    from catenary.recording.import_formats.raven_recordings import read_raven
-    from catenary.workflows.robot.topic_recorder import TopicRecorder
-    from oracles.cable_arms import homed_plant
-    from oracles.crtk_robot import RobotOnLoopback
-
-    rng = np.random.default_rng(seed)
-    robot = RobotOnLoopback(homed_plant())
-    ticks = int(rng.integers(40, 80))
-    # a fifth of a second apart: of what is stamped between two closer steps nothing is promised
-    when = rng.choice(np.arange(5, ticks - 5, 10), size=rng.integers(1, 4), replace=False)
-    sets = {int(tick): _step(rng) for tick in when}
-    with TopicRecorder(robot.transport, folder / "r", raven_topics()) as recorder:
-        for tick in range(ticks):
-            robot.clock.ahead += sets.get(tick, 0)
-            robot.clock.sleep(0.02)
-            recorder.collect()
-    if len(recorder.clock_steps) != len(sets):
-        raise Fell(f"{len(sets)} steps, noted {recorder.clock_steps}")
-    extraction = extract([folder / "r"], folder / "x")
-    for topic, rate in (("/ravenstate", 30.0), ("/ext_jpos", 100.0)):
-        if extraction.messages[topic] < 0.95 * rate * 0.02 * ticks - 1:
-            raise Fell(f"{topic}: {extraction.messages[topic]} messages in {0.02 * ticks} s")
-    log = read_raven([folder / "x"]).log
-    if len(log) != extraction.messages["/ravenstate"] or log.time is None or (np.diff(log.time) <= 0).any():
-        raise Fell(f"{len(log)} rows of {extraction.messages['/ravenstate']} messages")
-    if abs(log.time[-1] - 0.02 * ticks) > 0.1:
-        raise Fell(f"{0.02 * ticks} s became {log.time[-1]} s")
-    if (~log.ok).sum() > 2 + 2 * len(sets):
-        raise Fell(f"{(~log.ok).sum()} rows without encoder")
-
-
-PARTS = (
-    Part("clocks.stamps", 3000, stamps),
-    Part("clocks.recorder", 20, recorder, warnings_fail=False, processor_time=30.0, memory=2 * 10**9),
-)
+PARTS = (Part("clocks.stamps", 3000, stamps),)

@@ -1,4 +1,4 @@
-"""Programs killed (SIGKILL) at any moment: a recorder, a calibration, its commands, the demo.
+"""Programs killed (SIGKILL) at any moment: a recorder, a calibration, its commands.
 
 Held is what docs/reliability.md says: of a recording half a second and what the disk took is lost at most, the project
 opens and extracts, the same command again goes on to the same bits, and no process is left.
@@ -51,22 +51,6 @@ from simulated_project import calibrate_short
 print("ready", flush=True)
 calibrate_short(Path(sys.argv[1]), with_page=False)
 """
-# `catenary demo`, ready when it begins a step by its number
-DEMO = """
-import sys
-from catenary.cli import calibrate
-from catenary.cli.main import main
-left, announce = int(sys.argv.pop(1)), calibrate.announce
-def tell(text):
-    global left
-    announce(text)
-    if left == 0:
-        print("ready", flush=True)
-    left -= 1
-calibrate.announce = tell
-main()
-"""
-DEMO_STEPS = 10
 COMMANDS = (
     ("home",),
     ("excite", "--sparsity", "1"),
@@ -220,49 +204,8 @@ def _extract_what_is_there(folder: Path) -> None:
         raise Fell(f"an interrupted recording blocks others: {done.stderr[-1000:]}")
 
 
-@functools.cache
-def demo_reference() -> dict[str, str]:
-    """The results of a demo that nobody kills."""
-    folder = Path(tempfile.mkdtemp(prefix="campaign-kills-")) / "demo"
-    _demo(folder)
-    return results(folder)
-
-
-def _demo(folder: Path) -> list[str]:
-    """Run it to its end; return the steps that it did."""
-    content = json.loads(whole_run(["-m", "catenary.cli.main", "demo", "--out", str(folder), "--json"]))
-    if "</html>" not in Path(content["page"]).read_text(encoding="utf-8"):
-        raise Fell(f"{content['page']} is no whole page")
-    steps: list[str] = content["steps_run"]
-    return steps
-
-
-def demo(seed: int, folder: Path) -> None:
-    """Kill the demo in one of its steps, then run it again: it does what was not done, and ends with the same bits."""
-    from catenary.workflows.project.calibrate import VERBS
-
-    expected = demo_reference()
-    rng = random.Random(seed)
-    place = folder / "demo"
-    step, seconds = rng.randrange(DEMO_STEPS), rng.uniform(0.0, 5.0)
-    killed(["-c", DEMO, str(step), "demo", "--out", str(place)], seconds)
-    noted = place / "steps.json"
-    done = json.loads(noted.read_text()) if noted.is_file() else {}
-    where = f"killed {seconds:.1f} s after the begin of step {step}: "
-    if again := sorted({VERBS.get(name, name) for name in done} & set(_demo(place))):
-        raise Fell(f"{where}{', '.join(again)} had been done, and were done again")
-    found = results(place)
-    if differ := sorted(n for n in found.keys() | expected.keys() if found.get(n) != expected.get(n)):
-        raise Fell(f"{where}{', '.join(differ)} differ")
-    if left := [*place.rglob("*.partial"), *place.rglob("*.part")]:
-        raise Fell(f"{where}{left[0].name} is left")
-    if again := _demo(place):
-        raise Fell(f"{where}{', '.join(again)} were not noted as done")
-
-
 PARTS = (
     Part("kills.recorder", 40, recorder, warnings_fail=False, processor_time=30.0, memory=2 * 10**9),
     Part("kills.calibrate", 20, calibrate, warnings_fail=False, processor_time=600.0, patience=1200.0, memory=None),
     Part("kills.commands", 20, commands, warnings_fail=False, processor_time=600.0, patience=1200.0, memory=None),
-    Part("kills.demo", 6, demo, warnings_fail=False, processor_time=600.0, patience=1200.0, memory=None),
 )

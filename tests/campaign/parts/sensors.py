@@ -1,13 +1,11 @@
-"""Sensors of gravity that break: alone, on a base that tips, in a robot's control loop, as a board on a serial line.
+"""Sensors of gravity that break, alone and on a base that tips.
 
 Held is what docs/reliability.md and docs/gravity-vector.md promise: the vector is finite and never leaps; a fault is named
 in its time; where the vector is called live it is gravity, and elsewhere the fallback acts; within a second after the
 cause has gone all is well again.
 """
 
-import functools
 import math
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -161,115 +159,4 @@ def _check_return(times: Any, readings: "list[GravityReading]", true: Any, gone:
             raise Fell(f"{t - gone:.3f} s after the cause: {distance:.2f} m/s2 off gravity")
 
 
-@functools.cache
-def _arm(base_deg: float) -> Any:
-    from papers.gravity.faults import follow, ready
-
-    start = ready(base_deg=base_deg)
-    return start, follow(start, None, "fade")[0]
-
-
-def loop(seed: int, folder: Path) -> None:
-    """Break the sensor of a simulated RAVEN-II in motion; no joint moves by half a degree because of it."""
-    from papers.gravity.faults import LIMIT_DEG, outcome
-
-    kind, fallback = KINDS[seed % len(KINDS)], FALLBACKS[seed // len(KINDS) % len(FALLBACKS)]
-    start, healthy = _arm((20.0, 10.0, -15.0)[seed // (len(KINDS) * len(FALLBACKS)) % 3])
-    found = outcome(start, kind, fallback, healthy)
-    if not max(found.moved[:2]) <= LIMIT_DEG:
-        raise Fell(f"{kind}, {fallback}: joints moved by {found.moved} [deg, deg, mm], expected {LIMIT_DEG} deg")
-    if fallback == "stop" and kind == "drop_out" and not found.stopped:
-        raise Fell("the robot was not stopped")
-
-
-def board(seed: int, folder: Path) -> None:
-    """Let a board on a serial line send garbage, pieces of lines, wrong sums or nothing; then it is well again."""
-    from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.sensing.imu import SensedGravity
-    from catenary.sensing.vector import Mailbox
-    from oracles.simulated_board import SimulatedBoard
-    from patience import until
-
-    rng = np.random.default_rng(seed)
-    ways = ("garbage", "pieces", "sums", "silence", "unplugged", "restart", "endless", "numbers")
-    way = ways[seed % len(ways)]
-    mailbox, link = Mailbox(), SimulatedBoard(folder / "board")
-    link.began = round(1e6 * time.monotonic())  # type: ignore[attr-defined]
-    source = SensedGravity(mailbox, fallback=FALLBACKS[seed % 3])
-    seen: list[GravityReading] = []
-
-    def send(seconds: float) -> None:
-        """Good lines, a hundred a second."""
-        begin = time.monotonic()
-        link.hello()
-        for k in range(round(100 * seconds)):
-            link.write(_good(link, rng))
-            seen.append(source.read(time.monotonic()))
-            time.sleep(max(0.0, begin + 0.01 * (k + 1) - time.monotonic()))
-
-    def well() -> bool:
-        send(0.1)
-        return seen[-1].status.value == "live" and not seen[-1].faults
-
-    try:
-        with SerialAccelerometer(str(link.link), mailbox) as device:
-            until(well)
-            samples = device.counts.samples
-            _misbehave(link, way, rng, lambda: seen.append(source.read(time.monotonic())))
-            begin = time.monotonic()
-            try:
-                until(well, seconds=20.0)
-            except AssertionError as error:
-                raise Fell(f"{way}: not well again: {seen[-1]}, {device.counts}") from error
-            took = time.monotonic() - begin
-            if device.counts.samples <= samples or not device.is_connected:
-                raise Fell(f"{way}: the board was not heard again")
-        if way not in ("silence", "unplugged") and took > 10.0:  # by itself a second, on a busy machine more
-            raise Fell(f"{way}: well again after {took:.1f} s")
-    finally:
-        link.close()
-    if not all(np.isfinite(reading.gravity).all() for reading in seen):
-        raise Fell(f"{way}: a vector that is not finite")
-
-
-def _good(link: Any, rng: np.random.Generator) -> bytes:
-    link.micros = round(1e6 * time.monotonic()) - link.began
-    force, rate = rng.normal((0.5, 0.0, 9.78), 0.02), rng.normal(0.0, 0.002, 3)
-    line: bytes = link.line(tuple(force), tuple(rate))
-    return line
-
-
-def _misbehave(link: Any, way: str, rng: np.random.Generator, read: Any) -> None:
-    """Half a second of a board that is out of order."""
-    from oracles.simulated_board import framed
-
-    if way == "unplugged":
-        link.unplug()
-    if way == "restart":
-        link.count, link.began = 0, round(1e6 * time.monotonic())
-    for _ in range(50):
-        line = _good(link, rng)
-        if way == "garbage":
-            link.write(rng.bytes(int(rng.integers(1, 300))))
-        elif way == "pieces":
-            link.write(line[int(rng.integers(0, len(line))) : int(rng.integers(0, len(line)))])
-        elif way == "sums":
-            link.write(line[:-4] + b"%02X\r\n" % rng.integers(0, 256))
-        elif way == "endless":
-            link.write(b"$CATAC," + b"9" * 2000)
-        elif way == "numbers":
-            values = rng.choice(["nan", "inf", "-inf", "1e400", "", "0x1", "9" * 100, "1_0", "٣", "-1"], 8)
-            link.write(framed("CATAC," + ",".join(values)))
-        read()
-        time.sleep(0.01)
-    if way == "unplugged":
-        link.plug()
-    link.write(b"\r\n")
-
-
-PARTS = (
-    Part("sensors.unit", 76, unit, processor_time=30.0),
-    Part("sensors.tips", 40, tips, processor_time=30.0),
-    Part("sensors.loop", 76, loop, processor_time=120.0, patience=600.0, memory=4 * 10**9),
-    Part("sensors.board", 32, board, processor_time=60.0),
-)
+PARTS = (Part("sensors.unit", 76, unit, processor_time=30.0), Part("sensors.tips", 40, tips, processor_time=30.0))

@@ -107,7 +107,7 @@ def healthy() -> tuple[Start, Floats]:
     return start, follow(start, None, "fade")[0]
 
 
-# every kind of fault, alone and in this loop, is tried by the campaign's part `sensors`
+# every kind of fault is in the experiment `gravity-faults`
 @pytest.mark.slow
 @pytest.mark.parametrize("fallback", ["hold", "fade", "static", "stop"])
 def test_configured_fallback_takes_the_place_of_lost_gravity(healthy: tuple[Start, Floats], fallback: str) -> None:

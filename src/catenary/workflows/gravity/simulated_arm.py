@@ -28,9 +28,8 @@ from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cable_plant import CablePlant, PositioningArm
 from catenary.simulation.joint_hardware import JointHardware
-from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.records import POSITIONING
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 
