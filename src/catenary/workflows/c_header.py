@@ -131,7 +131,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
     if not np.isfinite(model.coupling).all() or not np.isfinite(model.offset).all():
         raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
     gravity, compact = gravity_line(model), compact_regressor(model)
-    at: dict[str, list[float]] = {  # a value for every joint, none of them zero
+    at: dict[str, Any] = {  # a value for every joint, none of them zero
         array: [0.1 * (step * k % 7 + 1) for k in range(model.n)] for step, array in enumerate(("q", "qd", "qdd"), 1)
     }
     at |= {"gravity": LEVEL.tolist(), "omega": [0.1, 0.2, 0.3], "alpha": [0.3, 0.2, 0.1]}
@@ -148,7 +148,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
     }
 
 
-def _motion(model: RobotModel, at: dict[str, list[float]], loads: ActuationLoads | None) -> dict[str, Any]:
+def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None) -> dict[str, Any]:
     """Return what the header says of a motion, which needs moments of inertia."""
     motion = inverse_dynamics_line(model)
     told: dict[str, Any] = {

@@ -24,7 +24,7 @@ from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 from catenary.workflows.project.lock import LOCK, FolderLock
 from catenary.workflows.project.outputs import describe, hold, missing
-from catenary.workflows.project.state import StepsFile, WrittenFiles, read_state
+from catenary.workflows.project.state import StepsFile, read_state
 
 SETTINGS, STEPS = "settings.json", "steps.json"
 ROBOTS = ("raven2", "dvrk_psm")
@@ -131,14 +131,11 @@ class Project:
     def done(self, step: str, made_from: Any, files: Sequence[Path]) -> bool:
         """Return whether a step was done with the same settings and inputs, and its files hold what it wrote.
 
-        Sizes and times are compared, and bytes only where a time differs (`outputs.hold`). Of steps that an older
-        version did, which kept no hashes, the files have to be there.
+        Sizes and times are compared, and bytes only where a time differs (`outputs.hold`).
         """
         entry = self._steps.get(step)
         if entry is None or entry["made_from"] != fingerprint(made_from):
             return False
-        if "outputs" not in entry:
-            return all(path.exists() for path in files)
         return hold(self.folder, files, entry["outputs"])
 
     def run(
@@ -200,18 +197,8 @@ class Project:
         return str(self._steps[step]["made_from"])
 
     def outputs_of(self, step: str) -> dict[str, Any] | None:
-        """Return a step's outputs by `describe`; None where it was not done, empty where they are not known.
-
-        They are not where an older version did it, or what is noted is nonsense.
-        """
-        if step not in self._steps:
-            return None
-        outputs: dict[str, Any] = self._steps[step].get("outputs", {})
-        try:
-            parse_settings({"outputs": outputs}, WrittenFiles, step)
-        except ConfigError:
-            return {}
-        return outputs
+        """Return a step's outputs by `describe`; None where it was not done."""
+        return self._steps[step]["outputs"] if step in self._steps else None
 
     def __enter__(self) -> Self:
         """Keep the folder's lock, once a step has taken it, until the end."""

@@ -32,14 +32,12 @@ def missing(outputs: Sequence[Path]) -> list[Path]:
     return [output for output in outputs if next(_files(output), None) is None]
 
 
-def hold(folder: Path, outputs: Sequence[Path], described: Any) -> bool:
+def hold(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
     """Return whether files still hold what `describe` saw: the same files, and the same bytes in each.
 
     Cheap: a file of the same size and time is believed, and only one whose time differs is hashed. So what changes
     bytes and leaves size and time is not found here, but by the checksums of journals, Parquet and models.
     """
-    if not isinstance(described, Mapping):
-        return False
     there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
     return there.keys() == described.keys() and all(_holds(path, described[name]) for name, path in there.items())
 
@@ -50,14 +48,12 @@ def contents(described: Mapping[str, Mapping[str, Any]], output: str) -> str:
     return fingerprint(below)
 
 
-def _holds(path: Path, described: Any) -> bool:
-    if not isinstance(described, Mapping):
-        return False
+def _holds(path: Path, described: Mapping[str, Any]) -> bool:
     try:
         now = _size_and_time(path)
-        if now["size"] != described.get("size"):
+        if now["size"] != described["size"]:
             return False
-        return now["mtime_ns"] == described.get("mtime_ns") or sha256_of(path) == described.get("sha256")
+        return bool(now["mtime_ns"] == described["mtime_ns"] or sha256_of(path) == described["sha256"])
     except OSError:
         return False
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, JsonValue
+from pydantic import Field
 
 from catenary.config import Recorded, parse_settings
 from catenary.documents import json_value, read_bounded
@@ -23,18 +23,12 @@ class WrittenFile(Recorded):
     sha256: str
 
 
-class WrittenFiles(Recorded):
-    """What a step wrote, by the files' names."""
-
-    outputs: dict[str, WrittenFile]
-
-
 class StepEntry(Recorded):
-    """A step that was done; older versions noted no outputs, and one with nonsense for them is done again."""
+    """A step that was done, and what it wrote, by the files' names."""
 
     made_from: str
     files: tuple[str, ...]
-    outputs: JsonValue = None
+    outputs: dict[str, WrittenFile]
 
 
 class StepsFile(Recorded):
