@@ -169,10 +169,10 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
     if as_json:
         print_json(result.summary())
         return
-    from catenary.reports.page import Table
+    from catenary.reports.project import comparison_table
 
     title = "RMSE on a recording that no model saw (per cent of the fixed offset)"
-    print(Table(*result.table(), title).text())
+    print(comparison_table(result.evaluations, title).text())
     for sentence in result.advice:
         print(sentence)
     deployed = result.deployment

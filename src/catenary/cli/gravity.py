@@ -19,6 +19,7 @@ from catenary.cli.options import (
     numbers,
     option,
     robots_beginning,
+    values_of,
 )
 from catenary.cli.robot_choice import SIMULATED_SEED
 from catenary.cli.robot_options import (
@@ -125,16 +126,11 @@ class Conditions:
         """Return the robot on its base."""
         from catenary.workflows.gravity.simulated_arm import simulated_arm
 
-        drives = {name: getattr(self, name) for name in ("kp", "kd", "friction", "viscous")}
+        drives = values_of(self, "kp", "kd", "friction", "viscous")
         return simulated_arm(
-            robot,
-            base=self.base(),
-            payload=self.payload,
-            seed=self.seed,
-            massless=description.declared(),
-            strict=description.strict,
-            **{name: values and one_or_each(values) for name, values in drives.items()},
-        )
+            robot, base=self.base(), payload=self.payload, seed=self.seed, massless=description.declared(),
+            strict=description.strict, **{name: values and one_or_each(values) for name, values in drives.items()},
+        )  # fmt: skip
 
     def gravity(self, arm: "SimulatedArm", sensing: SensingOptions) -> "SensedGravity | None":
         """Return a simulated unit on the base as a source of gravity; None where gravity is as it truly is."""

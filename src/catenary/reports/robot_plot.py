@@ -273,7 +273,6 @@ def link_segments(model: RobotModel, q: Floats) -> Floats:
     The first lines lead to the links' own frames, in the order of `model.link_names`, the others to `end_frames`.
 
     Args:
-        model: The robot.
         q: (n,) where its joints are [rad|m].
     """
     origins = link_poses(model, q)[1]
@@ -291,10 +290,8 @@ def draw_links(
     """Draw an arm as lines, with a square at its base and a dot at each end; return its points, (P, 3) [mm].
 
     Args:
-        axes: Matplotlib's, of three dimensions, in mm.
         model: The robot.
         q: (n,) where its joints are [rad|m].
-        color: Of the links.
         width: Of the lines [points].
         alpha: How opaque they are.
     """
@@ -342,7 +339,6 @@ def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: F
 
     Args:
         places: Matplotlib's axes, one for each unit of `joints_by_unit`.
-        model: The robot.
         q: (n,) where its joints are [rad|m].
         tau: (N, n) torques [Nm|N]; bars are of the first row, lines from the least to the greatest of all.
     """

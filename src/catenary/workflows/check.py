@@ -71,7 +71,6 @@ def check_file(
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
     Args:
-        source: A file, or a robot's name in the catalogue.
         reading: What a recording does not say of itself, and how it is mended.
         robot: Catalogue name or file of the robot that a recording is of; its own when None.
         max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.

@@ -119,10 +119,6 @@ def design_excitation(
     """Design poses or a motion within limits, apart from whatever it could hit.
 
     Args:
-        model: The robot.
-        room: Limits of position, speed, acceleration and torque.
-        around: What it must not hit.
-        rng: Source of everything random.
         gravity: (3,) [m/s2] in base axes.
         static: How many poses to hold; a motion when None.
         noise: Standard deviation of the torques [Nm or N]; a hundredth of their limits when None.
@@ -230,9 +226,6 @@ def write_trajectory(design: Excitation, joint_names: Sequence[str], path: Path,
     """Write a motion as ROS's trajectory_msgs/JointTrajectory: JSON, which is YAML too, a point on each line.
 
     Args:
-        design: A motion.
-        joint_names: Of its columns.
-        path: The file.
         ros: Whose names of seconds it has: 1 or 2.
 
     Raises:

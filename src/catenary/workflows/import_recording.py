@@ -72,9 +72,7 @@ def propose_mapping(
     """Propose what of a recording is which quantity, by type, name, rate and range; `toml` is its text to edit.
 
     Args:
-        sources: A file, or the files of one recording.
         units: As for `import_recording`.
-        robot: Catalogue name or file.
 
     Raises:
         FileFormatError: A file cannot be read.

@@ -116,7 +116,6 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting | N
 
     Args:
         recording: With a rest of a second or more in each orientation, in order.
-        up: (N, 3) where up was.
         start: What is known already: position, ranges, name.
 
     Raises:

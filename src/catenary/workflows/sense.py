@@ -114,8 +114,6 @@ def watch(
     """Read a source every 5 ms.
 
     Args:
-        feed: What delivers to the source's mailbox.
-        source: The estimator.
         duration: [s]; infinity goes on until Ctrl-C, and then sums up.
         show: Called with each reading and the time since the start [s].
 

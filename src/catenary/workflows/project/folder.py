@@ -101,7 +101,6 @@ class Project:
         """Open a project, or begin one.
 
         Args:
-            folder: Of the project.
             settings: Written into it where they differ from its own.
 
         Raises:
@@ -150,7 +149,6 @@ class Project:
         """Do a step unless it was done; return whether it was done now.
 
         Args:
-            step: Its name.
             made_from: Everything that it depends on, as plain data.
             files: What it writes, files or folders.
             work: Does it; what it returns is noted beside the step.

@@ -246,8 +246,6 @@ class RosRobot(ProjectRobot):
         """Take a transport.
 
         Args:
-            transport: Brings and takes messages.
-            guide: Asks the person beside the robot.
             simulated: What is behind the topics, which do not say it.
             patience: [s] until the robot must report what a person has done.
             homing_patience: [s] from the press of its button until it must be homed.

@@ -68,8 +68,6 @@ def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None 
     """Read one of a project's JSON files, as plain data that its schema has seen.
 
     Args:
-        path: The file.
-        schema: What it must hold.
         remedy: What makes it again, for the message.
         below: Key of the schema that stands for the whole file.
 

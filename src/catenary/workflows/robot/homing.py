@@ -64,10 +64,7 @@ def have_done(
     """Ask for something to be done unless the robot reports that it is, and wait until it does.
 
     Args:
-        guide: Asks.
-        text: What is to be done.
         missing: What the robot reports as missing.
-        sleep: Lets time pass.
         patience: [s] after each answer until the robot must report it; then it is asked again.
 
     Raises:
@@ -149,7 +146,6 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
     A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state.
 
     Args:
-        client: Of the robot.
         guide: Has the button pressed; one that only says yes presses a simulated robot's.
         patience: [s] until it must be homed.
 

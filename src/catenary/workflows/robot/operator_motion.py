@@ -95,11 +95,9 @@ def go_to_joints(
     """Bring joints to a position, gently, all arriving together.
 
     Args:
-        robot: Enabled and homed.
         q: (k,) [rad|m].
         joints: Their names; the first k when None.
         speed: Times the gentle one, 0.2 rad/s and 10 mm/s.
-        progress: Called with the share done.
 
     Raises:
         LimitError, NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.move_to`; nothing moved.
@@ -175,12 +173,9 @@ def follow(
     """Check the whole motion of a file, go to its start gently, and follow it.
 
     Args:
-        robot: Enabled and homed.
-        file: The motion.
         blend: [s] over which velocities are averaged.
         largest_velocity: Per unit, rad and m [rad/s, m/s]; LARGEST_VELOCITY when None.
         from_afar: Also start from farther away than NEAR.
-        progress: Called with the share done.
 
     Raises:
         LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.

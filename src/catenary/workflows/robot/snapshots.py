@@ -116,12 +116,9 @@ def watch_robot(
     use is compiled before the first sample, and the robot's first state is waited for.
 
     Args:
-        robot: In any state.
         model: Calibration model to run beside it.
-        every: [s] between samples.
         motion: What a simulated robot does meanwhile, again and again.
         observe: Called after each tick, as a recorder is; returns a line to show.
-        clock: [s].
 
     Raises:
         InputError: A model that does not fit the robot, or a motion for a robot that is not simulated here.

@@ -78,10 +78,7 @@ class TopicRecorder:
         """Begin a recording.
 
         Args:
-            transport: Brings the messages.
-            folder: Where the journal goes.
             topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
-            about: What the recording is of.
             max_bytes: Of a file, before the next one begins.
         """
         self.journal = JournalWriter(folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes)
@@ -197,11 +194,7 @@ def record_topics(
     """Record what a robot publishes, whoever moves it; Ctrl-C or a signal ends the recording properly.
 
     Args:
-        transport: Brings the messages.
-        folder: Where the journal goes.
-        topics: What to record.
         seconds: How long; infinity until Ctrl-C.
-        about: What it is of.
         required: Names of topics without which it is no recording.
         progress: Called with the share done.
 
@@ -251,11 +244,6 @@ class BesideRecorder:
 
     def __init__(self, robot: OperatedRobot, folder: Path, *, clock: Callable[[], float] = time.monotonic) -> None:
         """Begin a recording.
-
-        Args:
-            robot: A RAVEN-II, simulated here or behind a transport.
-            folder: Where the journal goes; files of bounded size.
-            clock: [s].
 
         Raises:
             InputError: Another robot, or a folder that holds a recording.
