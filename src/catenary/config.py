@@ -58,12 +58,7 @@ def load_toml(path: Path, schema: type[Schema]) -> Schema:
 
 def load_json(path: Path, schema: type[Schema]) -> Schema:
     """Read a JSON file into its schema."""
-    return parse_json(read_bounded(path, MOST_JSON), schema, str(path))
-
-
-def parse_json(data: str | bytes, schema: type[Schema], where: str, *, finite: bool = True) -> Schema:
-    """Read JSON text into its schema; `where` opens every message, `finite` as in `json_value`."""
-    return parse_settings(json_value(data, where, finite=finite), schema, where)
+    return parse_settings(json_value(read_bounded(path, MOST_JSON), str(path)), schema, str(path))
 
 
 def parse_settings(content: Any, schema: type[Schema], where: str, context: Any = None) -> Schema:

@@ -42,7 +42,7 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.workflows.c_header import c_header
 from command_line import catenary, refusal
-from compiled_c import LANGUAGES, output_of, prefix_of, puts
+from compiled_c import COMPILERS, LANGUAGES, output_of, prefix_of, puts
 from moving_arm import recorded
 from oracles.calibration_models import MIXED, random_model, random_network
 from oracles.catalogue import robots_with_inertia
@@ -55,7 +55,7 @@ LONG = "dual_arm_19"  # its law takes gcc some seconds
 # each in one of the languages: what they have in common is one text
 ARMS = [
     pytest.param(arm, language, marks=pytest.mark.slow) if arm == LONG else (arm, language)
-    for arm, language in zip(robots_with_inertia(), cycle(LANGUAGES), strict=False)
+    for arm, language in zip(robots_with_inertia(), cycle(COMPILERS), strict=False)
 ]
 
 
@@ -303,7 +303,7 @@ MOTION = ("mass_matrix", "holding", "inverse_dynamics", "feedforward")
 
 
 @pytest.mark.parametrize(
-    ("model", "language"), zip(GRAVITY_OF, cycle(LANGUAGES), strict=False), ids=lambda m: str(getattr(m, "name", m))
+    ("model", "language"), zip(GRAVITY_OF, cycle(COMPILERS), strict=False), ids=lambda m: str(getattr(m, "name", m))
 )
 def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: str, tmp_path: Path) -> None:
     header, compact = c_header(model).text, compact_regressor(model)
@@ -380,7 +380,7 @@ def corrected(header: str, rows: np.ndarray, n: int, folder: Path, language: str
     return output_of(header, body, rows, folder, language)
 
 
-@pytest.mark.parametrize(("kind", "language"), zip(CASES, cycle(LANGUAGES), strict=False))
+@pytest.mark.parametrize(("kind", "language"), zip(CASES, cycle(COMPILERS), strict=False))
 def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     model, signals = calibration_of(kind, rng)

@@ -118,11 +118,7 @@ def c_header(
 
 
 def write_header(header: Header, path: Path) -> None:
-    """Write a header to a file.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write a header to a file."""
     write_atomically(path, header.text.encode("ascii"))
 
 

@@ -82,11 +82,7 @@ def propose_mapping(
 
 
 def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:
-    """Return the layout of a file that needs no mapping, in words; None for others.
-
-    Raises:
-        FileFormatError: It is damaged.
-    """
+    """Return the layout of a file that needs no mapping, in words; None for others."""
     found = _known(paths, robot)
     return None if found is None else found.name
 

@@ -53,12 +53,7 @@ def make_controller(name: str, arm: SimulatedArm, *, damping: Damping = "relativ
 
 
 def make_hold(name: str, arm: SimulatedArm) -> GravityHold:
-    """Return gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg).
-
-    Raises:
-        InputError: No such compensation.
-        MissingInertiaError: The model has links without inertia.
-    """
+    """Return gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg)."""
     if name not in HOLDS:
         raise InputError(f'controller "{name}": expected one of {", ".join(HOLDS)}')
     return GravityHold(arm.model, gravity=LEVEL if name == "sg" else None)

@@ -100,11 +100,7 @@ def poses_along(limits: Bounded, joint: int, positions: ArrayLike, q: ArrayLike)
 
 
 def start_pose(model: RobotModel, limits: Bounded, raven: tuple[float, ...] = RAVEN_START) -> Floats:
-    """Return where an arm starts, (n,) [rad|m]: a RAVEN-II at `raven`, others in the middle of their ranges.
-
-    Raises:
-        InputError: Joints without limits.
-    """
+    """Return where an arm starts, (n,) [rad|m]: a RAVEN-II at `raven`, others in the middle of their ranges."""
     if model.closed_form == "raven2" and model.n == len(raven):
         return np.array(raven)
     lower, upper = _range(limits)

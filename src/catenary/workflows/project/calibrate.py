@@ -47,11 +47,8 @@ RECOMMENDED = "recommended"
 def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
     """Return options for every kind of model, and of the one that was asked for, which is recommended and deployed.
 
-    The paper's network has all of the paper's inputs.
-
-    Args:
-        robot: Name of the project's robot, whose joints take what is theirs; None for recordings.
-        asked: What was asked for; the other kinds share its memory, target and seed, and its inputs where it has any.
+    The others share its memory, target and seed, and its inputs where it has any: else the paper's network takes all of
+    the paper's, and the joints of a project's `robot` what is theirs; None for recordings.
     """
     positioning, everything, own = (
         (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot == "raven2" else (None,) * 3

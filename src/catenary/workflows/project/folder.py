@@ -23,8 +23,7 @@ from catenary.recording.topics import psm_topic
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 from catenary.workflows.project.lock import LOCK, FolderLock
-from catenary.workflows.project.outputs import describe, hold, missing
-from catenary.workflows.project.state import StepsFile, read_state
+from catenary.workflows.project.state import StepsFile, describe, hold, missing, read_state
 
 SETTINGS, STEPS = "settings.json", "steps.json"
 ROBOTS = ("raven2", "dvrk_psm")
@@ -130,7 +129,7 @@ class Project:
     def done(self, step: str, made_from: Any, files: Sequence[Path]) -> bool:
         """Return whether a step was done with the same settings and inputs, and its files hold what it wrote.
 
-        Sizes and times are compared, and bytes only where a time differs (`outputs.hold`).
+        Sizes and times are compared, and bytes only where a time differs (`state.hold`).
         """
         entry = self._steps.get(step)
         if entry is None or entry["made_from"] != fingerprint(made_from):
@@ -185,11 +184,7 @@ class Project:
         return True
 
     def fingerprint_of(self, step: str) -> str:
-        """Return the hash of what a step was made from; steps after it depend on that.
-
-        Raises:
-            ConfigError: The step was not done.
-        """
+        """Return the hash of what a step was made from; steps after it depend on that."""
         if step not in self._steps:
             raise ConfigError(f"{self.folder}: {step} was not done yet")
         return str(self._steps[step]["made_from"])
@@ -229,12 +224,7 @@ class Project:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """Hold the folder's lock.
-
-        Raises:
-            InUseError: Another process holds it, or has changed the project's settings since it was opened.
-            FileFormatError: The folder cannot be written in.
-        """
+        """Hold the folder's lock; refused where another process holds it, or has changed the settings since."""
         with self:
             if not self._lock.is_held:
                 self._lock.take()
@@ -264,11 +254,7 @@ def is_project(folder: Path) -> bool:
 
 
 def project_settings(folder: Path) -> ProjectSettings | None:
-    """Return the settings that a project was last opened with, or None where there is no project.
-
-    Raises:
-        ConfigError: The file is damaged, or from another version.
-    """
+    """Return the settings that a project was last opened with, or None where there is no project."""
     path = folder / SETTINGS
     if not path.is_file():
         return None

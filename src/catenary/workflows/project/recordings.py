@@ -15,8 +15,8 @@ from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import kind_of
-from catenary.workflows.project.outputs import contents, describe, hold, missing
 from catenary.workflows.project.robot import empty
+from catenary.workflows.project.state import contents, describe, hold, missing
 
 
 def extract_recording(project: Project, name: str) -> bool:

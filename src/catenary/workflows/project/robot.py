@@ -30,7 +30,7 @@ from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import deploy_on_robot
-from catenary.workflows.project.folder import Project, ProjectSettings, write
+from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import ProjectKind, kind_of
 from catenary.workflows.robot.homing import (
     HOMING,
@@ -173,7 +173,10 @@ class SimulatedRobot(ProjectRobot):
             write(folder / "home.json", content)
 
         files = [homed, folder / "home.json"]
-        return project.run("home", _simulated_settings(project.settings), files, work, trusted=readable)
+        settings = project.settings  # all that makes the robot another one; a new version may bring other numbers
+        who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
+        made_from = [*who, STATE_FORMAT, kind_of(settings).numbers()]
+        return project.run("home", made_from, files, work, trusted=readable)
 
     def files(self, project: Project, take: Take) -> list[Path]:
         """Return the recording's folder, and the robot as it was left."""
@@ -221,12 +224,6 @@ def left_at(project: Project, step: str) -> Path:
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
-def _simulated_settings(settings: ProjectSettings) -> Any:
-    """Return all that makes the robot another one; a new version may bring other numbers, or another form of states."""
-    who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
-    return [*who, STATE_FORMAT, kind_of(settings).numbers()]
-
-
 COLLECT_EVERY = 20  # ticks between two looks at what has come
 SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
 
@@ -267,7 +264,9 @@ class RosRobot(ProjectRobot):
                 found = {"joint_names": client.joint_names, "believed": believed, "external_encoders": encoders}
                 write(path, {"simulated": self._simulated, **found})
 
-        return project.run("home", _ros_settings(project), [path], work)
+        settings = project.settings
+        place = [settings.namespace] if settings.robot == "dvrk_psm" else []
+        return project.run("home", [settings.robot, settings.side, settings.connection, *place], [path], work)
 
     def drive(self, project: Project, take: Take) -> None:
         """Record over the robot's topics; a recording that was interrupted is begun anew."""
@@ -364,9 +363,3 @@ def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:
     if np.isfinite(client.external_encoders()).all():
         return None
     return f"no reading comes on {kind.required[-1].name}"
-
-
-def _ros_settings(project: Project) -> Any:
-    settings = project.settings
-    place = [settings.namespace] if settings.robot == "dvrk_psm" else []
-    return [settings.robot, settings.side, settings.connection, *place]

@@ -66,9 +66,6 @@ def have_done(
     Args:
         missing: What the robot reports as missing.
         patience: [s] after each answer until the robot must report it; then it is asked again.
-
-    Raises:
-        NotReadyError: Given up, or with a guide that only says yes not reported in time.
     """
     if missing() is None:
         return
@@ -148,10 +145,6 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
     Args:
         guide: Has the button pressed; one that only says yes presses a simulated robot's.
         patience: [s] until it must be homed.
-
-    Raises:
-        NotReadyError: Given up, in FAULT, or not homed in time.
-        TransportError: The robot fell silent.
     """
     try:
         now = client.operating_state()

@@ -186,11 +186,7 @@ def run_trajectory(
 
     Raises:
         LimitError: The trajectory leaves the limits; nothing has moved.
-        NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way; the
-            message says when.
-        NotFiniteError: Measured positions were not finite for 20 ticks in a row; the robot holds, and is paused.
-        UnsupportedCommandError: It has no servo_jp.
-        InputError: A joint that there is not, or another number of joints than the trajectory moves.
+        NotReadyError, NotFiniteError, UnsupportedCommandError, InputError: As `move_to`.
     """
     require_ready(plant, "servo_jp")
     moved = _indices(plant, trajectory, joints)

@@ -96,11 +96,7 @@ class TopicRecorder:
             raise
 
     def collect(self) -> int:
-        """Write what has arrived since the last call; return how many messages were kept.
-
-        Raises:
-            RecordingError: The disk is full or failed; the message says what is safe.
-        """
+        """Write what has arrived since the last call; return how many messages were kept."""
         self._note_clock()
         chosen: list[tuple[int, _Kept, Received]] = []
         for kept in self._kept:
@@ -134,11 +130,7 @@ class TopicRecorder:
         return [note for count in self.counts if (note := count.note()) is not None] + self.clock_steps
 
     def close(self) -> None:
-        """Finish the recording; a second time does nothing.
-
-        Raises:
-            RecordingError: The disk is full or failed.
-        """
+        """Finish the recording; a second time does nothing."""
         self._end_subscriptions()
         self.journal.close()
 
