@@ -44,7 +44,7 @@ def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, t
 def test_identify_writes_parameters_card_page_and_urdf(moving_arm_logs: Path, tmp_path: Path) -> None:
     out, page, urdf = (tmp_path / f"arm.{ending}" for ending in ("npz", "html", "urdf"))
     log = moving_arm_logs / "run0.npz"
-    written = ("--out", out, "--report", page, "--urdf", urdf)
+    written = ("--out", out, "--report", page, "--urdf", urdf, *QUICK)
     outcome = catenary("identify", log, "--robot", "raven2", "--test", log, *written)
     assert outcome.code == 0
     assert "Residual over torque" in outcome.out

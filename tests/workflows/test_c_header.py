@@ -245,7 +245,7 @@ def test_nan_of_a_speed_stays_nan_in_friction(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("identified") / "arm.npz"
-    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=True))
+    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(prior=False, friction=()))
     save_identification(found, identification_card(found, []), path)
     return path
 
@@ -267,7 +267,7 @@ def test_an_identified_robots_feedforward_is_what_its_identification_predicts(id
 
 
 def test_parameters_that_are_no_bodies_are_refused_with_the_way_out(tmp_path: Path) -> None:
-    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=False))
+    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=False, friction=()))
     with pytest.raises(MissingInertiaError):
         found.robot()
     save_identification(found, identification_card(found, []), tmp_path / "arm.npz")

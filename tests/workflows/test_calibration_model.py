@@ -35,6 +35,7 @@ from recordings import recording
 
 ARM, UR = load_robot("raven2"), load_robot("ur10e")
 LINEAR = FitOptions(kind="linear")
+QUICK = IdentifyOptions(prior=False, friction=())  # in a third of the time
 NAMES, UNITS = ("yaw", "pitch", "slide"), ("rad", "rad", "m")
 TURNED = [2, 0, 1]
 
@@ -200,7 +201,7 @@ def test_the_gravity_that_is_identified_is_the_arm_s_whatever_the_order_of_joint
 
 def test_a_payload_is_weighed_by_the_names_of_joints(tmp_path: Path) -> None:
     unloaded = as_parquet(recorded(ARM, 0, noise=0.1), tmp_path / "unloaded")
-    result = identify_files([unloaded], "raven2", IdentifyOptions())
+    result = identify_files([unloaded], "raven2", QUICK)
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
     loaded = recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1)
     turned = as_parquet(reordered(loaded, TURNED), tmp_path / "loaded")
@@ -334,7 +335,7 @@ def test_a_payload_is_weighed_by_torques_mended_as_those_of_the_identification(t
         return torques_as_npz(replace(log, tau=log.tau * [1.0, -1.0, 1.0]), tmp_path / name)
 
     reading = Reading(mend=Mend(sign=("tau:elbow",)))
-    result = identify_files([turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", IdentifyOptions(), reading=reading)
+    result = identify_files([turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", QUICK, reading=reading)
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
     loaded = turned(recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1), "l")
     found = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))

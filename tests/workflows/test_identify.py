@@ -18,7 +18,7 @@ from moving_arm import recorded, write_npz
 
 def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: Path) -> None:
     fitted, tested = (moving_arm_logs / f"run{k}.npz" for k in (0, 1))
-    result = identify_files([fitted], "raven2", IdentifyOptions(), tests=[tested])
+    result = identify_files([fitted], "raven2", IdentifyOptions(prior=False, friction=()), tests=[tested])
     assert [(entry["log"], entry["use"]) for entry in result.card["data"]] == [("run0", "fitted"), ("run1", "tested")]
     assert all(len(entry["sha256"]) == 64 for entry in result.card["data"])
     assumed = "assumed friction on every joint, a filter of order 4 at 10 Hz"

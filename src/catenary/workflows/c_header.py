@@ -203,7 +203,7 @@ def _other_joints(robot: Jointed, calibration: CalibrationModel) -> list[str]:
     ]
 
 
-class Effect(NamedTuple):
+class CBlock(NamedTuple):
     """One effect of actuation in C: its load on s, a sum of joints, and the factor with which each joint feels it."""
 
     what: str
@@ -212,14 +212,14 @@ class Effect(NamedTuple):
     put: list[tuple[int, str]]
 
 
-def _effect(what: str, combination: Floats, of: str, load: str, along: Floats | None = None) -> Effect:
+def _effect(what: str, combination: Floats, of: str, load: str, along: Floats | None = None) -> CBlock:
     """Return an effect on s = c . q, qd or qdd, put out along c, or along another combination."""
     s = _sum_of_joints(combination, of) if re.search(r"\bs\b", load) else ""
     put = combination if along is None else along
-    return Effect(what, s, load, [(k, _factor(c)) for k, c in enumerate(put.tolist()) if c != 0.0])
+    return CBlock(what, s, load, [(k, _factor(c)) for k, c in enumerate(put.tolist()) if c != 0.0])
 
 
-def _friction(loads: ActuationLoads) -> list[Effect]:
+def _friction(loads: ActuationLoads) -> list[CBlock]:
     """Return what friction and constants ask of the actuators, in steady sliding."""
     smooth, found = loads.actuation.coulomb_velocity, []
     pairs = [pair for pair in _numbered(loads) if pair[0].kind in FRICTION]
@@ -230,7 +230,7 @@ def _friction(loads: ActuationLoads) -> list[Effect]:
     return found
 
 
-def _drives(loads: ActuationLoads) -> list[Effect]:
+def _drives(loads: ActuationLoads) -> list[CBlock]:
     """Return what rotors, springs and known torques ask of the actuators."""
     found = []
     for term, value in _numbered(loads):
@@ -268,7 +268,7 @@ def _drive(term: ActuationTerm, value: float) -> str:
     return f"{value * r * h!r} * sin({angle!r} + s) * (1.0 - {rest!r} / {length})"
 
 
-def _known(term: KnownTorque) -> Effect:
+def _known(term: KnownTorque) -> CBlock:
     load = repr(float(term.polynomial[0]))
     for coefficient in term.polynomial[1:]:
         load = f"({load} * s + {float(coefficient)!r})"
