@@ -303,7 +303,9 @@ MOTION = ("mass_matrix", "holding", "inverse_dynamics", "feedforward")
 
 
 @pytest.mark.parametrize(
-    ("model", "language"), zip(GRAVITY_OF, cycle(COMPILERS), strict=False), ids=lambda m: str(getattr(m, "name", m))
+    ("model", "language"),
+    list(zip(GRAVITY_OF, cycle(COMPILERS), strict=False)),
+    ids=lambda m: str(getattr(m, "name", m)),
 )
 def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: str, tmp_path: Path) -> None:
     header, compact = c_header(model).text, compact_regressor(model)
@@ -380,7 +382,7 @@ def corrected(header: str, rows: np.ndarray, n: int, folder: Path, language: str
     return output_of(header, body, rows, folder, language)
 
 
-@pytest.mark.parametrize(("kind", "language"), zip(CASES, cycle(COMPILERS), strict=False))
+@pytest.mark.parametrize(("kind", "language"), list(zip(CASES, cycle(COMPILERS), strict=False)))
 def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     model, signals = calibration_of(kind, rng)
