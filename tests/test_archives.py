@@ -105,7 +105,6 @@ CLAIMS = {
     "more than memory": header(f"({2**40},)"),
     "a gigabyte": header(f"({2**27},)"),
     "overflowing": header(f"({2**62}, {2**62})"),
-    "negative": header("(-1,)"),
     "of no bytes each": header(f"({2**40},)", "'<U0'"),
     "of bytes that are not there": header("(5,)"),
     "of true length": header("(True,)"),

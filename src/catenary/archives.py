@@ -1,12 +1,13 @@
 """NumPy's files and packed bytes, checked for how far they unpack before they do; nothing in them is executed."""
 
+import math
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Collection
 from pathlib import Path
 from struct import error as StructError
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,6 @@ from catenary.errors import FileFormatError
 MOST = 128 * 2**20
 RATIO = 20
 MOST_ARRAYS = 1000  # of an archive; a model of many joints has some 50
-MOST_HEADER = 10_000  # characters of an array's header, as in NumPy
 _TOLD = 8  # names of arrays that a message lists
 _PLAIN = "biufcSU"  # kinds of numbers and texts
 # what zipfile and NumPy raise on a file that is no archive, damaged, encrypted, or holds something else
@@ -70,15 +70,14 @@ def read_array(path: Path) -> NDArray[Any]:
     if not path.is_file():
         raise FileFormatError(no_file(path))
     try:
-        size = path.stat().st_size
         with path.open("rb") as file:
-            _check_header(file, size, max(MOST, RATIO * size))
-            file.seek(0)
-            return np.lib.format.read_array(file, allow_pickle=False)
+            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+        _memory_of(array, max(MOST, RATIO * path.stat().st_size))
     except _UNREADABLE as error:
         raise FileFormatError(
             f"{path}: cannot be read as an .npy file of a plain array: {cut(str(error) or repr(error))}"
         ) from error
+    return array
 
 
 def unpacked(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
@@ -112,37 +111,19 @@ def _check_members(members: list[zipfile.ZipInfo], most: int) -> None:
 def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> tuple[NDArray[Any], int]:
     """Return an array and how many bytes are left to unpack; its checksum is checked at its end."""
     with archive.open(member) as file:
-        taken = _check_header(file, member.file_size, most)
-    with archive.open(member) as file:
         array = np.lib.format.read_array(file, allow_pickle=False)
         if file.read(1):
             raise ValueError(f"{shortened(member.filename)} goes on behind its array")
-    return array, most - taken
+    return array, most - _memory_of(array, most)
 
 
-def _check_header(file: IO[bytes], size: int, most: int) -> int:
-    """Check what an array's header says against the bytes that there are; return what it takes in memory."""
-    version = np.lib.format.read_magic(file)
-    if version == (1, 0):
-        shape, _, dtype = np.lib.format.read_array_header_1_0(file, max_header_size=MOST_HEADER)
-    elif version == (2, 0):
-        shape, _, dtype = np.lib.format.read_array_header_2_0(file, max_header_size=MOST_HEADER)
-    else:
-        raise ValueError(f"version {version} of NumPy's format, expected (1, 0) or (2, 0)")
-    if dtype.kind not in _PLAIN or dtype.subdtype is not None:
-        raise ValueError(f"an array of {cut(str(dtype))}, expected plain numbers or texts")
-    count = within = 1
-    for length in shape:
-        if type(length) is not int or length < 0:
-            raise ValueError(f"an array of shape {shortened(shape)}")
-        count *= length
-        within *= max(1, length)  # no rows take no bytes, and columns are named all the same
-    taken = count * max(dtype.itemsize, 8)
-    if within * 8 > most or taken > most:
-        raise ValueError(f"an array of shape {shortened(shape)} has more than {most} bytes")
-    if count * dtype.itemsize != size - file.tell():
-        raise ValueError(
-            f"an array of shape {shortened(shape)} of {dtype} takes {count * dtype.itemsize} bytes, "
-            f"the file has {size - file.tell()} for it"
-        )
+def _memory_of(array: NDArray[Any], most: int) -> int:
+    """Return the bytes that an array takes as numbers of 8 bytes, `most` at most; refuse what is no plain array."""
+    if array.dtype.kind not in _PLAIN:
+        raise ValueError(f"an array of {cut(str(array.dtype))}, expected plain numbers or texts")
+    taken = array.size * max(array.dtype.itemsize, 8)
+    # no rows take no bytes, and columns are named all the same
+    within = 8 * math.prod(max(1, length) for length in array.shape)
+    if max(taken, within) > most:
+        raise ValueError(f"an array of shape {shortened(array.shape)} has more than {most} bytes")
     return taken

@@ -141,10 +141,6 @@ def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24,
     """Return exactly `lines` lines of at most `columns` characters, colours not counted.
 
     Args:
-        name: Of the robot or the recording.
-        shot: What to show.
-        columns: Of the terminal.
-        lines: Of the terminal.
         colour: Show warnings in red.
     """
     shown = [_fit(_left_right(f"catenary monitor  {name}", _state(shot), columns), columns)]

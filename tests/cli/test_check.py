@@ -1,6 +1,8 @@
 import json
+import re
 from pathlib import Path
 from shutil import copy
+from typing import Any
 
 import numpy as np
 import pytest
@@ -105,6 +107,24 @@ def test_copy_of_another_models_card_is_told_and_a_lost_one_is_not(model: Path, 
 def test_an_offset_is_not_worse_than_itself(run: Path, tmp_path: Path) -> None:
     catenary("fit", run, "--model", "offset", "--out", tmp_path / "model.npz")
     assert catenary("check", tmp_path / "model.npz").code == 0
+
+
+def keys_of(facts: Any) -> set[str]:
+    """The names of facts, but for those of programs and joints."""
+    if isinstance(facts, list):
+        return set().union(*map(keys_of, facts))
+    if not isinstance(facts, dict):
+        return set()
+    return facts.keys() | set().union(*(keys_of(facts[key]) for key in facts.keys() - {"version", "relative_rms"}))
+
+
+def test_the_page_of_formats_names_every_fact(run: Path, model: Path, motion: Path, tmp_path: Path) -> None:
+    identified = tmp_path / "arm.npz"
+    catenary("identify", motion, "--robot", "raven2", "--out", identified, "--free", "--friction", "none", "--no-prior")
+    facts = [catenary("check", file, "--json").json["facts"] for file in ("raven2", run, model, identified)]
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text()
+    section = page.partition("### Facts of `check --json`")[2].partition("\n#")[0]
+    assert set().union(*map(keys_of, facts)) <= set(re.findall("`([a-z0-9_]+)`", section))
 
 
 NO_TEXT = b'<robot name="\xff\xfe"/>'

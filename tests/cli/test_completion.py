@@ -8,7 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from catenary.cli.main import app
 from catenary.robots.catalog import robot_names
 
 RUN = [sys.executable, "-m", "catenary.cli.main"]
@@ -17,8 +19,8 @@ RUN = [sys.executable, "-m", "catenary.cli.main"]
 def completed(*words: str) -> list[str]:
     """What completes the last of the words, as bash asks for it."""
     asked = {"COMP_WORDS": " ".join(["catenary", *words]), "COMP_CWORD": str(len(words))}
-    environment = os.environ | asked | {"_CATENARY_COMPLETE": "complete_bash"}
-    return subprocess.run(RUN, env=environment, capture_output=True, text=True, check=True).stdout.split()
+    environment = asked | {"_CATENARY_COMPLETE": "complete_bash"}
+    return CliRunner().invoke(app, [], prog_name="catenary", env=environment).output.split()
 
 
 @pytest.mark.parametrize(

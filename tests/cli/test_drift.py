@@ -1,3 +1,5 @@
+"""catenary drift and refresh: a model and the days after its own."""
+
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -5,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.model_file import load_model
+from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.logs import write_parquet
+from catenary.recording.logs import read_log, write_parquet
 from command_line import catenary
 
 MAY_14, DAY = 1778716800.0, 86400.0  # [s since 1970] midnight of 14 May 2026, UTC
@@ -106,3 +111,44 @@ def test_a_csv_of_another_make_is_read_by_a_mapping(of_day_0: str, tmp_path: Pat
     done = catenary(command, of_day_0, str(tmp_path / "lab.csv"), *options, *out, "--json")
     assert done.code == 0, done.err
     assert any("are J1, J2" in note for note in json.loads(done.out)["notes"]) or "J1" in done.out
+
+
+@pytest.fixture
+def days(tmp_path: Path) -> tuple[Path, Path]:
+    """A model of Monday, and a recording of Tuesday, whose J2 is off by almost a millimetre."""
+    monday = written(a_day(0, 0.0), tmp_path / "monday.parquet")
+    assert catenary("fit", monday, "--model", "linear", "--out", tmp_path / "arm.npz").code == 0
+    written(replace(a_day(1, 0.00098), name="tuesday"), tmp_path / "tuesday.parquet")
+    return tmp_path / "arm.npz", tmp_path / "tuesday.parquet"
+
+
+def test_the_command_says_what_moved_since_when_and_the_card_of_what_it_was_made(days: tuple[Path, Path]) -> None:
+    model, tuesday = days
+    out = model.with_name("new.npz")
+    result = catenary("refresh", str(model), str(tuesday), "--out", str(out))
+    assert result.code == 0
+    assert "moved: J2 +0.98 mm since 14 May 2026" in result.out
+    (entry,) = load_model(out)[1]["refreshed"]
+    assert entry["model_sha256"] == sha256_of(model)
+    assert entry["recordings"] == [{"name": "tuesday", "sha256": sha256_of(tuesday)}]
+    assert entry["recorded"] == "2026-05-15"
+    assert [joint["change"] for joint in entry["joints"]] == ["nothing", "zero"]
+
+
+def test_a_refreshed_model_runs_in_a_loop_and_is_exported(days: tuple[Path, Path]) -> None:
+    model, tuesday = days
+    out = model.with_name("new.npz")
+    shown = json.loads(catenary("refresh", str(model), str(tuesday), "--out", str(out), "--json").out)
+    assert shown["moved"] == "J2 +0.98 mm since 14 May 2026"
+    new, log = load_model(out)[0], replace(read_log(tuesday), q_encoder=None)
+    assert (Corrector(new).run(log.q_nominal, log.q_nominal)[0] == new.calibrate(log)).all()
+    assert catenary("export", str(out), "--onnx", str(model.with_name("new.onnx"))).code == 0
+
+
+def test_a_recording_that_the_model_knows_is_refused(days: tuple[Path, Path]) -> None:
+    model, tuesday = days
+    out = model.with_name("new.npz")
+    result = catenary("refresh", str(model), str(tuesday.with_name("monday.parquet")), "--out", str(out))
+    assert result.code == 2
+    assert "expected one of a new day" in result.err
+    assert not out.exists()

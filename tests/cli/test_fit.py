@@ -31,32 +31,29 @@ def evaluate_json(model: Path, *arguments: object) -> Any:
     return outcome.json
 
 
-def test_fit_writes_a_model_and_its_card(model: Path) -> None:
-    card = json.loads(model.with_name("model.card.json").read_text())
-    assert (card["kind"], card["rows"]) == ("linear", 400)
-
-
-def test_fit_prints_its_error_on_unseen_data(run: Path, tmp_path: Path) -> None:
-    outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", "--held-out", "0.2")
-    assert "RMSE on blocks of time that the fit did not see" in outcome.out
-    assert "RMSE and largest error on the held-out part" in outcome.out
-
-
-def test_fit_as_json_has_the_documented_keys(tmp_path: Path, run: Path) -> None:
+def test_fit_writes_a_model_and_its_card_and_tells_its_error_on_unseen_data(tmp_path: Path, run: Path) -> None:
     content = fit_json(Path(copy(run, tmp_path)), "--model", "linear", "--held-out", "0.25")
     assert content["kind"] == "linear"
     assert content["rows"] == 300
     assert content["inputs"] == ["q:J1", "q:J2", "q:J3"]
     assert [joint["joint"] for joint in content["cross_validation"]] == ["J1", "J2", "J3"]
     assert [joint["n"] for joint in content["held_out"]] == [100, 100, 100]
+    card = json.loads((tmp_path / "out.card.json").read_text())
+    assert (card["kind"], card["rows"]) == ("linear", 300)
+    outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", "--held-out", "0.2")
+    assert "RMSE on blocks of time that the fit did not see" in outcome.out
+    assert "RMSE and largest error on the held-out part" in outcome.out
 
 
 def test_evaluate_as_json_has_the_documented_keys(model: Path, run: Path) -> None:
-    content = evaluate_json(model, run)
+    content = evaluate_json(model, run, "--window", "5")
     assert [joint["unit"] for joint in content["joints"]] == ["deg", "deg", "mm"]
     for joint in content["joints"]:
         assert {"name", "n", "raw_rmse", "offset_rmse", "rmse", "max", "outside_valid_range"} <= set(joint)
         assert joint["n"] == 400
+    assert content["seen_in_training"] == ["run"]
+    assert [round(window["start"]) for window in content["windows"]] == [0, 5, 10]
+    assert "run: the model was fitted to this recording" in catenary("evaluate", model, run).err
 
 
 def test_evaluate_tells_whether_intervals_hold(tmp_path: Path, model: Path) -> None:
@@ -113,11 +110,6 @@ def test_notes_do_not_stand_in_the_json(tmp_path: Path) -> None:
     assert any("units not stated" in note for note in fit_json(silent, "--model", "offset")["notes"])
 
 
-def test_evaluate_says_which_recording_the_model_was_fitted_to(model: Path, run: Path) -> None:
-    assert evaluate_json(model, run)["seen_in_training"] == ["run"]
-    assert "run: the model was fitted to this recording" in catenary("evaluate", model, run).err
-
-
 def test_units_of_the_option_are_taken(tmp_path: Path) -> None:
     four = np.random.default_rng(0).uniform(-0.3, 0.3, (200, 4))
     path = simulated_arm.write(tmp_path / "four.npz", rows=200, q_des=four, q_act=four + 0.001, units=None)
@@ -172,11 +164,6 @@ def test_robot_gives_names_and_units(tmp_path: Path) -> None:
     found = [(j["joint"], j["unit"]) for j in content["cross_validation"]]
     assert found == [("shoulder", "deg"), ("elbow", "deg"), ("insertion", "mm")]
     assert [j["name"] for j in evaluate_json(tmp_path / "out.npz", path)["joints"]][2] == "insertion"
-
-
-def test_window_sets_the_length_of_the_windows(model: Path, run: Path) -> None:
-    windows = evaluate_json(model, run, "--window", "5")["windows"]
-    assert [round(window["start"]) for window in windows] == [0, 5, 10]
 
 
 @pytest.fixture

@@ -13,12 +13,13 @@ from command_line import catenary, refusal
 from moving_arm import PLACE, recorded, write_npz
 
 ARM = load_robot("raven2")
+QUICK = ("--no-prior", "--friction", "none")  # in a third of the time
 
 
 @pytest.fixture(scope="module")
 def parameters(moving_arm_logs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out") / "arm.npz"
-    assert catenary("identify", moving_arm_logs / "run0.npz", "--robot", "raven2", "--out", out).code == 0
+    assert catenary("identify", moving_arm_logs / "run0.npz", "--robot", "raven2", "--out", out, *QUICK).code == 0
     return out
 
 
@@ -30,7 +31,7 @@ def identified(log: Path, out: Path, *options: object) -> Any:
 
 def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, tmp_path: Path) -> None:
     test_log = moving_arm_logs / "run1.npz"
-    options = ("--test", test_log, "--period", 1000)
+    options = ("--test", test_log, "--period", 1000, *QUICK)
     content = identified(moving_arm_logs / "run0.npz", tmp_path / "a.npz", *options)
     assert {"n_base", "condition", "rank", "training", "tests"} <= set(content)
     assert content["n_base"] == content["rank"]
@@ -43,7 +44,7 @@ def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, t
 def test_identify_writes_parameters_card_page_and_urdf(moving_arm_logs: Path, tmp_path: Path) -> None:
     out, page, urdf = (tmp_path / f"arm.{ending}" for ending in ("npz", "html", "urdf"))
     log = moving_arm_logs / "run0.npz"
-    written = ("--out", out, "--report", page, "--urdf", urdf)
+    written = ("--out", out, "--report", page, "--urdf", urdf, *QUICK)
     outcome = catenary("identify", log, "--robot", "raven2", "--test", log, *written)
     assert outcome.code == 0
     assert "Residual over torque" in outcome.out
@@ -64,7 +65,7 @@ def test_identify_writes_parameters_card_page_and_urdf(moving_arm_logs: Path, tm
 
 
 def test_identify_in_blocks_tests_what_it_held_out(moving_arm_logs: Path, tmp_path: Path) -> None:
-    options = ("--blocks", 2, "--rows", "0:4000")
+    options = ("--blocks", 2, "--rows", "0:4000", *QUICK)
     content = identified(moving_arm_logs / "run0.npz", tmp_path / "arm.npz", *options)
     assert content["tests"][0]["log"] == "run0 (held-out blocks)"
     assert "run0: rows 0 to 4000 of 6000" in content["notes"]
@@ -72,7 +73,7 @@ def test_identify_in_blocks_tests_what_it_held_out(moving_arm_logs: Path, tmp_pa
 
 def test_identify_reads_parquet_logs(tmp_path: Path) -> None:
     write_parquet(recorded(ARM, 0), tmp_path / "run.parquet")
-    assert identified(tmp_path / "run.parquet", tmp_path / "arm.npz")["training"][0]["log"] == "run"
+    assert identified(tmp_path / "run.parquet", tmp_path / "arm.npz", *QUICK)["training"][0]["log"] == "run"
 
 
 def test_check_says_what_a_parameter_file_is(parameters: Path) -> None:

@@ -102,7 +102,8 @@ def test_identification_takes_a_csv_of_positions_and_torques(tmp_path: Path) -> 
     assert catenary("import", table, *options, "--robot", "two_link", "--out", log).code == 0
     outcomes = []
     for source, how in ((table, options), (log, ())):
-        done = catenary("identify", source, *how, "--robot", "two_link", "--out", tmp_path / "id.npz", "--json")
+        line = ("identify", source, *how, "--robot", "two_link", "--free", "--friction", "none", "--no-prior")
+        done = catenary(*line, "--out", tmp_path / "id.npz", "--json")
         assert done.code == 0, done.err
         outcomes.append(json.loads(done.out)["training"])
     for of_table, of_log in zip(*outcomes, strict=True):

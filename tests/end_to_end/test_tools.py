@@ -52,6 +52,10 @@ OFFSET = np.array([0.02, -0.03, 0.001])  # [rad, rad, m] that the deployed model
 HOME = np.array([np.pi / 6, np.pi / 2, 0.4])
 
 
+# what does not depend on the transport: over one of them
+ONCE = pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])
+
+
 class Before(NamedTuple):
     """What happened to the robot before it was homed."""
 
@@ -161,12 +165,14 @@ def test_a_robot_is_homed(before: Before) -> None:
     assert_allclose(found["believed"][1] - found["external_encoders"][1], np.deg2rad(7.5), atol=0.05)
 
 
+@ONCE
 def test_a_homed_robot_is_not_homed_again(ready: None) -> None:
     outcome = catenary("home", "--ros", MET[0].ros)
     assert outcome.code == 0
     assert "homed before; nothing has moved" in outcome.out
 
 
+@ONCE
 def test_a_paused_robot_is_not_moved(ready: None) -> None:
     with client() as robot:
         robot.state_command("pause")
@@ -183,6 +189,7 @@ def test_goto_arrives(ready: None) -> None:
     assert_allclose([joint["q"] for joint in outcome.json["joints"]][:3], goal, atol=0.01)
 
 
+@ONCE
 def test_random_moves_and_tells_of_its_errors(ready: None) -> None:
     begin = setpoint()
     outcome = catenary("random", "--seconds", "2", "--seed", "1", "--ros", MET[0].ros, "--simulated")
@@ -192,6 +199,7 @@ def test_random_moves_and_tells_of_its_errors(ready: None) -> None:
     assert np.abs(setpoint() - begin)[:3].max() > 0.01
 
 
+@ONCE
 def test_a_file_is_followed_to_its_end(ready: None, tmp_path: Path) -> None:
     shoulder = float(np.rad2deg(setpoint()[0]))
     file = tmp_path / "run.csv"
@@ -219,6 +227,7 @@ def test_ctrl_c_holds_the_robot_where_it_is(meeting: Meeting, ready: None) -> No
     assert abs(held[0] - begin[0]) < np.deg2rad(19.0)
 
 
+@ONCE
 def test_keys_move_the_robot_and_quitting_pauses_it(meeting: Meeting, ready: None) -> None:
     begin = setpoint()
     forward = b"q" if begin[0] < HOME[0] else b"a"

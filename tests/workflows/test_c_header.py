@@ -1,43 +1,312 @@
+"""A robot and its calibration as C, against the Python that they are of."""
+
 import re
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Step
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_file import save_model
+from catenary.dynamics.actuation_loads import ActuationLoads, joint_friction, known_loads
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
+from catenary.dynamics.lines import inverse_dynamics_line
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.torque import gravity_torque
+from catenary.identification.identification import identify
+from catenary.identification.identification_file import identification_card, load_identification, save_identification
+from catenary.identification.identify_options import IdentifyOptions
+from catenary.robots.actuation import (
+    Actuation,
+    Friction,
+    KnownTorque,
+    LeverSpring,
+    MotorInertia,
+    Spring,
+    actuation_terms,
+)
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from catenary.spatial import LEVEL
 from catenary.workflows.c_header import c_header
-from command_line import catenary
-from compiled_c import LANGUAGES, output_of, prefix_of, puts
+from command_line import catenary, refusal
+from compiled_c import COMPILERS, LANGUAGES, output_of, prefix_of, puts
+from moving_arm import recorded
 from oracles.calibration_models import MIXED, random_model, random_network
-from oracles.random_trees import random_robot
+from oracles.catalogue import robots_with_inertia
+from oracles.floating_base import Free, by_mujoco, by_pinocchio
+from oracles.random_trees import random_robot, random_rotation
+
+ROWS = 200
+EXACT = 1e-12  # of a joint's largest: where terms cancel, a sum keeps that many digits of the largest of them
+LONG = "dual_arm_19"  # its law takes gcc some seconds
+# each in one of the languages: what they have in common is one text
+ARMS = [
+    pytest.param(arm, language, marks=pytest.mark.slow) if arm == LONG else (arm, language)
+    for arm, language in zip(robots_with_inertia(), cycle(COMPILERS), strict=False)
+]
+
+
+class Law(NamedTuple):
+    """What a header gives on rows of motions, (N, ...)."""
+
+    mass: Floats
+    holding: Floats
+    motion: Floats
+    without_acceleration: Floats
+    feedforward: Floats
+    on_a_base_at_rest: Floats
+
+
+def motions(model: RobotModel, seed: int, rows: int = ROWS) -> list[Floats]:
+    """q, qd, qdd, gravity, omega, alpha, as rows."""
+    rng = np.random.default_rng(seed)
+    return [rng.normal(scale=s, size=(rows, k)) for s, k in ((3, model.n),) * 3 + ((5, 3), (1, 3), (2, 3))]
+
+
+def law_in_c(model: RobotModel, given: list[Floats], folder: Path, language: str = "C99") -> Law:
+    header, n = c_header(model).text, model.n
+    name = prefix_of(header)
+    q, qd, qdd, g, w, a = (f"r + {k}" for k in np.cumsum([0, n, n, n, 3, 3]))
+    body = (
+        f"  double M[{n * n}], h[{n}], t[{n}], b[{n}], f[{n}], s[{n}], z[{n}];\n  for (i = 0; i < {n}; ++i) z[i] = 0.0;\n"
+        f"LOOP  {name}_mass_matrix({q}, M);\n  {name}_holding({q}, {g}, {w}, {a}, h);\n"
+        f"  {name}_inverse_dynamics({q}, {qd}, {qdd}, {g}, {w}, {a}, t);\n"
+        f"  {name}_inverse_dynamics({q}, {qd}, z, {g}, {w}, {a}, b);\n"
+        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, {w}, {a}, f);\n"
+        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, NULL, NULL, s);\n" + puts(M=n * n, h=n, t=n, b=n, f=n, s=n)
+    )
+    out = output_of(header, body, np.hstack(given), folder, language)
+    M, *torques = np.split(out, np.cumsum([n * n] + [n] * 4), axis=1)
+    return Law(M.reshape(-1, n, n), *torques)
+
+
+def assert_close(found: Floats, expected: Floats, within: float = EXACT) -> None:
+    """Compare torques (N, n), each to the largest that its joint takes in any row."""
+    error, largest = np.abs(found - expected).max(axis=0), np.abs(expected).max(axis=0)
+    assert (error <= within * largest).all(), (error, largest)
+
+
+def assert_is_pythons(model: RobotModel, folder: Path, language: str, seed: int = 0) -> None:
+    given = motions(model, seed)
+    q, qd, qdd, gravity, omega, alpha = given
+    law = law_in_c(model, given, folder, language)
+    mass = mass_matrix(model, q)
+    own = np.sqrt(np.diagonal(mass, axis1=1, axis2=2))  # M_ij^2 <= M_ii M_jj
+    assert (np.abs(law.mass - mass) <= EXACT * own[:, :, None] * own[:, None, :]).all()
+    base = BaseMotion(omega, alpha)
+    expected = inverse_dynamics(model, q, qd, qdd, gravity, base)
+    assert_close(law.motion, expected)
+    assert_close(law.holding, inverse_dynamics(model, q, 0 * q, 0 * q, gravity, base))
+    assert_close(law.feedforward, expected)
+    assert_close(law.on_a_base_at_rest, inverse_dynamics(model, q, qd, qdd, gravity))
+    # what holds of any arm, of the numbers of C alone
+    assert_array_equal(law.mass, np.swapaxes(law.mass, 1, 2))
+    # links without mass leave joints without inertia
+    smallest = -EXACT * np.abs(law.mass).max() if model.massless else 0.0
+    assert (np.linalg.eigvalsh(law.mass) > smallest).all()
+    added = np.einsum("kij,kj->ki", law.mass, qdd)
+    scale = np.abs(np.hstack([law.motion, law.without_acceleration])).max(axis=1, keepdims=True)
+    assert_allclose((law.motion - law.without_acceleration - added) / scale, 0.0, atol=1e-11)  # a difference
+
+
+@pytest.mark.parametrize(("arm", "language"), ARMS)
+def test_the_law_of_a_catalogue_arm_is_pythons(arm: str, language: str, tmp_path: Path) -> None:
+    assert_is_pythons(load_robot(arm), tmp_path, language)
+
+
+FOLDER = [HealthCheck.function_scoped_fixture]  # each example writes its own files over the last one's
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=3, deadline=None, suppress_health_check=FOLDER)
+def test_the_law_of_any_tree_is_pythons(seed: int, tmp_path: Path) -> None:
+    assert_is_pythons(random_robot(seed).model, tmp_path, "C99", seed)
+
+
+@pytest.mark.parametrize("seed", [8, 12])
+def test_on_a_moving_base_torques_are_what_a_floating_base_has_in_mujoco_and_pinocchio(
+    seed: int, tmp_path: Path
+) -> None:
+    robot = random_robot(seed)
+    rng = np.random.default_rng(seed)
+    given, expected = motions(robot.model, seed, rows=5), []
+    q, qd, qdd, gravity, omega, alpha = given
+    felt = gravity.copy()
+    for k in range(5):
+        acceleration = rng.normal(size=3)
+        base = Free(random_rotation(rng), rng.normal(size=3), BaseMotion(omega[k], alpha[k], acceleration))
+        felt[k] = gravity[k] - acceleration
+        row = robot, q[k], qd[k], qdd[k], gravity[k], base
+        expected.append(by_pinocchio(*row))
+        assert_allclose(by_mujoco(*row), expected[-1], atol=1e-9)  # they agree with each other
+    law = law_in_c(robot.model, [q, qd, qdd, felt, omega, alpha], tmp_path)
+    assert_close(law.feedforward, np.array(expected), 1e-11)  # their kinematics go another way round
+
+
+def test_links_without_possible_inertia_leave_gravity_and_say_so() -> None:
+    arm = load_robot("two_link")
+    bare = c_header(replace(arm, missing_tensor=("link2",)))
+    assert bare.functions == ("two_link_gravity", "two_link_gravity_regressor", "two_link_compact_regressor")
+    assert "no possible inertia for link2, so gravity and its regressors alone" in bare.notes[0]
+    assert "_inverse_dynamics(" not in bare.text
+
+
+def test_the_law_of_nineteen_joints_takes_a_small_part_of_a_tick() -> None:
+    # a nanosecond for each operation, which no processor of today needs, is 1 % of a tick of 1 ms
+    assert inverse_dynamics_line(load_robot(LONG)).operations < 10_000
+
+
+ARM = load_robot("raven2")
+LAST = ("friction", "drives", "feedforward")
+
+
+def random_loads(n: int, rng: np.random.Generator, *, loaded: bool) -> ActuationLoads:
+    """Two effects of every kind, on one coordinate and on a combination of all, with random numbers."""
+    one, mixed = np.eye(n)[rng.integers(n)], rng.normal(size=n)
+    lever = LeverSpring(0.01, 0.1, 0.06, float(rng.normal()))
+    actuation = Actuation(
+        friction=(
+            Friction("one", one, asymmetric=True, stribeck=0.3, load=loaded, presliding=0.01),
+            Friction("mixed */ x", mixed, offset=False, load=loaded),
+        ),
+        motor_inertia=(MotorInertia("one", one), MotorInertia("mixed", mixed)),
+        springs=(Spring("linear", mixed), Spring("lever", one, lever)),
+        known_torques=(KnownTorque("cable", one, mixed, rng.normal(size=4)),),
+        coulomb_velocity=float(rng.choice([0.0, 0.02])),
+    )
+    terms = actuation_terms(actuation)
+    return ActuationLoads(n, actuation, terms, rng.normal(size=len(terms)))
+
+
+def torques_in_c(model: RobotModel, loads: ActuationLoads, rows: np.ndarray, folder: Path, language: str):
+    """Friction, drives, feedforward on a base at rest: (N, n) each."""
+    header, n = c_header(model, loads=loads).text, model.n
+    name = prefix_of(header)
+    q, qd, qdd, g = (f"r + {k * n}" for k in range(4))
+    carried = "c, " if loads.depends_on_load else ""
+    body = (
+        f"  double f[{n}], d[{n}], t[{n}], c[{n}], z[3] = {{0.0, 0.0, 0.0}};\n  int j;\nLOOP"
+        f"  {name}_drives({q}, {qdd}, d);\n  {name}_inverse_dynamics({q}, {qd}, {qdd}, {g}, z, z, c);\n"
+        f"  for (j = 0; j < {n}; ++j) c[j] += d[j];\n  {name}_friction({qd}, {carried}f);\n"
+        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, NULL, NULL, t);\n" + puts(f=n, d=n, t=n)
+    )
+    return np.split(output_of(header, body, rows, folder, language), 3, axis=1)
+
+
+def assert_are_pythons(seed: int, folder: Path, language: str) -> None:
+    model, rng = random_robot(seed).model, np.random.default_rng(seed)
+    loads, n = random_loads(model.n, rng, loaded=seed % 2 == 1), model.n
+    rows = np.hstack([rng.normal(size=(ROWS, 3 * n)), 5.0 * rng.normal(size=(ROWS, 3))])
+    rows[:20, n : 2 * n] = 0.0  # at rest
+    q, qd, qdd, gravity = np.split(rows, [n, 2 * n, 3 * n], axis=1)
+    friction, drives, feedforward = torques_in_c(model, loads, rows, folder, language)
+    links = inverse_dynamics(model, q, qd, qdd, gravity)
+    expected = loads.torque(q, qd, qdd, links)
+    scale = 1e-12 * np.abs(expected).max() + 1e-12 * np.abs(links).max()
+    assert_allclose(friction + drives, expected, rtol=0.0, atol=scale)
+    if not loads.depends_on_load:
+        offset = friction[0]  # at rest
+        still = loads.torque(0 * q, 0 * qd, 0 * qdd)
+        assert_allclose(friction, loads.torque(0 * q, qd, 0 * qdd) - still + offset, rtol=0.0, atol=scale)
+    law = links + expected
+    assert (np.abs(feedforward - law).max(axis=0) <= 1e-12 * np.abs(law).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_actuation_in_c_is_pythons(language: str, tmp_path: Path) -> None:
+    for seed in (1, 12):
+        assert_are_pythons(seed, tmp_path, language)
+
+
+def test_nan_of_a_speed_stays_nan_in_friction(tmp_path: Path) -> None:
+    model = load_robot("two_link")
+    actuation = Actuation(friction=(Friction("a", np.eye(2)[0], viscous=False, offset=False),))
+    loads = ActuationLoads(2, actuation, actuation_terms(actuation), np.array([1.5]))
+    rows = np.zeros((1, 9))
+    rows[0, 2] = np.nan
+    friction, _, feedforward = torques_in_c(model, loads, rows, tmp_path, "C99")
+    assert np.isnan([friction[0, 0], feedforward[0, 0]]).all()
+    assert friction[0, 1] == 0.0
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("identified") / "arm.npz"
+    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(prior=False, friction=()))
+    save_identification(found, identification_card(found, []), path)
+    return path
+
+
+def test_an_identified_robots_feedforward_is_what_its_identification_predicts(identified: Path, tmp_path: Path) -> None:
+    found, _ = load_identification(identified)
+    rng = np.random.default_rng(2)
+    model = load_robot(identified)
+    loads = known_loads(model)
+    assert loads is not None
+    n = model.n
+    rows = np.hstack([rng.normal(size=(ROWS, 3 * n)), np.tile(LEVEL, (ROWS, 1))])
+    _, _, feedforward = torques_in_c(model, loads, rows, tmp_path, "C99")
+    expected = found.predict(*np.split(rows[:, : 3 * n], 3, axis=1))
+    # base parameters are combinations of the links', rounded on the way
+    assert_allclose(feedforward, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    written = catenary("export", identified, "--c", tmp_path / "arm.h", "--json")
+    assert written.json["functions"][-3:] == [f"{prefix_of((tmp_path / 'arm.h').read_text())}_{f}" for f in LAST]
+
+
+def test_parameters_that_are_no_bodies_are_refused_with_the_way_out(tmp_path: Path) -> None:
+    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=False, friction=()))
+    with pytest.raises(MissingInertiaError):
+        found.robot()
+    save_identification(found, identification_card(found, []), tmp_path / "arm.npz")
+    assert "identify once more without --free" in refusal("export", tmp_path / "arm.npz", "--c", tmp_path / "arm.h")
+
+
+def test_friction_given_by_hand_is_in_the_feedforward(tmp_path: Path) -> None:
+    given = ("--friction", "0.5,0.4", "--viscous", "0.1", "--c", tmp_path / "arm.h")
+    assert catenary("export", "two_link", *given).code == 0
+    model = load_robot("two_link")
+    loads = joint_friction(model, [0.5, 0.4], 0.1)
+    assert (tmp_path / "arm.h").read_text() == c_header(model, loads=loads).text
+    _, _, torque = torques_in_c(model, loads, np.array([[0, 0, 1.0, -2.0, 0, 0, 0, 0, 0]]), tmp_path, "C99")
+    moving = inverse_dynamics(model, [0, 0], [1.0, -2.0], [0, 0], [0, 0, 0])  # unloaded by gravity
+    assert_allclose(torque[0], moving + np.array([0.5 + 0.1, -0.4 - 0.2]), rtol=0.0, atol=1e-14)
+
+
+def test_friction_that_would_be_lost_or_cannot_be_is_refused(tmp_path: Path) -> None:
+    out = ("--c", tmp_path / "arm.h", "--friction")
+    assert "expected zero or more" in refusal("export", "two_link", *out, "0.1,-0.1")
+    assert "friction: expected shape (2,)" in refusal("export", "two_link", *out, "1,2,3")
+    arm = load_robot("two_link")
+    with pytest.raises(MissingInertiaError, match="link2"):
+        c_header(replace(arm, missing_tensor=("link2",)), loads=joint_friction(arm, 1.0, 0.0))
+
 
 STATES = 4_000
-ROBOTS = [*map(load_robot, ("raven2", "raven2_full_right")), *(random_robot(seed).model for seed in (8, 17))]
-
-
-@pytest.fixture(params=LANGUAGES)
-def language(request: pytest.FixtureRequest) -> str:
-    """Each language that the header is to compile as."""
-    return request.param
+GRAVITY_OF = [*map(load_robot, ("raven2", "raven2_full_right")), *(random_robot(seed).model for seed in (8, 17))]
 
 
 GRAVITY = ("gravity", "gravity_regressor", "compact_regressor")
 MOTION = ("mass_matrix", "holding", "inverse_dynamics", "feedforward")
 
 
-@pytest.mark.parametrize("model", ROBOTS, ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    ("model", "language"),
+    list(zip(GRAVITY_OF, cycle(COMPILERS), strict=False)),
+    ids=lambda m: str(getattr(m, "name", m)),
+)
 def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: str, tmp_path: Path) -> None:
     header, compact = c_header(model).text, compact_regressor(model)
     n, p, s = model.n, 4 * len(model.link_names), len(compact.labels)
@@ -113,7 +382,7 @@ def corrected(header: str, rows: np.ndarray, n: int, folder: Path, language: str
     return output_of(header, body, rows, folder, language)
 
 
-@pytest.mark.parametrize("kind", CASES)
+@pytest.mark.parametrize(("kind", "language"), list(zip(CASES, cycle(COMPILERS), strict=False)))
 def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     model, signals = calibration_of(kind, rng)
@@ -129,6 +398,7 @@ def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_pat
     assert_allclose(given[:, :3], expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_the_papers_network_is_exported(language: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     signals = rng.normal(size=(STATES, 16))
@@ -151,6 +421,7 @@ def test_check_values_in_the_comments_are_what_python_gives() -> None:
     assert_allclose(tau, gravity_torque(model, q, gravity), rtol=0.0, atol=1e-13)
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_names_from_files_cannot_leave_the_comments(language: str, tmp_path: Path) -> None:
     name = 'arm */ #error "x" \n\\'
     joints, links = ("a*/b", "c\nd"), ("*/ int x;", "??/")

@@ -26,14 +26,7 @@ from catenary.recording.logs import Reading, read_log, write_parquet
 from catenary.recording.mend import Mend
 from catenary.robots.catalog import load_robot
 from catenary.view.replay import recorded_arm
-from catenary.workflows.calibration_model import (
-    drift_of_model,
-    evaluate_calibration,
-    evaluation_summary,
-    fit_calibration,
-    recording_for,
-    refresh_calibration,
-)
+from catenary.workflows.calibration_model import fit_calibration, held_against, recording_for
 from catenary.workflows.identify import identify_files, payload_of_files
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, joint_state, write_bag
@@ -42,6 +35,7 @@ from recordings import recording
 
 ARM, UR = load_robot("raven2"), load_robot("ur10e")
 LINEAR = FitOptions(kind="linear")
+QUICK = IdentifyOptions(prior=False, friction=())  # in a third of the time
 NAMES, UNITS = ("yaw", "pitch", "slide"), ("rad", "rad", "m")
 TURNED = [2, 0, 1]
 
@@ -100,16 +94,17 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("written", [as_parquet, as_npz])
-@pytest.mark.parametrize("command", [evaluate_calibration, drift_of_model, refresh_calibration])
+@pytest.mark.parametrize("command", ["evaluate", "drift", "refresh"])
 def test_a_recording_in_any_order_of_joints_gives_a_model_the_same_numbers(
-    command: Callable[..., Any], written: Callable[[MotionLog, Path], Path], model: Path, tmp_path: Path
+    command: str, written: Callable[[MotionLog, Path], Path], model: Path, tmp_path: Path
 ) -> None:
     found = []
     for order in ([0, 1, 2], TURNED):
-        result = command(model, [written(reordered(day(1, 0.3), order), tmp_path / f"{order[0]}")])
-        if command is evaluate_calibration:
+        held = held_against(model, [written(reordered(day(1, 0.3), order), tmp_path / f"{order[0]}")])
+        result = getattr(held, command)()
+        if command == "evaluate":
             found.append([joint.rmse for joint in result.evaluation.joints])
-        elif command is drift_of_model:
+        elif command == "drift":
             found.append(result[0].stretches[0].rmse)
         else:
             found.append([change.moved for change in result.refreshed.changes])
@@ -140,12 +135,12 @@ def test_a_recording_is_shown_by_the_names_of_its_joints(tmp_path: Path) -> None
 def test_other_joints_are_refused_with_both_sides(model: Path, tmp_path: Path) -> None:
     other = as_parquet(replace(day(1), joint_names=("left/yaw", "pitch", "slide")), tmp_path / "other")
     with pytest.raises(InputError, match=r'no joint "yaw"; it has left/yaw.* the model is for yaw.*is "left/yaw"'):
-        evaluate_calibration(model, [other])
+        held_against(model, [other]).evaluate()
 
 
 def test_joints_without_names_are_taken_in_order_and_it_is_said(model: Path, tmp_path: Path) -> None:
     nameless = as_parquet(replace(day(1), joint_names=("J1", "J2", "J3")), tmp_path / "nameless")
-    result = evaluate_calibration(model, [nameless])
+    result = held_against(model, [nameless]).evaluate()
     assert any("without names, in order as yaw, pitch, slide" in note for note in result.notes)
 
 
@@ -206,7 +201,7 @@ def test_the_gravity_that_is_identified_is_the_arm_s_whatever_the_order_of_joint
 
 def test_a_payload_is_weighed_by_the_names_of_joints(tmp_path: Path) -> None:
     unloaded = as_parquet(recorded(ARM, 0, noise=0.1), tmp_path / "unloaded")
-    result = identify_files([unloaded], "raven2", IdentifyOptions())
+    result = identify_files([unloaded], "raven2", QUICK)
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
     loaded = recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1)
     turned = as_parquet(reordered(loaded, TURNED), tmp_path / "loaded")
@@ -310,7 +305,7 @@ def mended(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rmse(model: Path, log: Path, reading: Reading | None = None) -> tuple[list[float], tuple[str, ...]]:
-    result = evaluate_calibration(model, [log], reading=reading)
+    result = held_against(model, [log], reading).evaluate()
     return [joint.rmse for joint in result.evaluation.joints], result.notes
 
 
@@ -340,7 +335,7 @@ def test_a_payload_is_weighed_by_torques_mended_as_those_of_the_identification(t
         return torques_as_npz(replace(log, tau=log.tau * [1.0, -1.0, 1.0]), tmp_path / name)
 
     reading = Reading(mend=Mend(sign=("tau:elbow",)))
-    result = identify_files([turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", IdentifyOptions(), reading=reading)
+    result = identify_files([turned(recorded(ARM, 0, noise=0.1), "u")], "raven2", QUICK, reading=reading)
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
     loaded = turned(recorded(ARM.with_payload("wrist", 0.2, PLACE), 2, noise=0.1), "l")
     found = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))
@@ -356,8 +351,8 @@ def test_a_recording_is_mended_as_the_model_s_training_data_and_it_is_said(
     errors, notes = rmse(mended, raw)
     assert any(note.endswith(SAID) for note in notes)
     assert_allclose(errors, 0.0, atol=0.02)  # [deg, mm] noise alone: the truth is linear
-    assert any(note.endswith(SAID) for note in drift_of_model(mended, [raw])[1])
-    assert any(note.endswith(SAID) for note in refresh_calibration(mended, [raw]).notes)
+    assert any(note.endswith(SAID) for note in held_against(mended, [raw]).drift()[1])
+    assert any(note.endswith(SAID) for note in held_against(mended, [raw]).refresh().notes)
 
 
 def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_replaces_it(
@@ -365,10 +360,10 @@ def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_
 ) -> None:
     raw, late = (as_parquet(each, tmp_path / each.name) for each in (spoilt(day(1)), replace(day(2), name="late")))
     with pytest.raises(DataError, match="--shift 4"):
-        evaluate_calibration(mended, [raw], reading=Reading(as_trained=False))
+        held_against(mended, [raw], Reading(as_trained=False)).evaluate()
     assert_allclose(rmse(mended, late, Reading(as_trained=False))[0], 0.0, atol=0.02)
     with pytest.raises(DataError, match=r'"late" was mended as the model\'s training data: --sign'):
-        evaluate_calibration(mended, [late])
+        held_against(mended, [late]).evaluate()
     turned = as_parquet(
         replace(spoilt(day(2)), q_encoder=np.roll(day(2).q_encoder, 8, axis=0), ok=np.arange(800) >= 8),
         tmp_path / "eight",
@@ -467,7 +462,7 @@ def test_held_out_errors_are_those_of_evaluating_the_same_rows(recording_path: P
     save_model(result.model, result.card, tmp_path / "model.npz")
     late = {key: np.array(values)[300:] for key, values in simulated_arm.arrays().items() if key != "units"}
     np.savez(tmp_path / "late.npz", **late)
-    evaluation = evaluate_calibration(tmp_path / "model.npz", [tmp_path / "late.npz"]).evaluation
+    evaluation = held_against(tmp_path / "model.npz", [tmp_path / "late.npz"]).evaluate().evaluation
     assert result.held_out is not None
     assert evaluation.joints == result.held_out.joints
 
@@ -520,18 +515,18 @@ def test_a_recording_used_in_training_is_known_by_its_content(recording_path: Pa
     copy = tmp_path / "another_name.npz"
     copy.write_bytes(recording_path.read_bytes())
     other = simulated_arm.write(tmp_path / "other.npz", seed=1)
-    assert evaluate_calibration(model, [other, copy]).seen_in_training == ("another_name",)
+    assert held_against(model, [other, copy]).evaluate().seen_in_training == ("another_name",)
 
 
 def test_a_summary_of_simulated_data_says_so(tmp_path: Path) -> None:
     path = tmp_path / "log.parquet"
     write_parquet(recording(np.random.default_rng(0), simulated=True), path)
-    result = evaluate_calibration(fitted_to(path, tmp_path), [path])
-    assert evaluation_summary(result)["simulated"] is True
+    result = held_against(fitted_to(path, tmp_path), [path]).evaluate()
+    assert result.as_data()["simulated"] is True
 
 
 def test_no_recordings_are_refused(recording_path: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="at least one recording"):
         fit_calibration([], LINEAR)
     with pytest.raises(InputError, match="at least one recording"):
-        evaluate_calibration(fitted_to(recording_path, tmp_path), [])
+        held_against(fitted_to(recording_path, tmp_path), []).evaluate()

@@ -1,5 +1,4 @@
-import re
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,22 +6,12 @@ import numpy as np
 import pytest
 
 import simulated_arm
+from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.reports.file_facts import (
-    DynamicsFacts,
-    FittedTo,
-    HeldOutErrors,
-    JointLimits,
-    JointRange,
-    ModelFacts,
-    ModelJoint,
-    RecordingFacts,
-    RobotFacts,
-    TorqueErrors,
-    UnseenErrors,
-)
 from catenary.robots.catalog import load_robot
 from catenary.workflows.check import check_file, check_recording, check_robot
+from command_line import catenary
+from moving_arm import recorded, write_npz
 
 ARRAYS = simulated_arm.arrays()
 LOG = MotionLog(
@@ -42,7 +31,7 @@ def changed(values: np.ndarray, rows: Any, value: float) -> np.ndarray:
 def test_ranges_and_errors_are_told_in_deg_and_mm() -> None:
     error = 1000.0 * (ARRAYS["q_act"] - ARRAYS["q_des"])[:, 2]
     expected = f"error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} mm"
-    assert dict(check_recording(LOG).facts.in_words())["J3"].endswith(expected)
+    assert dict(check_recording(LOG).lines)["J3"].endswith(expected)
 
 
 @pytest.mark.parametrize(
@@ -103,29 +92,40 @@ def test_facts_of_a_robot_are_numbers_with_units() -> None:
     assert facts["moving_mass_kg"] == load_robot("raven2").tree.mass.sum()
 
 
-@pytest.mark.parametrize(
-    "record",
-    [
-        RobotFacts,
-        JointLimits,
-        RecordingFacts,
-        JointRange,
-        ModelFacts,
-        ModelJoint,
-        UnseenErrors,
-        HeldOutErrors,
-        FittedTo,
-        DynamicsFacts,
-        TorqueErrors,
-    ],
-)
-def test_the_page_of_formats_names_every_fact(record: type) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text()
-    section = page.partition("### Facts of `check --json`")[2].partition("\n#")[0]
-    assert {each.name for each in fields(record)} <= set(re.findall("`([a-z0-9_]+)`", section))
-
-
 def test_a_robot_that_is_there_to_be_identified_has_no_fault() -> None:
     finding = check_file("dvrk_psm_motors")
     assert not finding.faults
     assert any("has no inertia, to be identified" in remark for remark in finding.remarks)
+
+
+def test_a_recording_for_identification_tells_what_it_shows(moving_arm_logs: Path) -> None:
+    found = check_file(str(moving_arm_logs / "run0.npz"), robot="raven2")
+    assert found.kind == "recording for identification"
+    assert found.faults == []
+    assert any("shows all" in remark and "condition" in remark for remark in found.remarks)
+    outcome = catenary("check", moving_arm_logs / "run0.npz", "--robot", "raven2")
+    assert outcome.code == 0
+    assert "nothing wrong found" in outcome.out
+
+
+def test_whose_it_is_must_be_said(moving_arm_logs: Path) -> None:
+    with pytest.raises(InputError, match="of which robot\\? name it with --robot"):
+        check_file(str(moving_arm_logs / "run0.npz"))
+
+
+def test_torques_that_are_not_the_motions_are_faults(tmp_path: Path) -> None:
+    log = recorded(load_robot("raven2"), 0, noise=0.1)
+    write_npz(log, tmp_path / "turned.npz", tau=np.array(log.tau) * [1.0, -1.0, 1.0])
+    found = check_file(str(tmp_path / "turned.npz"), robot="raven2")
+    assert [finding.name for finding in found.findings] == ["sign"]
+    assert any(fault.startswith("sign: elbow") for fault in found.faults)
+
+
+def test_a_joint_that_stands_still_shows_too_little(tmp_path: Path) -> None:
+    log = recorded(load_robot("raven2"), 0)
+    q, qd = np.array(log.q_nominal), np.array(log.qd)
+    q[:, 1], qd[:, 1] = q[0, 1], 0.0
+    write_npz(log, tmp_path / "still.npz", q=q, dq=qd)
+    found = check_file(str(tmp_path / "still.npz"), robot="raven2")
+    assert any("base parameters" in fault for fault in found.faults)
+    assert "stands still: elbow" in found.remarks

@@ -51,9 +51,9 @@ def test_a_design_says_what_it_keeps_and_what_is_assumed(motion):
 
 
 def test_it_tells_what_it_shows_beside_other_motions(motion):
-    heads, rows = comparison_table(motion.comparison)
-    assert [row[0] for row in rows] == ["designed", "random", "single joints"]
-    assert len(heads) == len(rows[0])
+    table = comparison_table(motion.comparison)
+    assert [row[0] for row in table.rows] == ["designed", "random", "single joints"]
+    assert len(table.header) == len(table.rows[0])
     told = motion.summary()["expected"]
     assert len(told["parameters"]) == len(told["designed"]["standard_errors"]) == motion.design.n_base
     assert told["random"]["condition"] > 1.0

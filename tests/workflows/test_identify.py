@@ -1,8 +1,10 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from catenary.arrays import Floats
 from catenary.errors import DataError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identify_options import IdentifyOptions
@@ -16,7 +18,7 @@ from moving_arm import recorded, write_npz
 
 def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: Path) -> None:
     fitted, tested = (moving_arm_logs / f"run{k}.npz" for k in (0, 1))
-    result = identify_files([fitted], "raven2", IdentifyOptions(), tests=[tested])
+    result = identify_files([fitted], "raven2", IdentifyOptions(prior=False, friction=()), tests=[tested])
     assert [(entry["log"], entry["use"]) for entry in result.card["data"]] == [("run0", "fitted"), ("run1", "tested")]
     assert all(len(entry["sha256"]) == 64 for entry in result.card["data"])
     assumed = "assumed friction on every joint, a filter of order 4 at 10 Hz"
@@ -29,47 +31,33 @@ def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: 
     assert dict(excitation_facts(found))["rank"] == rank
 
 
-def test_swapped_torques_in_what_is_fitted_are_noticed(tmp_path: Path) -> None:
-    log = recorded(load_robot("raven2"), 0, noise=0.1)
-    write_npz(log, tmp_path / "mixed.npz", tau=np.array(log.tau)[:, [1, 0, 2]])
-    with pytest.raises(DataError, match=r"axes shoulder and elbow look swapped.*--swap tau:shoulder,elbow"):
-        identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions())
-    mend = Reading(mend=Mend(swap=("tau:shoulder,elbow",)))
-    mended = identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions(), reading=mend)
+EVERY = load_robot("raven2").joint_names
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said", "mend"),
+    [
+        (lambda tau: tau[:, [1, 0, 2]], "axes shoulder and elbow look swapped", Mend(swap=("tau:shoulder,elbow",))),
+        (lambda tau: tau[:, [0, 2, 1]], "", Mend(swap=("tau:elbow,insertion",))),  # a turning and a sliding one
+        (lambda tau: tau * [1.0, -1.0, 1.0], "", Mend(sign=("tau:elbow",))),
+        (lambda tau: -tau, "", Mend(sign=tuple(f"tau:{joint}" for joint in EVERY))),
+        (lambda tau: 0.05 * tau, "motor currents", Mend(scale=tuple(f"tau:{joint}=20" for joint in EVERY))),
+    ],
+)  # fmt: skip
+def test_torques_that_are_not_the_motions_are_refused_with_what_mends_them(
+    tmp_path: Path, spoil: Callable[[Floats], Floats], said: str, mend: Mend
+) -> None:
+    log, options = recorded(load_robot("raven2"), 0, noise=0.1), IdentifyOptions(consistent=False, friction=())
+    write_npz(log, tmp_path / "spoilt.npz", tau=spoil(np.array(log.tau)))
+    with pytest.raises(DataError, match=said) as refused:
+        identify_files([tmp_path / "spoilt.npz"], "raven2", options)
+    for name, texts in (("swap", mend.swap), ("sign", mend.sign)):
+        assert all(f"--{name} {text}" in str(refused.value) for text in texts)
+    mended = identify_files([tmp_path / "spoilt.npz"], "raven2", options, reading=Reading(mend=mend))
     assert not any("swapped" in note for note in mended.notes)
-    notes = identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions(), accept=("swapped",)).notes
-    assert any("accepted swapped" in note for note in notes)
-
-
-def test_a_torque_of_the_wrong_sign_is_refused(tmp_path: Path) -> None:
-    log = recorded(load_robot("raven2"), 0, noise=0.1)
-    write_npz(log, tmp_path / "turned.npz", tau=np.array(log.tau) * [1.0, -1.0, 1.0])
-    with pytest.raises(DataError, match="--sign tau:elbow"):
-        identify_files([tmp_path / "turned.npz"], "raven2", IdentifyOptions())
-
-
-def test_currents_read_as_torques_are_refused(tmp_path: Path) -> None:
-    log = recorded(load_robot("raven2"), 0, noise=0.1)
-    write_npz(log, tmp_path / "currents.npz", tau=0.05 * np.array(log.tau))
-    with pytest.raises(DataError, match=r"motor currents.*--scale tau:"):
-        identify_files([tmp_path / "currents.npz"], "raven2", IdentifyOptions())
-
-
-def test_torques_that_are_all_of_the_wrong_sign_are_refused_joint_by_joint(tmp_path: Path) -> None:
-    log, joints = recorded(load_robot("raven2"), 0, noise=0.1), load_robot("raven2").joint_names
-    write_npz(log, tmp_path / "turned.npz", tau=-np.array(log.tau))
-    with pytest.raises(DataError) as refused:
-        identify_files([tmp_path / "turned.npz"], "raven2", IdentifyOptions())
-    assert [joint for joint in joints if f"--sign tau:{joint}" in str(refused.value)] == list(joints)
-    mend = Reading(mend=Mend(sign=tuple(f"tau:{joint}" for joint in joints)))
-    identify_files([tmp_path / "turned.npz"], "raven2", IdentifyOptions(), reading=mend)
-
-
-def test_a_turning_and_a_sliding_axis_in_each_other_s_torque_columns_are_refused(tmp_path: Path) -> None:
-    log = recorded(load_robot("raven2"), 0, noise=0.1)
-    write_npz(log, tmp_path / "mixed.npz", tau=np.array(log.tau)[:, [0, 2, 1]])
-    with pytest.raises(DataError, match=r"--swap tau:elbow,insertion"):
-        identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions())
+    if refused.value.names == ("swapped",) and said:
+        accepted = identify_files([tmp_path / "spoilt.npz"], "raven2", options, accept=("swapped",)).notes
+        assert any("accepted swapped" in note for note in accepted)
 
 
 def poses_at_rest(path: Path, *, order: tuple[int, ...] = (0, 1, 2), sign: tuple[float, ...] = (1.0, 1.0, 1.0)) -> Path:

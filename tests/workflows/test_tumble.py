@@ -1,12 +1,33 @@
+"""A gravity sensor's calibration: by a tumble, and from recordings in which it rested."""
+
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from catenary.arrays import Floats
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.import_formats.imu_recording import ImuRecording, read_imu
+from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import Mounting, load_mounting, save_mounting
+from catenary.sensing.tumble import fit_orientations
 from catenary.simulation.sensors import SensorModel
 from catenary.workflows.sense import StillReading
-from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
+from catenary.workflows.tumble import (
+    ATTITUDES,
+    calibrate_replay,
+    rests,
+    run_tumble,
+    simulated_reader,
+    up_of_poses,
+    up_of_tilts,
+)
+from command_line import catenary, refusal
+from lab_bags import KINDS, Kind, Message, write_bag
 
 TRUE = Mounting(
     rotation=Rotation.from_euler("xyz", [0.4, -0.8, 2.0]).as_matrix(),
@@ -72,3 +93,131 @@ def test_sides_that_were_left_out_are_named():
         return READINGS["+z up" if attitude.name in ("-z up", "slanted 2", "slanted 3") else attitude.name]
 
     assert any("no reading with -z up" in fault for fault in run_tumble(read).faults)
+
+
+R = Rotation.from_euler("XYZ", [0.3, -0.2, 1.0]).as_matrix()  # R_base_imu
+BIAS, RATE_BIAS = np.array([0.2, -0.1, 0.3]), np.array([0.01, -0.02, 0.005])
+TILTS = [(0.0, 0.0), (20.0, 0.0), (-20.0, 0.0), (0.0, 20.0), (0.0, -20.0), (15.0, 15.0)]
+HZ = 50
+
+
+def recorded(up: Floats, *, noise: float = 0.01) -> ImuRecording:
+    """Two seconds in each orientation, a second of shaking between."""
+    rng = np.random.default_rng(4)
+    force, rate = [], []
+    for direction in up:
+        still = 9.81 * R.T @ direction + BIAS + noise * rng.normal(size=(2 * HZ, 3))
+        force += [still, still[0] + 3.0 * rng.normal(size=(HZ, 3))]
+        rate += [RATE_BIAS + 0.001 * rng.normal(size=(2 * HZ, 3)), rng.normal(size=(HZ, 3))]
+    rows = np.concatenate(force)
+    return ImuRecording(np.arange(len(rows)) / HZ, rows, np.concatenate(rate))
+
+
+def written(path: Path, r: ImuRecording, names: str = "time,ax,ay,az,gx,gy,gz") -> Path:
+    rate = np.zeros_like(r.force) if r.rate is None else r.rate
+    np.savetxt(path, np.column_stack([r.time, r.force, rate]), delimiter=",", header=names, comments="")
+    return path
+
+
+def test_rests_of_a_recording_are_found_and_motion_between_them_is_not() -> None:
+    found = rests(recorded(up_of_tilts(TILTS)))
+    assert len(found) == len(TILTS)
+    assert_allclose([f.force for f in found], 9.81 * up_of_tilts(TILTS) @ R + BIAS, atol=0.01)
+
+
+def test_mounting_and_biases_come_out_of_a_whole_robots_orientations() -> None:
+    outcome = calibrate_replay(recorded(up_of_tilts(TILTS)), up_of_tilts(TILTS))
+    assert outcome.faults == ()
+    assert_allclose(outcome.mounting.rotation, R, atol=2e-3)  # noise 0.01 m/s2 of 9.81, over 50 readings each
+    assert_allclose(outcome.mounting.bias, BIAS, atol=0.02)
+    assert_allclose(outcome.mounting.rate_bias, RATE_BIAS, atol=1e-3)
+
+
+def test_an_arm_that_carries_the_sensor_turns_it() -> None:
+    arm, rng = load_robot("raven2"), np.random.default_rng(0)
+    q = arm.lower + (arm.upper - arm.lower) * rng.uniform(size=(5, 3))
+    up = up_of_poses(arm, q)
+    for pose, direction in zip(q, up, strict=True):
+        assert_allclose(forward_kinematics(arm, pose).rotation @ direction, [0.0, 0.0, 1.0], atol=1e-12)
+    assert_allclose(calibrate_replay(recorded(up), up).mounting.rotation, R, atol=5e-3)
+
+
+def test_scale_is_fitted_where_there_are_orientations_enough(rng: np.random.Generator) -> None:
+    up = rng.normal(size=(12, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    scale = np.array([1.02, 0.97, 1.0])
+    fit = fit_orientations(scale * (9.81 * up @ R) + BIAS, up)
+    assert_allclose(fit.scale, scale, atol=1e-8)
+    assert_allclose(fit.rotation, R, atol=1e-8)
+    assert_allclose(fit.bias, BIAS, atol=1e-7)
+
+
+def test_orientations_in_another_order_are_a_fault_and_too_few_are_refused() -> None:
+    up = up_of_tilts(TILTS)
+    assert "in that order" in calibrate_replay(recorded(up), up[[1, 0, 2, 3, 4, 5]]).faults[0]
+    with pytest.raises(InputError, match="the recording has 6 rests"):
+        calibrate_replay(recorded(up), up[:5])
+    with pytest.raises(InputError, match="at least 4"):
+        fit_orientations(up[:3], up[:3])
+    with pytest.raises(InputError, match="tilt about two axes"):
+        fit_orientations(up[[0, 1, 0, 1]], up[[0, 1, 0, 1]])
+
+
+def test_a_csv_is_replayed_and_calibrated_by_the_command(tmp_path: Path) -> None:
+    imu = written(tmp_path / "imu.csv", recorded(up_of_tilts(TILTS)))
+    turned, out = tmp_path / "turned.csv", tmp_path / "m.toml"
+    np.savetxt(turned, TILTS, delimiter=",", header="roll_deg,pitch_deg", comments="")
+    done = catenary("sense", "--replay", imu, "--tumble", "--orientations", turned, "--out", out, "--json").json
+    assert done["faults"] == []
+    assert_allclose(load_mounting(out).rotation, R, atol=2e-3)
+    level = written(tmp_path / "level.csv", recorded(up_of_tilts(TILTS[:1])), "t_s,fx,fy,fz,wx,wy,wz")
+    shown = catenary("sense", "--replay", level, "--mounting", out, "--duration", "1.5", "--json").json
+    assert set(shown["readings"]) == {"live"}
+    assert_allclose(shown["mean"], [0.0, 0.0, -9.81], atol=0.03)
+
+
+def test_a_deck_that_was_recorded_is_live_with_a_ships_rules_and_not_with_a_tables(tmp_path: Path) -> None:
+    rng, t = np.random.default_rng(1), np.arange(0.0, 8.0, 0.02)
+    force = np.array([0.0, 0.0, 9.81]) + np.outer(2.5 * np.sin(0.24 * np.pi * t), [0.0, 0.0, 1.0])
+    deck = ImuRecording(t, force + 0.02 * rng.normal(size=force.shape), 0.001 * rng.normal(size=force.shape))
+    line = ("sense", "--replay", written(tmp_path / "deck.csv", deck), "--json", "--mounting-on")
+    assert catenary(*line, "ship").json["faults"] == {}
+    assert catenary(*line, "table").json["faults"]["magnitude"] > 100
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_imu_of_a_bag_is_read_by_its_stamps(tmp_path: Path, kind: Kind) -> None:
+    def message(k: int) -> Message:
+        def make(store: Any, head: Any) -> Any:
+            vector, turn = (store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"])
+            nine = np.zeros(9)
+            rate, force = vector(0.1, 0.0, 0.01 * k), vector(0.5, float(k), 9.8)
+            return store.types["sensor_msgs/msg/Imu"](head, turn(0.0, 0.0, 0.0, 1.0), nine, rate, nine, force, nine)
+
+        return 0.02 * k, "/imu", make
+
+    bag = write_bag(tmp_path / "imu", kind, {"/imu": "sensor_msgs/msg/Imu"}, [message(k) for k in range(20)])
+    found = read_imu(bag)
+    assert_allclose(found.time, 0.02 * np.arange(20), atol=1e-9)
+    assert_allclose(found.force[:, 1], np.arange(20))
+    assert found.rate is not None
+    assert_allclose(found.rate[:, 2], 0.01 * np.arange(20))
+
+
+def test_recordings_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    imu = written(tmp_path / "imu.csv", recorded(up_of_tilts(TILTS[:1])))
+    odd = written(tmp_path / "odd.csv", recorded(up_of_tilts(TILTS[:1])), "time,q1,q2,q3,q4,q5,q6")
+    with pytest.raises(InputError, match="no columns of an accelerometer such as ax, ay, az; it has time, q1"):
+        read_imu(odd)
+    assert read_imu(odd, columns=("q1", "q2", "q3")).rate is None
+    with pytest.raises(InputError, match="expected three"):
+        read_imu(odd, columns=("q1", "q2"))
+    with pytest.raises(FileFormatError, match="no such file"):
+        read_imu(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="expected topic /imu"):
+        read_imu(imu, topic="/imu")
+    assert "give one of" in refusal("sense", "--replay", imu, "--simulated")
+    assert "--columns: goes with --replay" in refusal("sense", "--simulated", "--columns", "a,b,c")
+    assert "needs --orientations" in refusal("sense", "--replay", imu, "--tumble")
+    assert "--robot: goes with --orientations" in refusal("sense", "--replay", imu, "--robot", "raven2")
+    assert "no column roll_deg" in refusal("sense", "--replay", imu, "--tumble", "--orientations", imu)

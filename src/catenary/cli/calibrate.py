@@ -47,8 +47,8 @@ def extract(
     """
     from catenary.recording.import_formats.raven_recordings import write_raven_csv
     from catenary.reports.page import Table, TableColumn
+    from catenary.workflows.project.kinds import arm_of
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
-    from catenary.workflows.project.robot import arm_of
     from catenary.workflows.project.state import ExtractionFile, read_state
 
     columns_of_topics = [
@@ -83,7 +83,7 @@ def extract(
                 found[name]["bags"] = [str(path) for path in written]
             if csv:
                 table = opened.folder / f"{name}.csv"
-                write_raven_csv(opened.folder / "extracted" / name, table, arm=arm_of(opened))
+                write_raven_csv(opened.folder / "extracted" / name, table, arm=arm_of(opened.settings))
                 found[name]["csv"] = str(table)
     if as_json:
         print_json(found)
@@ -169,10 +169,10 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
     if as_json:
         print_json(result.summary())
         return
-    from catenary.reports.page import Table
+    from catenary.reports.project import comparison_table
 
     title = "RMSE on a recording that no model saw (per cent of the fixed offset)"
-    print(Table(*result.table(), title).text())
+    print(comparison_table(result.evaluations, title).text())
     for sentence in result.advice:
         print(sentence)
     deployed = result.deployment

@@ -87,11 +87,12 @@ def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot
-    from catenary.workflows.project.robot import left_at, make_plant
+    from catenary.workflows.project.kinds import kind_of
+    from catenary.workflows.project.robot import left_at
 
     require_project(project)
     opened = open_project(project)
-    plant = make_plant(opened.settings)
+    plant = kind_of(opened.settings).plant()
     left = left_at(opened, TRAIN)
     restore_plant(plant, left if left.is_file() else left_at(opened, "home"))
     plant.state_command("enable")

@@ -144,7 +144,6 @@ def excitation(
     import numpy as np
 
     from catenary.identification.motion_limits import room_of
-    from catenary.reports.page import Table
     from catenary.workflows.excitation import comparison_table, design_excitation, write_excitation, write_trajectory
 
     model = description.load(robot)
@@ -180,5 +179,5 @@ def excitation(
         print(line)
     if result.comparison is not None:
         title = "Beside other motions of equal length and limits"
-        print(Table(*comparison_table(result.comparison), title).text())
+        print(comparison_table(result.comparison, title).text())
     print(f"file: {out}" if trajectory is None else f"file: {out}\ntrajectory: {trajectory}")

@@ -36,9 +36,8 @@ def check(
         print_json(finding.as_data())
     else:
         print(f"{file}: {finding.kind}")
-        lines = finding.facts.in_words()
-        width = max(len("remark:"), *(len(name) for name, _ in lines))
-        for name, text in lines:
+        width = max(len("remark:"), *(len(name) for name, _ in finding.lines))
+        for name, text in finding.lines:
             print_fact(name, text, width=width)
         for remark in finding.remarks:
             print_fact("remark:", remark, width=width)

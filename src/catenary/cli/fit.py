@@ -18,6 +18,7 @@ from catenary.cli.options import (
     numbers,
     option,
     robots_beginning,
+    values_of,
     words,
 )
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
@@ -37,8 +38,12 @@ ROBOT_OF_DATA = option(
 )
 
 
-def _play_shares(text: str) -> Numbers | str:
-    return text if text in ("on", "off") else numbers(text)
+def _play_shares(text: str) -> Numbers:
+    if text == "on":
+        from catenary.calibration.fit_options import PLAY_SHARES
+
+        return PLAY_SHARES
+    return () if text == "off" else numbers(text)
 
 
 def _inputs(text: str) -> Names | dict[str, Names]:
@@ -55,12 +60,13 @@ def _inputs(text: str) -> Names | dict[str, Names]:
 
 @group
 class ModelOptions:
-    """Options of a fit."""
+    """Options of a fit, by the names of FitOptions and FitRun, which refuse what they do not know."""
 
-    model: str = option(
+    kind: str = option(
         "KIND",
         "offset, linear, polynomial, neural, or auto: for every joint the simplest of them that will do.",
         "auto",
+        flag="--model",
     )
     preset: str | None = option(
         "NAME", "Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: best]"
@@ -72,7 +78,7 @@ class ModelOptions:
         read=_inputs,
     )
     history: int = option("K", "Also take the K previous commands.", 0, least=0)
-    play: Numbers | str | None = option(
+    play: Numbers | None = option(
         "SHARES",
         "Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
         "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best without torques]",
@@ -100,31 +106,17 @@ class ModelOptions:
 
     def options(self, seed: int) -> "FitOptions":
         """Return the options of the model, its training by this seed."""
-        from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
+        from catenary.calibration.fit_options import FitOptions
 
-        return FitOptions(
-            kind=self.model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
-            preset=self.preset,  # type: ignore[arg-type]
-            inputs=self.inputs,
-            history=self.history,
-            play={"on": PLAY_SHARES, "off": ()}[self.play] if isinstance(self.play, str) else self.play,
-            target=self.target,  # type: ignore[arg-type]
-            ridge=self.ridge,
-            seed=seed,
-            prior=self.prior,
-        )
+        names = ("kind", "preset", "inputs", "history", "play", "target", "ridge", "prior")
+        return FitOptions(seed=seed, **values_of(self, *names))
 
     def run(self, accept: Sequence[str], robot: str | None = None) -> "FitRun":
         """Return the options that do not belong to the model."""
         from catenary.calibration.fit_options import FitRun
 
         return FitRun(
-            robot=robot,
-            max_error=self.max_error,
-            held_out=self.held_out,
-            folds=self.folds,
-            accept=tuple(accept),
-            coverage=self.coverage,
+            robot=robot, accept=tuple(accept), **values_of(self, "max_error", "held_out", "folds", "coverage")
         )
 
 
@@ -150,7 +142,7 @@ def fit(
     options = fitting.options(seed)
     arm = None if robot is None else load_robot(robot)
     reading, run = recordings.reading(robot), fitting.run(accept, robot)
-    with progress_bar(f"fitting {fitting.model}") as progress:
+    with progress_bar(f"fitting {fitting.kind}") as progress:
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
     if as_json:
@@ -187,14 +179,13 @@ def evaluate(
     from catenary.reports.calibration import write_calibration_report
     from catenary.reports.joint_errors import error_table, window_table
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.calibration_model import evaluate_calibration, evaluation_summary
+    from catenary.workflows.calibration_model import held_against
 
     arm = None if robot is None else load_robot(robot)
-    result = evaluate_calibration(
-        model, data, reading=recordings.reading(), accept=tuple(accept), max_error=max_error, window=window
-    )
+    held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
+    result = held.evaluate(window)
     if as_json:
-        print_json(evaluation_summary(result))
+        print_json(result.as_data())
     else:
         print_notes(result.notes)
         print(error_table(result.evaluation).text())
@@ -230,9 +221,9 @@ def refresh(
     """
     from catenary.calibration.model_file import save_model
     from catenary.reports.page import Table, TableColumn
-    from catenary.workflows.calibration_model import refresh_calibration
+    from catenary.workflows.calibration_model import held_against
 
-    result = refresh_calibration(model, data, reading=recordings.reading(), accept=tuple(accept), max_error=max_error)
+    result = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error).refresh()
     save_model(result.model, result.card, out)
     shown = result.as_data()
     if as_json:
@@ -271,11 +262,10 @@ def drift(
     """
     from catenary.calibration.model_drift import since_in_words
     from catenary.reports.drift import drift_table, write_drift_report
-    from catenary.workflows.calibration_model import drift_of_model, drift_summary
+    from catenary.workflows.calibration_model import drift_summary, held_against
 
-    found, notes = drift_of_model(
-        model, data, reading=recordings.reading(), accept=tuple(accept), factor=factor, max_error=max_error
-    )
+    held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
+    found, notes = held.drift(factor)
     if as_json:
         print_json(drift_summary(found, notes))
     else:

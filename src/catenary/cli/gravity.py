@@ -19,6 +19,7 @@ from catenary.cli.options import (
     numbers,
     option,
     robots_beginning,
+    values_of,
 )
 from catenary.cli.robot_choice import SIMULATED_SEED
 from catenary.cli.robot_options import (
@@ -115,7 +116,7 @@ class Conditions:
             first, last = np.deg2rad(self.rock_deg)
             middle, reach = float(first + last) / 2.0, float(last - first) / 2.0
             return RockingBase(middle, reach, self.rock_hz, axis=(0.0, 1.0, 0.0), start=start)
-        rocks = tuple(_rock(text) for text in self.rock)
+        rocks = tuple(_wave("--rock", text) for text in self.rock)
         moves = [_wave("--heave", text, "z") for text in self.heave]
         moves += [_wave("--surge", text, "x") for text in self.surge]
         moves += [_wave("--sway", text, "y") for text in self.sway]
@@ -125,16 +126,11 @@ class Conditions:
         """Return the robot on its base."""
         from catenary.workflows.gravity.simulated_arm import simulated_arm
 
-        drives = {name: getattr(self, name) for name in ("kp", "kd", "friction", "viscous")}
+        drives = values_of(self, "kp", "kd", "friction", "viscous")
         return simulated_arm(
-            robot,
-            base=self.base(),
-            payload=self.payload,
-            seed=self.seed,
-            massless=description.declared(),
-            strict=description.strict,
-            **{name: values and one_or_each(values) for name, values in drives.items()},
-        )
+            robot, base=self.base(), payload=self.payload, seed=self.seed, massless=description.declared(),
+            strict=description.strict, **{name: values and one_or_each(values) for name, values in drives.items()},
+        )  # fmt: skip
 
     def gravity(self, arm: "SimulatedArm", sensing: SensingOptions) -> "SensedGravity | None":
         """Return a simulated unit on the base as a source of gravity; None where gravity is as it truly is."""
@@ -150,42 +146,29 @@ class Conditions:
         return sensing.source(sensor.mailbox, told, angular=True, feed=sensor.advance)
 
 
-def _rock(text: str) -> "Wave":
+def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
+    """Read amplitude, frequency and phase of a motion along an axis or, behind its own axis and in deg, of a rock."""
     import numpy as np
 
     from catenary.simulation.base_motion import Wave
 
-    axis, _, rest = text.partition(",")
-    if axis.strip() not in _AXES:
-        raise InputError(f'--rock "{text}": expected AXIS,DEG,HZ with axis x, y or z, as x,8,0.1')
-    amplitude, frequency, phase = _amplitude_frequency_phase("--rock", rest)
-    return Wave(float(np.deg2rad(amplitude)), frequency, _AXES[axis.strip()], phase)
-
-
-def _wave(option: str, text: str, axis: str) -> "Wave":
-    from catenary.simulation.base_motion import Wave
-
-    amplitude, frequency, phase = _amplitude_frequency_phase(option, text)
-    return Wave(amplitude, frequency, _AXES[axis], phase)
-
-
-def _amplitude_frequency_phase(option: str, text: str) -> tuple[float, float, float]:
-    import numpy as np
-
-    values = _numbers(option, text)
+    unit, rest = 1.0, text
+    if axis is None:
+        axis, _, rest = (part.strip() for part in text.partition(","))
+        unit = float(np.deg2rad(1.0))
+        if axis not in _AXES:
+            raise InputError(f'{option} "{text}": expected AXIS,DEG,HZ with axis x, y or z, as x,8,0.1')
+    try:
+        values = numbers(rest)
+    except typer.BadParameter as error:
+        raise InputError(f"{option}: {error.message}") from None
     _require_finite(option, values)
     if len(values) not in (2, 3) or values[1] < 0.0:
         raise InputError(
             f'{option} "{text}": expected an amplitude, a frequency of 0 Hz or more, and a phase in deg if any'
         )
-    return values[0], values[1], float(np.deg2rad(values[2])) if len(values) == 3 else 0.0
-
-
-def _numbers(option: str, text: str) -> Numbers:
-    try:
-        return numbers(text)
-    except typer.BadParameter as error:
-        raise InputError(f"{option}: {error.message}") from None
+    amplitude, frequency, phase = (*values, 0.0)[:3]
+    return Wave(unit * amplitude, frequency, _AXES[axis], float(np.deg2rad(phase)))
 
 
 def _require_finite(option: str, values: Sequence[float]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.options import Triple, group, numbers, option
+from catenary.cli.options import Triple, group, numbers, option, values_of
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -162,19 +162,9 @@ class SensingOptions(RuleOptions):
         """Return the source of gravity that reads a mailbox so."""
         from catenary.sensing.imu import SensedGravity
 
+        times = values_of(self, "fallback", "cutoff_hz", "stale_after", "age_limit", "attitude_time", "start_limit")
         return SensedGravity(
-            mailbox,
-            mounting,
-            mounted_on=self.mounting_on,
-            angular=angular,
-            fallback=self.fallback,
-            cutoff_hz=self.cutoff_hz,
-            stale_after=self.stale_after,
-            age_limit=self.age_limit,
-            attitude_time=self.attitude_time,
-            start_limit=self.start_limit,
-            rules=self.rules(),
-            feed=feed,
+            mailbox, mounting, mounted_on=self.mounting_on, angular=angular, rules=self.rules(), feed=feed, **times
         )
 
 

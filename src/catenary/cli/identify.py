@@ -97,9 +97,7 @@ def identify(
     )
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
-    result = identify_files(
-        data, robot, options, tests=test, rows=rows, reading=recordings.reading(), accept=tuple(accept)
-    )
+    result = identify_files(data, robot, options, tests=test, rows=rows, reading=recordings.reading(), accept=accept)
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:
@@ -145,13 +143,7 @@ def payload(
 
     place = None if at is None else (at[0], at[1:])
     result = payload_of_files(
-        data,
-        model,
-        at=place,
-        unloaded=unloaded,
-        cutoff_hz=cutoff_hz,
-        reading=recordings.reading(),
-        accept=tuple(accept),
+        data, model, at=place, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=recordings.reading(), accept=accept
     )
     if as_json:
         print_json(result.summary())

@@ -153,8 +153,6 @@ def _say(
     """Print how a motion went; one that was ended before its end exits as `exit_code` says.
 
     Args:
-        summary: What is told.
-        as_json: As JSON, in rad and m.
         what: The robot did when it came to the motion's end.
         si: Joints in rad and m, as they were asked for, not in deg and mm.
         asked: (3,) [m] where the tip was to go, if it was.

@@ -182,6 +182,11 @@ def _refuse_files(asked: Sequence[_Asked], values: Mapping[str, Any]) -> None:
     refuse_outputs(written, read)
 
 
+def values_of(options: Any, *names: str) -> dict[str, Any]:
+    """Return some of a group's options by their names, for what takes them under these."""
+    return {name: getattr(options, name) for name in names}
+
+
 def require_one(**given: Any) -> None:
     """Refuse none, and more than one, of what must be given; by their parameters' names."""
     if sum(value not in (None, False) for value in given.values()) != 1:

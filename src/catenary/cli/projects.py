@@ -31,16 +31,12 @@ HOURS = option(None, "Length of the random motion.")
 
 @group
 class ArmOptions:
-    """Options that say which RAVEN-II a project is about."""
+    """Options that say which RAVEN-II a project is about, by the names of its settings; None is not typed."""
 
     seed: int | None = SEED
     base_tilt_deg: tuple[float, float] | None = TILT_OF_BASE
-    payload: float | None = option("KG", "Mass at the tool's wrist.")
+    payload_kg: float | None = option("KG", "Mass at the tool's wrist.", flag="--payload")
     side: str | None = option(None, "left (gold) or right (green). [default: left]")
-
-    def settings(self) -> dict[str, Any]:
-        """Return the project's settings that were typed; None for the others."""
-        return {"seed": self.seed, "payload_kg": self.payload, "side": self.side, "base_tilt_deg": self.base_tilt_deg}
 
 
 def _fractions(text: str) -> Numbers:
@@ -60,19 +56,11 @@ class ExcitationOptions(ArmOptions):
 
     direction: str | None = option(None, "Joints that the zig-zag sweeps: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
     form: str | None = option(None, "Which published J1-J2-J3: generator, files or paper. [default: generator]")
-    sparsity: Numbers | None = option("S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions)
+    sparsities: Numbers | None = option(
+        "S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions, flag="--sparsity"
+    )
     train_minutes: float | None = option("MIN", "Length of a dVRK PSM's motion to train on. [default: 20]")
-    state_rate: float | None = option("HZ", "Rate of raven_state, 30 or 100. [default: 30]")
-
-    def settings(self) -> dict[str, Any]:
-        """Return the project's settings that were typed; None for the others."""
-        return super().settings() | {
-            "direction": self.direction,
-            "form": self.form,
-            "sparsities": self.sparsity,
-            "train_minutes": self.train_minutes,
-            "state_rate_hz": self.state_rate,
-        }
+    state_rate_hz: float | None = option("HZ", "Rate of raven_state, 30 or 100. [default: 30]", flag="--state-rate")
 
 
 @group
@@ -105,7 +93,7 @@ def open_project(
         "namespace": namespace,
         "columns": columns,
         "test_minutes": None if hours is None else 60.0 * hours,
-        **({} if arm is None else arm.settings()),
+        **({} if arm is None else vars(arm)),
     }
     changes: dict[str, Any] = {key: value for key, value in typed.items() if value is not None}
     return Project(folder, replace(project_settings(folder) or ProjectSettings(), **changes))

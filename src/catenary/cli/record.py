@@ -64,7 +64,7 @@ def home(
         opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
         _home_project(opened, access, as_json)
         return
-    if arm.payload is not None or arm.side is not None:
+    if arm.payload_kg is not None or arm.side is not None:
         raise InputError("--payload and --side go with a project; without one give --robot raven2_right")
     if access.ros is None and (access.yes or access.simulated):
         raise InputError("--yes and --simulated go with --ros; this robot is simulated here")

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catenary.cli.options import argument, group, option
+from catenary.cli.options import argument, group, option, values_of
 
 if TYPE_CHECKING:
     from catenary.recording.import_formats.mapping import RecordingMapping
@@ -70,15 +70,8 @@ class MendOptions:
         """Return what to change of recordings."""
         from catenary.recording.mend import Mend
 
-        return Mend(
-            units=(self.units,) if self.units else (),
-            swap=tuple(self.swap),
-            sign=tuple(self.sign),
-            scale=tuple(self.scale),
-            shift=self.shift,
-            time_unit=self.time_unit,
-            leave_out=tuple(self.leave_out),
-        )
+        typed = values_of(self, "swap", "sign", "scale", "shift", "time_unit", "leave_out")
+        return Mend(units=(self.units,) if self.units else (), **typed)
 
 
 @group

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -19,6 +20,10 @@ NODE_NAME = option("NAME", "On ROS: this program's. [default: catenary_COMMAND_P
 CARRIER = option("1|2|none", "ROS that carries the messages.", "1", choices=("1", "2", "none"), joins_ros=True)
 BAUD = option(None, "Speed of the serial line.", 115200, least=300)
 RECORD = option("FOLDER", "Also record a RAVEN-II's topics.")
+DIALECT = option(
+    None, "With --ros: raven or crtk. [default: the robot's own]", choices=("raven", "crtk"), goes_with="ros"
+)
+NAMESPACE = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros")
 SIMULATED_SEED = option(
     "N", "Simulate another robot of the kind, drawn with this seed. [default: the nominal one]", least=0
 )
@@ -37,11 +42,9 @@ class WatchedRobot:
     ros: int | None = option(
         "1|2", "The robot is on ROS 1 or 2. [default: simulated here]", choices=(1, 2), joins_ros=True
     )
-    dialect: str | None = option(
-        None, "With --ros: raven or crtk. [default: the robot's own]", choices=("raven", "crtk"), goes_with="ros"
-    )
-    namespace: str | None = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros")
-    name: str | None = option(NODE_NAME.metavar, NODE_NAME.help, goes_with="ros")
+    dialect: str | None = DIALECT
+    namespace: str | None = NAMESPACE
+    name: str | None = replace(NODE_NAME, goes_with="ros")
     simulated: bool = option(
         None, "With --ros: that robot is simulated, so there is no workspace to clear.", False, goes_with="ros"
     )

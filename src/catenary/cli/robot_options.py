@@ -66,7 +66,6 @@ def some_joint_values(
     """Return some joints from the option that was given, (k,) in rad and m, and their names.
 
     Args:
-        robot: Whose joints.
         q: [rad|m].
         q_deg: [deg|mm].
         names: Which joints; as many of the first as there are numbers when None.

@@ -120,8 +120,6 @@ def _opened(
     port: str | None, told: "Mounting", tilt_deg: tuple[float, float], rate: float, seed: int, baud: int, tumble: bool
 ) -> "Iterator[tuple[Feed | None, Mounting]]":
     """Open the sensor, with its mounting and ranges; no feed for a simulated tumble, which is many sensors."""
-    from dataclasses import replace
-
     from catenary.sensing.vector import Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
@@ -233,8 +231,7 @@ def _print_summary(summary: "SenseSummary") -> None:
 def _replay(
     recording: "ImuRecording", sensing: SensingOptions, told: "Mounting", duration: float | None, as_json: bool
 ) -> None:
-    from catenary.workflows.replay import ReplayFeed
-    from catenary.workflows.sense import SETTLE
+    from catenary.workflows.sense import SETTLE, ReplayFeed
 
     feed = ReplayFeed(recording)
     source = sensing.source(feed.mailbox, told, angular=feed.has_gyroscope)
@@ -244,7 +241,7 @@ def _replay(
 
 def _calibrate(recording: "ImuRecording", options: ReplayOptions, told: "Mounting", out: Path, as_json: bool) -> None:
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.replay import calibrate_replay, read_orientations
+    from catenary.workflows.tumble import calibrate_replay, read_orientations
 
     model = None if options.robot is None else load_robot(options.robot)
     up = read_orientations(options.orientations or Path(), model, options.frame)
@@ -296,19 +293,14 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None
         ended = {"readings": section.readings, "faults": list(outcome.faults)}
         print_json({"mounting": None if outcome.faults else str(out), **found, **left, **ended})
     else:
-        _print_tumble(outcome, out)
+        facts = [("bias", m.bias, "m/s2"), ("scale", m.scale, ""), ("rate bias", m.rate_bias, "rad/s")]
+        facts += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
+        for name, values, unit in facts:
+            print_fact(name, " ".join(f"{v:+.4f}" for v in values) + f" {unit}".rstrip(), width=10)
+        if section.residual_m_s2 is not None:
+            print_fact("residual", f"{section.residual_m_s2:.4f} m/s2", width=10)
+        for fault in outcome.faults:
+            print_fact("WRONG:", fault, width=10)
+        print("nothing written" if outcome.faults else f"written to {out}")
     if outcome.faults:
         raise typer.Exit(1)
-
-
-def _print_tumble(outcome: "TumbleOutcome", out: Path) -> None:
-    m, section = outcome.mounting, outcome.section
-    facts = [("bias", m.bias, "m/s2"), ("scale", m.scale, ""), ("rate bias", m.rate_bias, "rad/s")]
-    facts += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
-    for name, values, unit in facts:
-        print_fact(name, " ".join(f"{v:+.4f}" for v in values) + f" {unit}".rstrip(), width=10)
-    if section.residual_m_s2 is not None:
-        print_fact("residual", f"{section.residual_m_s2:.4f} m/s2", width=10)
-    for fault in outcome.faults:
-        print_fact("WRONG:", fault, width=10)
-    print("nothing written" if outcome.faults else f"written to {out}")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from catenary.cli.gravity_options import GravityOptions
 from catenary.cli.options import argument, option, robots_beginning
 from catenary.cli.recording_options import ModelRecordingOptions
-from catenary.cli.robot_choice import NODE_NAME, MovedRobot, WatchedRobot, chosen_robot
+from catenary.cli.robot_choice import DIALECT, NAMESPACE, NODE_NAME, MovedRobot, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -42,10 +42,8 @@ def view(
     ros: int | None = option(
         "1|2", "Beside a robot on ROS 1 or 2, which is only read.", choices=(1, 2), joins_ros=True
     ),
-    dialect: str | None = option(
-        None, "With --ros: raven or crtk. [default: the robot's own]", choices=("raven", "crtk"), goes_with="ros"
-    ),
-    namespace: str | None = option("/NAME", "With --dialect crtk: in front of its verbs.", goes_with="ros"),
+    dialect: str | None = DIALECT,
+    namespace: str | None = NAMESPACE,
     name: str | None = replace(NODE_NAME, goes_with="ros"),
     control: bool = option(
         None, "With --ros: buttons that move the robot while they are held, as teleop does.", False, goes_with="ros"

@@ -17,7 +17,7 @@ from catenary.reports.joint_errors import (
     spread_table,
     window_blocks,
 )
-from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page
+from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text, write_page
 from catenary.reports.tip import TipErrors, arm_picture, kinematics_of, tip_blocks, tip_errors
 from catenary.robots.model import RobotModel
 
@@ -37,7 +37,6 @@ def write_calibration_report(
     tested_on: str,
     spread: Sequence[Spread] = (),
     notes: Sequence[str] = (),
-    comparison: tuple[Sequence[str], Sequence[Sequence[str]]] | None = None,
     opening: Sequence[Block] = (),
     further: Sequence[Block] = (),
     name: str | None = None,
@@ -47,18 +46,15 @@ def write_calibration_report(
     """Write the page about a calibration, one self-contained file.
 
     `tested_on` says in words which data the evaluation is of, `unseen` whether the model was not fitted to it.
-    `opening` and `comparison`, header and rows of a table of several models, open the page; `further` stands before
-    the card. The page calls the model `name`, or by kind and preset, and looks at the tip of `robot`, or of the one
-    that the card names.
+    `opening` opens the page, `further` stands before the card. The page calls the model `name`, or by kind and preset,
+    and looks at the tip of `robot`, or of the one that the card names.
     """
     name = name if name is not None else short_name(model)
     robot = robot or kinematics_of(card.get("robot") or evaluation.data.robot, model)
     tip = None if robot is None else tip_errors(robot, model, evaluation)
     simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
-    blocks: list[Block] = [*opening]
-    if comparison is not None:
-        blocks += [Heading("Every model"), Table(*comparison)]
-    blocks += [
+    blocks: list[Block] = [
+        *opening,
         *error_blocks(evaluation, name),
         *note_blocks(notes),
         *tip_part(tip, evaluation, name),

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.files import json_text
 from catenary.identification.identification import Identification
 from catenary.identification.identification_file import Card
@@ -49,7 +48,7 @@ def write_identification_report(
         *([Remarks(notes)] if notes else []),
         Heading("Excitation"),
         Facts(excitation_facts(found)),
-        *poses_picture(found, shown[:1]),
+        *(poses_picture(found, samples) for samples in shown[:1]),
     ]
     for samples in shown:
         blocks += [Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
@@ -131,15 +130,12 @@ def excitation_facts(found: Identification) -> list[tuple[str, str]]:
     ]
 
 
-def poses_picture(found: Identification, shown: Sequence[Samples]) -> list[Picture]:
-    """Draw the robot in poses of each recording, with the masses that were found where these are each link's."""
+def poses_picture(found: Identification, samples: Samples) -> Picture:
+    """Draw the robot in poses of a recording, with the masses that were found where these are each link's."""
     robot = found.model if found.phi is None else found.robot()
-    pictures = []
-    for samples in shown:
-        rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
-        caption = f"The robot in {SHOWN_POSES} poses of {samples.name}, the first of them whole."
-        pictures.append(robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity))
-    return pictures
+    rows = np.linspace(0, len(samples) - 1, SHOWN_POSES).astype(int)
+    caption = f"The robot in {SHOWN_POSES} poses of {samples.name}, the first of them whole."
+    return robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity)
 
 
 def torque_picture(found: Identification, samples: Samples) -> Picture:
@@ -153,20 +149,16 @@ def torque_picture(found: Identification, samples: Samples) -> Picture:
     figure = Figure(figsize=(10.0, 1.7 * n), layout="constrained")
     axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
     for i, axis in enumerate(axes):
-        _draw(axis, time, tau[:, i], predicted[:, i])
+        for values, colour, label in (
+            (tau[:, i], "#5b6675", "measured"),
+            (predicted[:, i], "#c2410c", "predicted"),
+            (tau[:, i] - predicted[:, i], "#1d6fb8", "residual"),
+        ):
+            axis.plot(time, values, color=colour, linewidth=0.8, label=label)
         axis.set_ylabel(f"{found.model.joint_names[i]} [{TORQUE_UNIT[found.model.joint_units[i]]}]")
     axes[0].legend(loc="upper right", ncols=3, fontsize=8)
     axes[-1].set_xlabel("row" if found.options.terms == "static" else "time [s]")
     return picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")
-
-
-def _draw(axis: "object", time: Floats, measured: Floats, predicted: Floats) -> None:
-    for values, colour, label in (
-        (measured, "#5b6675", "measured"),
-        (predicted, "#c2410c", "predicted"),
-        (measured - predicted, "#1d6fb8", "residual"),
-    ):
-        axis.plot(time, values, color=colour, linewidth=0.8, label=label)  # type: ignore[attr-defined]
 
 
 def _all(found: Identification) -> Sequence[LogResidual]:

@@ -10,7 +10,7 @@ from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
-from catenary.reports.joint_errors import in_units
+from catenary.reports.joint_errors import in_units, percent
 from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, picture
 from catenary.units import DISPLAY
 
@@ -34,43 +34,69 @@ def write_project_report(
     connection: str,
     model: CalibrationModel,
     card: Card,
-    evaluation: Evaluation,
-    comparison: tuple[Sequence[str], Sequence[Sequence[str]]],
+    evaluations: Mapping[str, Evaluation],
     train: Sequence[MotionLog],
     test: Sequence[MotionLog],
     deployment: Mapping[str, Any] | None,
     *,
     notes: Sequence[str] = (),
     inputs: Mapping[str, Sequence[int]] | None = None,
-    name: str = "recommended",
 ) -> None:
     """Write the page of a project.
 
-    The model is the best one, which the page calls `name`; its errors are of the recordings in `test`. `connection`
-    says where the robot was: "simulation", "ros1" or "ros2". `comparison` is header and rows of the table of every
-    model, `inputs` how many inputs each takes, joint by joint, `deployment` what the 1 kHz loop reported, if it ran.
+    The model is that of the last evaluation, the best one, which the page calls by its name; its errors are of the
+    recordings in `test`. `connection` says where the robot was: "simulation", "ros1" or "ros2". `inputs` says how many
+    inputs each model takes, joint by joint, `deployment` what the 1 kHz loop reported, if it ran.
     """
+    name, evaluation = list(evaluations.items())[-1]
     opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
     further: list[Block] = []
+    where = None
     if deployment is not None:
-        simulated = any(s.simulated for s in evaluation.data.sources)
-        comparison = _beside_the_paper(comparison, _where(connection, simulated))
+        where = _where(connection, any(s.simulated for s in evaluation.data.sources))
         further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection, name)]
-    if inputs is not None:
-        comparison = with_inputs(comparison, inputs)
+    opening += [Heading("Every model"), comparison_table(evaluations, inputs=inputs, beside_paper=where)]
     write_calibration_report(
         path, model, card, evaluation, tested_on=", ".join(log.name for log in test), notes=notes,
-        comparison=comparison, opening=opening, further=further, name=name,
+        opening=opening, further=further, name=name,
     )  # fmt: skip
 
 
-def with_inputs(
-    comparison: tuple[Sequence[str], Sequence[Sequence[str]]], inputs: Mapping[str, Sequence[int]]
-) -> tuple[list[str], list[list[str]]]:
-    """Add a column of how many inputs each model takes, joint by joint where they differ."""
-    header, rows = comparison
-    told = {name: "/".join(map(str, dict.fromkeys(counts))) for name, counts in inputs.items()}
-    return [header[0], "inputs", *header[1:]], [[row[0], told.get(row[0], "-"), *row[1:]] for row in rows]
+def comparison_table(
+    evaluations: Mapping[str, Evaluation],
+    title: str = "",
+    *,
+    inputs: Mapping[str, Sequence[int]] | None = None,
+    beside_paper: str | None = None,
+) -> Table:
+    """Return a row for each model by its name, after one of raw errors and one of the fixed offset's.
+
+    `inputs` adds how many inputs each model takes, joint by joint where they differ; `beside_paper`, which says what
+    ours are of, the paper's table I, direction J2-J3: a real robot, one calibration of 1013 s.
+    """
+    joints = next(iter(evaluations.values())).joints
+    rows = [
+        ["raw", *(f"{joint.raw_rmse:.3f}" for joint in joints)],
+        ["fixed offset", *(f"{joint.offset_rmse:.3f} (100 %)" for joint in joints)],
+    ]
+    for name, evaluation in evaluations.items():
+        cells = (f"{j.rmse:.3f} ({percent(j.percent_of_offset, 0)})" for j in evaluation.joints)
+        rows.append([shown_name(name), *cells])
+    header = ["model", *(f"{joint.name} [{joint.unit}]" for joint in joints)]
+    if inputs is not None:
+        told = {shown_name(name): "/".join(map(str, dict.fromkeys(counts))) for name, counts in inputs.items()}
+        header.insert(1, "inputs")
+        rows = [[name, told.get(name, "-"), *cells] for name, *cells in rows]
+    if beside_paper is not None:
+        header = [f"{header[0]} ({beside_paper})", *header[1:], *PAPER_COLUMNS]
+        paper = {name: [f"{value:.3f}" for value in errors] for name, errors in TABLE_1.items()}
+        rows = [[*row, *paper.get(row[0], ["-"] * 3)] for row in rows]
+    return Table(header, rows, title)
+
+
+def shown_name(model: str) -> str:
+    """Return a model's name as people read it."""
+    return model.replace("_", ", preset ")
 
 
 def _where(connection: str, simulated: bool) -> str:
@@ -79,16 +105,6 @@ def _where(connection: str, simulated: bool) -> str:
         return "simulated"
     network = connection.replace("ros", "ROS ")
     return f"simulated, over {network}" if simulated else f"robot over {network}"
-
-
-def _beside_the_paper(
-    comparison: tuple[Sequence[str], Sequence[Sequence[str]]], where: str
-) -> tuple[list[str], list[list[str]]]:
-    """Add the paper's table I, direction J2-J3: a real robot, one calibration of 1013 s."""
-    header, rows = comparison
-    paper = {name: [f"{value:.3f}" for value in errors] for name, errors in TABLE_1.items()}
-    compared = [[*row, *paper.get(row[0], ["-"] * 3)] for row in rows]
-    return [f"{header[0]} ({where})", *header[1:], *PAPER_COLUMNS], compared
 
 
 def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str) -> list[Block]:

@@ -273,7 +273,6 @@ def link_segments(model: RobotModel, q: Floats) -> Floats:
     The first lines lead to the links' own frames, in the order of `model.link_names`, the others to `end_frames`.
 
     Args:
-        model: The robot.
         q: (n,) where its joints are [rad|m].
     """
     origins = link_poses(model, q)[1]
@@ -285,31 +284,23 @@ def link_segments(model: RobotModel, q: Floats) -> Floats:
     return np.array(lines)
 
 
-def draw_links(
-    axes: Any, model: RobotModel, q: Floats, *, color: str = LINK, width: float = 2.5, alpha: float = 1.0
-) -> Floats:
-    """Draw an arm as lines, with a square at its base and a dot at each end; return its points, (P, 3) [mm].
+def draw_links(axes: Any, model: RobotModel, q: Floats, *, width: float = 2.5, alpha: float = 1.0) -> Floats:
+    """Draw an arm at q (n,) [rad|m] as lines, a square at its base, dots at its ends; return its points, (P, 3) [mm].
 
-    Args:
-        axes: Matplotlib's, of three dimensions, in mm.
-        model: The robot.
-        q: (n,) where its joints are [rad|m].
-        color: Of the links.
-        width: Of the lines [points].
-        alpha: How opaque they are.
+    Lines are `width` points wide, and as opaque as `alpha` says.
     """
     segments = 1e3 * link_segments(model, q)
     links = len(model.link_names)
     for k, line in enumerate(segments):
         dot = {"marker": "o", "markersize": 1.2 * width} if k < links else {}
-        axes.plot(*line.T, color=color, linewidth=width, alpha=alpha, solid_capstyle="round", **dot)
-    axes.plot(*np.zeros((3, 1)), "s", color=color, markersize=2.4 * width, alpha=alpha)
+        axes.plot(*line.T, color=LINK, linewidth=width, alpha=alpha, solid_capstyle="round", **dot)
+    axes.plot(*np.zeros((3, 1)), "s", color=LINK, markersize=2.4 * width, alpha=alpha)
     axes.plot(*segments[links:, 1].T, "o", color=TIP, markersize=2.4 * width, alpha=alpha)
     points: Floats = np.vstack([np.zeros((1, 3)), segments.reshape(-1, 3)])
     return points
 
 
-def equal_axes(axes: Any, points: Floats, *, zoom: float = 0.88) -> tuple[Floats, float]:
+def equal_axes(axes: Any, points: Floats) -> tuple[Floats, float]:
     """Show a millimetre as long along every axis, and name the axes; return the middle (3,) and half the width [mm]."""
     from matplotlib.ticker import MaxNLocator
 
@@ -324,7 +315,7 @@ def equal_axes(axes: Any, points: Floats, *, zoom: float = 0.88) -> tuple[Floats
     ):
         limits(at - half, at + half)
         label(f"{name} [mm]", fontsize=8)
-    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.88)
     axes.tick_params(labelsize=7)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
@@ -338,13 +329,9 @@ def joints_by_unit(model: RobotModel) -> dict[str, list[int]]:
 
 
 def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: Floats) -> None:
-    """Draw a bar for each joint's torque, the first joint on top.
+    """Draw a bar for each joint's torque, the first joint on top, in axes for each unit of `joints_by_unit`.
 
-    Args:
-        places: Matplotlib's axes, one for each unit of `joints_by_unit`.
-        model: The robot.
-        q: (n,) where its joints are [rad|m].
-        tau: (N, n) torques [Nm|N]; bars are of the first row, lines from the least to the greatest of all.
+    Bars are of the first row of tau (N, n) [Nm|N] and at q (n,) [rad|m], lines from the least to the greatest of all.
     """
     for axes, (unit, joints) in zip(places, joints_by_unit(model).items(), strict=True):
         _draw_unit(axes, model, q, tau, unit, joints)

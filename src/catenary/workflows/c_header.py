@@ -1,19 +1,46 @@
-"""A robot, and its calibration model, as one C header for the control loop of a real robot."""
+"""A robot, its actuation and its calibration model as one C header for the control loop of a real robot.
 
+The header's text is c_header.h, a template. Every rigid quantity in it is a traced line (dynamics/lines.py) that
+kernels/c99.py writes, so the law stands in no second place. Friction, rotors, springs and known torques are a block for
+each effect, with its numbers: a line of operations has no sign, tanh or root, so these are written as
+`ActuationLoads.torque` computes them (dynamics/actuation.py).
+"""
+
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
+from importlib.resources import files
+from itertools import groupby
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from jinja2 import Environment
 
+from catenary.arrays import Floats
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
+from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads, known_loads
+from catenary.dynamics.lines import (
+    gravity_line,
+    gravity_regressor_line,
+    holding_line,
+    inverse_dynamics_line,
+    mass_matrix_line,
+)
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.kernels.c99 import c_comment, c_name
+from catenary.gravity.compact_regressor import compact_regressor
+from catenary.kernels.c99 import c_comment, c_function, c_name, c_sines
+from catenary.kernels.tracing import evaluate
+from catenary.plant import Jointed
+from catenary.robots.actuation import ActuationTerm, KnownTorque
 from catenary.robots.model import RobotModel
-from catenary.workflows.c_robot import c_gravity, c_motion, c_values
+from catenary.spatial import LEVEL
+
+FRICTION = (*SLIDING, "offset")
 
 
 @dataclass(frozen=True)
@@ -40,7 +67,7 @@ def c_header(
     Args:
         model: The robot; the correction alone when None, or where links have no inertia.
         calibration: Its calibration model; no correction when None.
-        rate_hz: Of the loop that the correction will run in [Hz]; matters to models with previous positions.
+        rate_hz: Of the loop that the correction will run in; matters to models with previous positions.
         loads: Its friction, rotors, springs and known torques, which the feedforward then includes; those that it
             brings, as an identified robot does, when None.
 
@@ -51,14 +78,12 @@ def c_header(
     known: CalibrationModel | RobotModel | None = model if model is not None else calibration
     if known is None:
         raise InputError("C header: expected a robot, a calibration model, or both; got neither")
-    notes: list[str] = []
-    name = c_name("model" if model is None else model.name)
-    quantities, functions = list[str](), list[str]()
+    name, notes, functions = c_name("model" if model is None else model.name), list[str](), list[str]()
+    told: dict[str, Any] = {"name": name, "known": known, "rate_hz": rate_hz, "what": "Calibration model"}
     if model is not None:
+        told["what"] = f"Robot {c_comment(model.name)}"
         if loads is not None:
             model.require_inertia()
-        elif not model.missing_tensor and not model.missing_inertia:
-            loads = known_loads(model)
         if calibration is None:
             model.require_masses()
         if model.missing_inertia:
@@ -67,41 +92,95 @@ def c_header(
                 "regressor; the header holds the correction alone"
             )
         else:
-            quantities, functions = c_gravity(model, name)
-            if model.missing_tensor:
-                notes.append(
-                    f'robot "{model.name}": no possible inertia for {", ".join(model.missing_tensor)}, so gravity and '
-                    "its regressors alone, without mass matrix, inverse dynamics and feedforward"
-                )
-            else:
-                motion = c_motion(model, name, loads)
-                notes += _without_memory(loads)
-                quantities, functions = quantities + motion.text, functions + motion.names
-    guard = f"CATENARY_{name.upper()}_H"
-    what = "Calibration model" if model is None else f"Robot {c_comment(model.name)}"
-    text = [
-        f"/* {what}, written by catenary. C99 and C++11; needs math.h, takes no memory.",
-        "   Compile without -ffast-math. Angles in rad, lengths in m.",
-        f"   Joints: {_joints(known.joint_names, known.joint_units)}. */",
-        f"#ifndef {guard}",
-        f"#define {guard}",
-        "",
-        "#include <math.h>",
-        "#include <stddef.h>",
-        "",
-        f"#define {name.upper()}_JOINTS {len(known.joint_names)}",
-        *quantities,
-    ]
+            told |= _gravity(model, name)
+            functions += ["gravity", "gravity_regressor", *(["compact_regressor"] if "compact" in told else [])]
+        if model.missing_tensor and not model.missing_inertia:
+            notes.append(
+                f'robot "{model.name}": no possible inertia for {", ".join(model.missing_tensor)}, so gravity and '
+                "its regressors alone, without mass matrix, inverse dynamics and feedforward"
+            )
+        elif not model.missing_inertia:
+            loads = known_loads(model) if loads is None else loads
+            told |= _motion(model, told["at"], loads)
+            notes += _without_memory(loads)
+            functions += ["mass_matrix", "holding", "inverse_dynamics"]
+            functions += [*(["friction", "drives"] if loads is not None else []), "feedforward"]
     if calibration is not None:
-        corrector = Corrector(calibration, rate_hz=rate_hz)
-        text += [
-            f"#define {name.upper()}_SIGNALS {len(calibration.features.signals)}",
-            _correction_comment(calibration, corrector),
-            c_correction(name, calibration, corrector.decimation, rate_hz),
-        ]
-        functions += [f"{name}_reset", f"{name}_correct", f"{name}_interval"]
+        told |= _correction(calibration, Corrector(calibration, rate_hz=rate_hz), name, rate_hz)
+        functions += ["reset", "correct", "interval"]
         notes += [*_other_joints(known, calibration), *calibration.asked_of_reports]
-    return Header("\n".join([*text, f"#endif /* {guard} */", ""]), tuple(functions), tuple(notes))
+    environment = Environment(trim_blocks=True, keep_trailing_newline=True)
+    environment.filters |= {"comment": c_comment, "values": _values, "joints": _joints}
+    environment.globals["function"] = partial(c_function, name)
+    template = (files("catenary.workflows") / "c_header.h").read_text(encoding="ascii")
+    text = environment.from_string(template).render(told)
+    return Header(text, tuple(f"{name}_{function}" for function in functions), tuple(notes))
+
+
+def write_header(header: Header, path: Path) -> None:
+    """Write a header to a file."""
+    write_atomically(path, header.text.encode("ascii"))
+
+
+def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
+    """Return what the header says of gravity: lines, and values to check them by."""
+    if not np.isfinite(model.coupling).all() or not np.isfinite(model.offset).all():
+        raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
+    gravity, compact = gravity_line(model), compact_regressor(model)
+    at: dict[str, Any] = {  # a value for every joint, none of them zero
+        array: [0.1 * (step * k % 7 + 1) for k in range(model.n)] for step, array in enumerate(("q", "qd", "qdd"), 1)
+    }
+    at |= {"gravity": LEVEL.tolist(), "omega": [0.1, 0.2, 0.3], "alpha": [0.3, 0.2, 0.1]}
+    return {
+        "n": model.n,
+        "base": "" if model.base == "base" else f" ({c_comment(model.base)})",
+        "links": model.link_names,
+        "sines": c_sines(name),
+        "gravity": gravity,
+        "gravity_there": evaluate(gravity, q=at["q"], gravity=at["gravity"]),
+        "regressor": gravity_regressor_line(model),
+        "at": at,
+        **({"compact": compact} if compact.labels else {}),
+    }
+
+
+def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None) -> dict[str, Any]:
+    """Return what the header says of a motion, which needs moments of inertia."""
+    motion = inverse_dynamics_line(model)
+    told: dict[str, Any] = {
+        "mass": mass_matrix_line(model),
+        "holding": holding_line(model),
+        "motion": motion,
+        "motion_there": evaluate(motion, **at),
+        "loads": loads,
+    }
+    if loads is None:
+        return told
+    smooth = loads.actuation.coulomb_velocity
+    how = "has the sign of the speed, and is none at rest"
+    if smooth > 0.0:
+        how = f"goes through zero as tanh(speed / {smooth!r})"
+    return told | {"sliding": f"Coulomb friction {how}", "friction": _friction(loads), "drives": _drives(loads)}
+
+
+def _correction(model: CalibrationModel, corrector: Corrector, name: str, rate_hz: float) -> dict[str, Any]:
+    """Return what the header says of joint correction, with a tick to check it by."""
+    n, features = len(model.joint_names), model.features
+    q, signals = np.zeros(n), np.zeros(len(features.signals))
+    for column, value in zip(model.groups[0].watched, model.groups[0].valid_range.mean, strict=True):
+        if column < len(signals):
+            signals[column] = value
+    out, inside = np.empty(n), np.empty(n, dtype=bool)
+    corrector.reset()
+    corrector.correct(q, signals, out, inside)
+    corrector.reset()
+    named = zip(features.signals, features.units, strict=True)
+    return {
+        "calibration": model,
+        "signals": [f"{c_comment(signal)} [{c_comment(unit)}]" for signal, unit in named],
+        "tick": {"q": q, "signals": signals, "out": out, "inside": inside.astype(float)},
+        "correction": c_correction(name, model, corrector.decimation, rate_hz),
+    }
 
 
 def _without_memory(loads: ActuationLoads | None) -> list[str]:
@@ -112,60 +191,102 @@ def _without_memory(loads: ActuationLoads | None) -> list[str]:
     return [f"presliding friction of {', '.join(names)} is written as in steady sliding, where it is Coulomb friction"]
 
 
-def _other_joints(robot: RobotModel | CalibrationModel, calibration: CalibrationModel) -> list[str]:
+def _other_joints(robot: Jointed, calibration: CalibrationModel) -> list[str]:
     known = set(zip(robot.joint_names, robot.joint_units, strict=True))
     calibrated = zip(calibration.joint_names, calibration.joint_units, strict=True)
     missing = [joint for joint, unit in calibrated if (joint, unit) not in known]
     if not missing:
         return []
     return [
-        f"the calibration model's joints {', '.join(missing)} are none of the robot's, "
-        f"{_joints(robot.joint_names, robot.joint_units)}; the two are exported side by side"
+        f"the calibration model's joints {', '.join(missing)} are none of the robot's, {_joints(robot)}; "
+        "the two are exported side by side"
     ]
 
 
-def write_header(header: Header, path: Path) -> None:
-    """Write a header to a file.
+class CBlock(NamedTuple):
+    """One effect of actuation in C: its load on s, a sum of joints, and the factor with which each joint feels it."""
 
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
-    write_atomically(path, header.text.encode("ascii"))
-
-
-def _correction_comment(model: CalibrationModel, corrector: Corrector) -> str:
-    n = len(model.joint_names)
-    names = zip(model.features.signals, model.features.units, strict=True)
-    signals = ", ".join(f"{c_comment(name)} [{c_comment(unit)}]" for name, unit in names)
-    middle = model.groups[0].valid_range.mean
-    q, x = np.zeros(n), np.zeros(len(model.features.signals))
-    for column, value in zip(model.groups[0].watched, middle, strict=True):
-        if column < len(x):
-            x[column] = value
-    out, inside = np.empty(n), np.empty(n, dtype=bool)
-    corrector.reset()
-    corrector.correct(q, x, out, inside)
-    corrector.reset()
-    return "\n".join(
-        [
-            f"/* Calibrated positions of {_joints(model.joint_names, model.joint_units)}, at {corrector.rate_hz:g} Hz:",
-            f"   one call a tick. q[{n}]: reported positions; signals[{len(x)}]: {signals}.",
-            f"   inside[{n}]: 0 where the model is asked outside of what it has seen; a fixed offset is added there.",
-            _interval_comment(model),
-            f"   To check, after reset: q = {c_values(q)}, signals = {c_values(x)}",
-            f"   gives {c_values(out)}, inside {c_values(inside.astype(float))}. */",
-        ]
-    )
+    what: str
+    s: str  # empty where the load does not depend on it
+    load: str
+    put: list[tuple[int, str]]
 
 
-def _interval_comment(model: CalibrationModel) -> str:
-    if model.intervals is None:
-        return "   The model has no intervals: ..._interval(state) gives NAN."
-    return (
-        f"   ..._interval(state)[{len(model.joint_names)}]: half-widths of the last tick's intervals, which hold "
-        f"{100.0 * model.intervals.level:g} per cent of errors."
-    )
+def _effect(what: str, combination: Floats, of: str, load: str, along: Floats | None = None) -> CBlock:
+    """Return an effect on s = c . q, qd or qdd, put out along c, or along another combination."""
+    s = _sum_of_joints(combination, of) if re.search(r"\bs\b", load) else ""
+    put = combination if along is None else along
+    return CBlock(what, s, load, [(k, _factor(c)) for k, c in enumerate(put.tolist()) if c != 0.0])
 
 
-def _joints(names: tuple[str, ...], units: tuple[str, ...]) -> str:
-    return ", ".join(f"{c_comment(name)} [{unit}]" for name, unit in zip(names, units, strict=True))
+def _friction(loads: ActuationLoads) -> list[CBlock]:
+    """Return what friction and constants ask of the actuators, in steady sliding."""
+    smooth, found = loads.actuation.coulomb_velocity, []
+    pairs = [pair for pair in _numbered(loads) if pair[0].kind in FRICTION]
+    for name, group in groupby(pairs, key=lambda pair: pair[0].name):
+        effect = list(group)
+        load = " + ".join(_sliding(term, value, smooth) for term, value in effect)
+        found.append(_effect(f"friction {name}", effect[0][0].combination, "qd", load))
+    return found
+
+
+def _drives(loads: ActuationLoads) -> list[CBlock]:
+    """Return what rotors, springs and known torques ask of the actuators."""
+    found = []
+    for term, value in _numbered(loads):
+        if term.kind not in FRICTION:
+            of = "qdd" if term.kind == "motor_inertia" else "q"
+            found.append(_effect(f"{term.kind} {term.name}", term.combination, of, _drive(term, value)))
+    return found + [_known(term) for term in loads.actuation.known_torques]
+
+
+def _numbered(loads: ActuationLoads) -> Iterable[tuple[ActuationTerm, float]]:
+    return zip(loads.terms, map(float, loads.values), strict=True)
+
+
+def _sliding(term: ActuationTerm, value: float, smooth: float) -> str:
+    if term.kind == "viscous":
+        return f"{value!r} * s"
+    if term.kind == "asymmetric":
+        return f"{value!r} * fabs(s)"
+    if term.kind == "offset":
+        return repr(value)
+    step = f"{value!r} * " + (f"tanh(s / {smooth!r})" if smooth > 0.0 else "(s > 0.0 ? 1.0 : s < 0.0 ? -1.0 : s)")
+    if term.kind == "stribeck":
+        return f"{step} * exp(-(s / {term.scale!r}) * (s / {term.scale!r}))"
+    if term.kind == "load":
+        c = term.combination
+        return f"{step} * fabs({_sum_of_joints(c, 'carried')}) / {float(c @ c)!r}"
+    return step
+
+
+def _drive(term: ActuationTerm, value: float) -> str:
+    if term.lever is None:
+        return f"{value!r} * s"
+    r, h, rest, angle = term.lever.arm, term.lever.anchor, term.lever.rest, term.lever.angle
+    length = f"sqrt({r**2 + h**2!r} - {2.0 * r * h!r} * cos({angle!r} + s))"
+    return f"{value * r * h!r} * sin({angle!r} + s) * (1.0 - {rest!r} / {length})"
+
+
+def _known(term: KnownTorque) -> CBlock:
+    load = repr(float(term.polynomial[0]))
+    for coefficient in term.polynomial[1:]:
+        load = f"({load} * s + {float(coefficient)!r})"
+    return _effect(f"known torque {term.name}", term.combination, "q", load, term.along)
+
+
+def _sum_of_joints(combination: Floats, of: str) -> str:
+    return " + ".join(f"{_factor(c)}{of}[{k}]" for k, c in enumerate(combination.tolist()) if c != 0.0)
+
+
+def _factor(c: float) -> str:
+    return "" if c == 1.0 else f"{c!r} * "
+
+
+def _values(numbers: Iterable[float]) -> str:
+    """Write numbers so that reading them gives the same ones."""
+    return "(" + ", ".join(f"{number:.17g}" for number in numbers) + ")"
+
+
+def _joints(of: Jointed) -> str:
+    return ", ".join(f"{c_comment(name)} [{unit}]" for name, unit in zip(of.joint_names, of.joint_units, strict=True))

@@ -45,41 +45,6 @@ def fit_calibration(
 
 
 @dataclass(frozen=True)
-class HeldAgainst:
-    """A model, read from its file with its card, and the recordings that it is held against."""
-
-    model: CalibrationModel
-    card: Card
-    logs: list[MotionLog]  # of the model's joints, mended as its training data were
-    max_error: tuple[float, ...] | None  # deg and mm; as asked, or as in the model's fit
-    said: list[str]  # notes on that
-
-    @property
-    def limits(self) -> Floats | None:
-        """Errors beyond which rows are left out, (n,) [rad|m]."""
-        return error_limits(self.max_error, self.logs[0])
-
-
-def held_against(
-    model_path: Path, paths: Sequence[Path], reading: Reading | None = None, max_error: tuple[float, ...] | None = None
-) -> HeldAgainst:
-    """Read a model and recordings, those of another make by their mapping.
-
-    Recordings that do not state their joints' names or units are read with the model's.
-
-    Args:
-        model_path: The model's file.
-        paths: The recordings.
-        reading: Mapping of recordings of another make, and what to change of them.
-        max_error: Per joint, deg and mm; as in the model's fit when None.
-    """
-    model, card = load_model(model_path)
-    logs = recordings_for(model, paths, reading)
-    max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
-    return HeldAgainst(model, card, logs, max_error, said)
-
-
-@dataclass(frozen=True)
 class EvaluationResult:
     """Errors of a model on recordings."""
 
@@ -89,94 +54,105 @@ class EvaluationResult:
     notes: tuple[str, ...]
     seen_in_training: tuple[str, ...]  # recordings that the model was fitted to: their errors are no test
 
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data, in deg and mm."""
+        evaluation = self.evaluation
+        return {
+            "model": {"kind": self.model.kind, "preset": self.model.preset, "target": self.model.target},
+            "data": [asdict(source) for source in evaluation.data.sources],
+            "simulated": any(source.simulated for source in evaluation.data.sources),
+            "joints": [asdict(joint) for joint in evaluation.joints],
+            "window_unit": evaluation.window_unit,
+            "windows": [asdict(window) for window in evaluation.windows],
+            "intervals": interval_summary(evaluation),
+            "seen_in_training": list(self.seen_in_training),
+            "notes": list(self.notes),
+        }
 
-def evaluate_calibration(
+
+@dataclass(frozen=True)
+class HeldAgainst:
+    """A model, read from its file with its card, and the recordings that it is held against.
+
+    Whatever is asked of it first refuses recordings with which something is wrong, which is no fault of the model
+    (DataError), that lack an input of the model, or are too short for what is asked (InputError).
+    """
+
+    path: Path
+    model: CalibrationModel
+    card: Card
+    logs: list[MotionLog]  # of the model's joints, mended as its training data were
+    max_error: tuple[float, ...] | None  # deg and mm; as asked, or as in the model's fit
+    accept: tuple[str, ...]  # findings about recordings to go on with, by name
+    said: list[str]  # notes on that
+
+    @property
+    def limits(self) -> Floats | None:
+        """Errors beyond which rows are left out, (n,) [rad|m]."""
+        return error_limits(self.max_error, self.logs[0])
+
+    def evaluate(self, window: float | None = None) -> EvaluationResult:
+        """Return the model's errors, also over windows of time [s], each a tenth of the data when None."""
+        data = calibration_data(self.logs, self.model.features, max_error=self.limits)
+        trained_on = {source["sha256"] for source in self.card["data"]}
+        seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
+        notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
+        notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
+        found = evaluate(self.model, data, window=window)
+        return EvaluationResult(self.model, self.card, found, (*notes, *warnings_of(found)), seen)
+
+    def drift(self, factor: float = BEYOND) -> tuple[DriftFound, list[str]]:
+        """Return the model's errors over recordings, in the order given, and notes on these; see `find_drift`.
+
+        `factor` is of the card's error, for a model without intervals.
+        """
+        notes = [*(f"{log.name}: {note}" for log in self.logs for note in log.notes), *self.said]
+        notes += self._judged("judged")
+        return find_drift(self.model, self.logs, known_errors(self.card), factor=factor, max_error=self.limits), notes
+
+    def refresh(self) -> NewDay:
+        """Bring the model up to date with recordings of a new day, see `refresh_with`."""
+        hashed = sha256_of(self.path)
+        day = refresh_with(
+            self.model, self.card, self.logs, accept=self.accept, max_error=self.max_error, sha256=hashed
+        )
+        return replace(day, notes=(*day.notes, *self.said))
+
+    def _judged(self, done: str) -> list[str]:
+        return judge_recordings(self.model, self.card, self.logs, accept=self.accept, max_error=self.limits, done=done)
+
+
+def held_against(
     model_path: Path,
     paths: Sequence[Path],
-    *,
     reading: Reading | None = None,
-    accept: tuple[str, ...] = (),
+    *,
+    accept: Sequence[str] = (),
     max_error: tuple[float, ...] | None = None,
-    window: float | None = None,
-) -> EvaluationResult:
-    """Evaluate a model on recordings; arguments as for `held_against`.
+) -> HeldAgainst:
+    """Read a model and recordings, those of another make by their mapping.
+
+    Recordings that do not state their joints' names or units are read with the model's.
 
     Args:
-        model_path: The model's file.
-        paths: The recordings.
-        reading: How they are read.
+        reading: Mapping of recordings of another make, and what to change of them.
         accept: Findings about them to go on with, by name.
-        max_error: Per joint, deg and mm; rows with larger errors are left out.
-        window: Length of a time window [s]; a tenth of the data when None.
+        max_error: Per joint, deg and mm; rows with larger errors are left out; as in the model's fit when None.
 
     Raises:
-        DataError: Something is wrong with a recording that `accept` does not name.
         FileFormatError: The model or a recording is missing or damaged.
-        InputError: A recording is of other joints, or lacks an input of the model.
+        InputError: A recording is of other joints.
     """
-    of = held_against(model_path, paths, reading, max_error)
-    data = calibration_data(of.logs, of.model.features, max_error=of.limits)
-    trained_on = {source["sha256"] for source in of.card["data"]}
-    seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
-    notes = [*data_notes(of.logs, data), *of.said]
-    notes += judge_recordings(of.model, of.card, of.logs, accept=accept, max_error=of.limits)
-    notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
-    found = evaluate(of.model, data, window=window)
-    return EvaluationResult(of.model, of.card, found, (*notes, *warnings_of(found)), seen)
-
-
-def drift_of_model(
-    model_path: Path,
-    paths: Sequence[Path],
-    *,
-    reading: Reading | None = None,
-    accept: tuple[str, ...] = (),
-    factor: float = BEYOND,
-    max_error: tuple[float, ...] | None = None,
-) -> tuple[DriftFound, list[str]]:
-    """Return a model's errors over recordings, in the order given, and notes on these; see `find_drift`.
-
-    `factor` is of the card's error, for a model without intervals; the other arguments as for `evaluate_calibration`.
-
-    Raises:
-        DataError: Something is wrong with a recording that `accept` does not name: it is no drift.
-        FileFormatError: The model or a recording is missing or damaged.
-        InputError: As `find_drift`.
-    """
-    of = held_against(model_path, paths, reading, max_error)
-    notes = [*(f"{log.name}: {note}" for log in of.logs for note in log.notes), *of.said]
-    notes += judge_recordings(of.model, of.card, of.logs, accept=accept, max_error=of.limits, done="judged")
-    known = known_errors(of.card)
-    return find_drift(of.model, of.logs, known, factor=factor, max_error=of.limits), notes
-
-
-def refresh_calibration(
-    model_path: Path,
-    paths: Sequence[Path],
-    *,
-    reading: Reading | None = None,
-    accept: tuple[str, ...] = (),
-    max_error: tuple[float, ...] | None = None,
-) -> NewDay:
-    """Refresh a model with recordings of a new day, see `refresh_with`; arguments as for `evaluate_calibration`.
-
-    Raises:
-        DataError: Something is wrong with a recording that `accept` does not name.
-        FileFormatError: The model or a recording is missing or damaged.
-        InputError: A recording is of other joints, lacks an input of the model, was trained on, or is too short.
-    """
-    of = held_against(model_path, paths, reading, max_error)
-    hashed = sha256_of(model_path)
-    day = refresh_with(of.model, of.card, of.logs, accept=accept, max_error=of.max_error, sha256=hashed)
-    return replace(day, notes=(*day.notes, *of.said))
+    model, card = load_model(model_path)
+    logs = recordings_for(model, paths, reading)
+    max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
+    return HeldAgainst(model_path, model, card, logs, max_error, tuple(accept), said)
 
 
 def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[str, Any]:
     """Write the model at `path` as an ONNX graph; return a summary, plain data.
 
     Args:
-        path: A model that `save_model` wrote.
-        out: File to write.
         rate_hz: How often a program will step the graph [Hz], which matters to models with history only;
             None for the rate of the training rows.
 
@@ -224,12 +200,8 @@ def recordings_for(
 def recording_for(model: CalibrationModel | MotionLog | None, path: Path, reading: Reading | None = None) -> MotionLog:
     """Read a recording, by a mapping or as it is, and mend it as asked, and as the model's training data were.
 
-    Names and units of joints are the model's where the recording states none.
-
-    Args:
-        model: The model, or a recording that one will be fitted to; None reads it by itself.
-        path: The recording.
-        reading: Mapping of a recording of another make, what to change, and whether a model's mends count.
+    Names and units of joints are those of the model, or of a recording that one will be fitted to, where the recording
+    states none; None reads it by itself.
 
     Raises:
         FileFormatError: It is missing or damaged.
@@ -312,22 +284,6 @@ def warnings_of(evaluation: Evaluation) -> list[str]:
                 "range, where it gives the fixed offset; train on motion that goes there"
             )
     return warnings
-
-
-def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
-    """Return an evaluation as plain data, in deg and mm."""
-    evaluation = result.evaluation
-    return {
-        "model": {"kind": result.model.kind, "preset": result.model.preset, "target": result.model.target},
-        "data": [asdict(source) for source in evaluation.data.sources],
-        "simulated": any(source.simulated for source in evaluation.data.sources),
-        "joints": [asdict(joint) for joint in evaluation.joints],
-        "window_unit": evaluation.window_unit,
-        "windows": [asdict(window) for window in evaluation.windows],
-        "intervals": interval_summary(evaluation),
-        "seen_in_training": list(result.seen_in_training),
-        "notes": list(result.notes),
-    }
 
 
 def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:

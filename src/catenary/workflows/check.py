@@ -1,5 +1,10 @@
-"""Report what a file is and what is wrong with it: robot, calibration model, or recording."""
+"""Report what a file is and what is wrong with it: robot, calibration model, or recording.
 
+Facts are numbers with units for programs (docs/formats.md), and lines for people. Positions are in a joint's own `unit`
+(rad, m), errors in its `error_unit` (deg, mm); None: not stated.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,38 +16,29 @@ from catenary.archives import read_arrays
 from catenary.calibration.dataset import error_limits
 from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import ExcitationError, FileFormatError, InputError
 from catenary.files import card_path, card_text, table_ending
-from catenary.identification.identification import Identification
+from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
-from catenary.identification.residuals import LogResidual
-from catenary.plant import MotionLog
+from catenary.identification.identify_options import IdentifyOptions
+from catenary.identification.samples import Samples, prepare
+from catenary.identification.torque_doubts import torque_findings
+from catenary.plant import MotionLog, joints_text
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
-from catenary.reports.file_facts import (
-    DynamicsFacts,
-    FileFacts,
-    FittedTo,
-    HeldOutErrors,
-    JointLimits,
-    JointRange,
-    ModelFacts,
-    ModelJoint,
-    Part,
-    RecordingFacts,
-    RobotFacts,
-    TorqueErrors,
-    UnseenErrors,
-)
+from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
-from catenary.workflows.check_torques import holds_torques, torque_verdict
+from catenary.verdict.stamps import stamp_findings
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 FORMAT = "catenary.check.1"  # of what --json prints
+REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
 LONG_GAP = 10.0  # times the median step between stamps
+ROUNDING = 1e-9  # two ways to sum the same offset differ in their last digits
+Line = tuple[str, str]  # what a fact is called, and what it says
 
 
 @dataclass
@@ -50,7 +46,8 @@ class FileReport:
     """Kind, facts and faults of a file."""
 
     kind: str  # "robot", "calibration model", "identified dynamics" or a recording
-    facts: FileFacts
+    facts: dict[str, Any]
+    lines: list[Line]  # the facts as people read them
     faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
     remarks: list[str] = field(default_factory=list)  # worth knowing
     findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
@@ -60,7 +57,7 @@ class FileReport:
         return {
             "format": FORMAT,
             "kind": self.kind,
-            "facts": self.facts.as_data(),
+            "facts": self.facts,
             "faults": self.faults,
             "remarks": self.remarks,
             "findings": [asdict(finding) for finding in self.findings],
@@ -73,7 +70,6 @@ def check_file(
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
     Args:
-        source: A file, or a robot's name in the catalogue.
         reading: What a recording does not say of itself, and how it is mended.
         robot: Catalogue name or file of the robot that a recording is of; its own when None.
         max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.
@@ -92,9 +88,10 @@ def check_file(
     if path.suffix.lower() in ROBOT_ENDINGS:
         return check_robot(load_robot(source))
     # a model may have any name; a recording's says what it is
-    if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
+    arrays = read_arrays(path).keys() if path.is_file() and is_zipfile(path) else set[str]()
+    if "structure" in arrays:
         return _check_identification(path) if "combination" in arrays else _check_model(path)
-    if path.is_file() and is_zipfile(path) and holds_torques(path):
+    if "q" in arrays and "q_des" not in arrays and {"tau", "effort"} & arrays:
         if robot is None:
             raise InputError(
                 f"{path}: is a recording for identification, positions and torques without names or units: "
@@ -114,20 +111,36 @@ def check_file(
 
 def check_robot(model: RobotModel) -> FileReport:
     """Check a robot: inertia, limits, what its file holds that the model leaves out."""
-    limits = zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True)
-    joints = tuple(JointLimits(name, unit, float(low), float(high)) for name, unit, low, high in limits)
-    facts = RobotFacts(
-        name=model.name,
-        joints=joints,
-        links=tuple(model.link_names),
-        frames=tuple(model.frames),
-        tip=model.tip,
-        moving_mass_kg=float(model.tree.mass.sum()),
-        massless_links=model.massless,
-        links_without_inertia=tuple(model.missing_inertia),
-        sources=model.sources,
-    )
-    found = FileReport("robot", facts)
+    joints, limits = [], []
+    for name, unit, lower, upper in zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True):
+        joints.append({"name": name, "unit": unit, "lower": float(lower), "upper": float(upper)})
+        shown, scale = DISPLAY[unit]
+        has_limits = np.isfinite(lower) or np.isfinite(upper)
+        told = f"{scale * lower:g} to {scale * upper:g} {shown}" if has_limits else "no limits"
+        limits.append(f"{name} [{unit}] {told}")
+    mass = float(model.tree.mass.sum())
+    facts = {
+        "name": model.name,
+        "joints": joints,
+        "links": model.link_names,
+        "frames": list(model.frames),
+        "tip": model.tip,
+        "moving_mass_kg": mass,
+        "massless_links": model.massless,
+        "links_without_inertia": model.missing_inertia,
+        "sources": model.sources,
+    }
+    lines = [
+        ("name", model.name),
+        ("joints", "; ".join(limits)),
+        ("links", ", ".join(model.link_names)),
+        ("frames", ", ".join(model.frames)),
+        ("tip", model.tip),
+        ("moving mass", f"{mass:g} kg"),
+        ("massless links", ", ".join(model.massless) or "none"),
+        ("sources", "; ".join(model.sources) or "none stated"),
+    ]
+    found = FileReport("robot", facts, lines)
     if model.missing_inertia == model.link_names:  # nobody meant to give any, as of a catalogue's published lengths
         to_be_identified = ", to be identified (catenary identify)" if model.actuation is not None else ""
         found.remarks.append(f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused")
@@ -135,10 +148,9 @@ def check_robot(model: RobotModel) -> FileReport:
         found.faults.append(
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, gravity and torques are refused"
         )
-    found.faults += list(model.doubts)
-    unbound = [joint.name for joint in joints if joint.lower >= joint.upper]
-    found.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
-    found.remarks += list(model.notes)
+    unbound = [name for name, is_so in zip(model.joint_names, model.lower >= model.upper, strict=True) if is_so]
+    found.faults += [*model.doubts, *(f"limits of {name}: the lower one is not below the upper" for name in unbound)]
+    found.remarks += model.notes
     return found
 
 
@@ -146,11 +158,11 @@ def check_recording(
     log: MotionLog, *, robot: str | None = None, max_error: tuple[float, ...] | None = None
 ) -> FileReport:
     """Check a recording: rows, rate, gaps, joints, errors, and the verdict that a fit begins with."""
-    facts = _recording_facts(log)
-    found = FileReport("recording", facts)
-    if facts.gaps:
+    found = _recording("recording", log)
+    if found.facts["gaps"]:
+        longest = found.facts["longest_gap_s"]
         found.remarks.append(
-            f"{facts.gaps} gaps longer than {LONG_GAP:g} median steps, the longest {facts.longest_gap_s:.3g} s"
+            f"{found.facts['gaps']} gaps longer than {LONG_GAP:g} median steps, the longest {longest:.3g} s"
         )
     if log.q_encoder is None:
         found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
@@ -165,57 +177,118 @@ def check_recording(
 
 def check_torque_recording(log: MotionLog, model: RobotModel) -> FileReport:
     """Check a recording for identification: what it shows of its robot, and whether its torques are the motion's."""
-    found = FileReport("recording for identification", _recording_facts(log))
+    found = _recording("recording for identification", log)
     found.faults, remarks, found.findings = torque_verdict(log, model)
     found.remarks = [*log.notes, *remarks]
     return found
 
 
-def _recording_facts(log: MotionLog) -> RecordingFacts:
-    duration = median = gaps = longest = None
+def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[str], tuple[Finding, ...]]:
+    """Return what is wrong with a recording for identification, what is worth knowing, and the findings among them.
+
+    It is fitted as `identify --free --friction none` fits it, to full dynamics, or to gravity where it has no time.
+    """
+    terms = "static" if log.time is None else "full"
+    options = IdentifyOptions(terms=terms, consistent=False, friction=())  # type: ignore[arg-type]  # one of the two
+    found: tuple[Finding, ...] = tuple(stamp_findings(log))
+    faults = [f"{each.name}: {each}" for each in found if each.refuses]
+    remarks = [f"{each.name}: {each}" for each in found if not each.refuses]
+    try:
+        samples = prepare(log, model, options)
+        remarks += [*samples.notes, *_still(model, samples, terms)]
+        result = identify_samples([samples], model, options)
+    except (InputError, ExcitationError) as error:
+        return [*faults, str(error)], remarks, found
+    doubts = tuple(torque_findings(result, samples, fitted=True))
+    faults += [f"{each.name}: {each}" for each in doubts]
+    return faults, [*remarks, *_fit_in_words(result)], (*found, *doubts)
+
+
+def _still(model: RobotModel, samples: Samples, terms: str) -> list[str]:
+    speed = np.sqrt(np.mean(samples.qd**2, axis=0))
+    still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < REST]
+    return [f"stands still: {', '.join(still)}"] if still and terms == "full" else []
+
+
+def _fit_in_words(result: Identification) -> Sequence[str]:
+    left = result.training[0].relative_rms
+    shares = ", ".join(f"{n} {v:.3f}" for n, v in zip(result.model.joint_names, left, strict=True))
+    return [
+        f"for identification: shows all {result.base.count} base parameters ({result.options.terms}), condition "
+        f"{result.condition:.3g}",
+        f"fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: {shares}",
+    ]
+
+
+def _recording(kind: str, log: MotionLog) -> FileReport:
+    """Return what a recording holds, before anything is said of it."""
+    measured = int(log.ok.sum())
+    facts: dict[str, Any] = {
+        "name": log.name,
+        "rows": len(log),
+        "measured_rows": measured,
+        "robot": log.robot,
+        "simulated": log.simulated,
+        "sha256": log.sha256,
+        **dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")),
+    }
+    lines = [
+        ("rows", f"{len(log):,}, {measured:,} with a trusted measurement"),
+        ("joints", joints_text(log)),
+        ("robot", log.robot or "not stated"),
+        ("simulated", "yes" if log.simulated else "not said"),
+        ("sha256", log.sha256 or "unknown"),
+    ]
     steps = np.diff(np.empty(0) if log.time is None else log.time)
     if len(forward := steps[steps > 0.0]):
         duration, median = float(forward.sum()), float(np.median(forward))
-        gaps, longest = int((forward > LONG_GAP * median).sum()), float(forward.max())
-    joints = []
+        gaps = int((forward > LONG_GAP * median).sum())
+        facts |= {"duration_s": duration, "median_step_s": median, "gaps": gaps}
+        facts["longest_gap_s"] = float(forward.max()) if gaps else None
+        lines.append(("duration", f"{duration:.1f} s, median step {median:.4g} s"))
+    facts["joints"] = []
     for j, (name, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
         shown, scale = DISPLAY[unit]
+        low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
         rms = largest = None
+        told = f"{scale * low:.2f} to {scale * high:.2f} {shown}"
         if log.q_encoder is not None and log.ok.any():
             error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
             rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-        q = log.q_nominal[:, j]
-        joints.append(JointRange(name, unit, float(q.min()), float(q.max()), shown, rms, largest))
-    return RecordingFacts(
-        name=log.name,
-        rows=len(log),
-        measured_rows=int(log.ok.sum()),
-        robot=log.robot,
-        simulated=log.simulated,
-        sha256=log.sha256,
-        duration_s=duration,
-        median_step_s=median,
-        gaps=gaps,
-        longest_gap_s=longest if gaps else None,
-        joints=tuple(joints),
-    )
+            told += f", error RMS {rms:.3f}, largest {largest:.2f} {shown}"
+        of_joint = {"name": name, "unit": unit, "lowest": low, "highest": high, "error_unit": shown}
+        facts["joints"].append(of_joint | {"error_rms": rms, "error_largest": largest})
+        lines.append((name, told))
+    return FileReport(kind, facts, lines)
 
 
 def _check_identification(path: Path) -> FileReport:
     result, card = load_identification(path)
-    recordings = [_torque_errors(result, one, "training") for one in result.training]
-    recordings += [_torque_errors(result, one, "test") for one in result.tests]
-    facts = DynamicsFacts(
-        robot=result.model.name,
-        terms=result.options.terms,
-        base_parameters=result.base.count,
-        condition=float(result.condition),
-        physically_consistent=result.phi is not None,
-        recordings=tuple(recordings),
-        version=card["version"],
-    )
-    faults = [f"fails on {one.log}" for one in result.tests if one.verdict == "fails"]
-    return FileReport("identified dynamics", facts, [*_copy_faults(path, card), *faults], list(card["notes"]))
+    recordings, lines = [], []
+    for part, tested in (("training", result.training), ("test", result.tests)):
+        for on in tested:
+            relative = dict(zip(result.model.joint_names, map(float, on.relative_rms), strict=True))
+            recordings.append({"name": on.log, "part": part, "verdict": on.verdict, "relative_rms": relative})
+            shares = ", ".join(f"{share:.3f}" for share in relative.values())
+            lines.append((f"{on.log}, {on.verdict or 'fitted'}", shares))
+    facts = {
+        "robot": result.model.name,
+        "terms": result.options.terms,
+        "base_parameters": result.base.count,
+        "condition": float(result.condition),
+        "physically_consistent": result.phi is not None,
+        "recordings": recordings,
+        "version": card["version"],
+    }
+    first = [
+        ("robot", result.model.name),
+        ("terms", result.options.terms),
+        ("base parameters", f"{result.base.count}, condition {result.condition:.4g}"),
+        ("physically consistent", "yes" if result.phi is not None else "no"),
+    ]
+    faults = [*_copy_faults(path, card), *(f"fails on {one.log}" for one in result.tests if one.verdict == "fails")]
+    every_line = [*first, *lines, _version(card)]
+    return FileReport("identified dynamics", facts, every_line, faults, list(card["notes"]))
 
 
 def _copy_faults(path: Path, card: Card) -> list[str]:
@@ -226,37 +299,55 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
     return [f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"]
 
 
-def _torque_errors(result: Identification, on: LogResidual, part: Part) -> TorqueErrors:
-    relative = dict(zip(result.model.joint_names, map(float, on.relative_rms), strict=True))
-    return TorqueErrors(on.log, part, on.verdict, relative)
+def _version(card: Card) -> Line:
+    return "version", ", ".join(f"{name} {number}" for name, number in card["version"].items())
 
 
 def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
-    unseen = {
-        one["joint"]: UnseenErrors(one["rmse_mean"], one["rmse_sd"], one["offset_rmse_mean"])
-        for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]
+    blocks = {one["joint"]: one for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]}
+    last = {one["name"]: one for one in card["errors"]["held_out"] or []}
+    joints, on_blocks, on_last, faults = list[Mapping[str, Any]](), list[Line](), list[Line](), _copy_faults(path, card)
+    for name, unit in zip(model.joint_names, model.joint_units, strict=True):
+        shown = DISPLAY[unit][0]
+        joint: dict[str, Any] = {"name": name, "unit": unit, "error_unit": shown}
+        joint |= {"cross_validation": None, "held_out": None}
+        if (one := blocks.get(name)) is not None:
+            rmse, sd, offset = one["rmse_mean"], one["rmse_sd"], one["offset_rmse_mean"]
+            joint["cross_validation"] = {"rmse": rmse, "rmse_sd": sd, "offset_rmse": offset}
+            spread = f"RMSE {rmse:.3f} ± {sd:.3f} {shown} on unseen blocks of time"
+            on_blocks.append((name, f"{spread} (fixed offset {offset:.3f})"))
+            if rmse > offset * (1.0 + ROUNDING):
+                faults.append(f"{name}: worse than the fixed offset on unseen blocks of time")
+        if (one := last.get(name)) is not None:
+            joint["held_out"] = {"rmse": one["rmse"], "offset_rmse": one["offset_rmse"]}
+            error = f"RMSE {one['rmse']:.3f} {shown} on the last part of the recordings, which it did not see"
+            on_last.append((f"{name}, held out", f"{error} (fixed offset {one['offset_rmse']:.3f})"))
+        joints.append(joint)
+    seed, inputs = card["run"]["seed"], model.features.names
+    facts = {
+        "model": model.kind,
+        "preset": model.preset,
+        "robot": card["robot"],
+        "simulated": card["simulated"],
+        "joints": joints,
+        "inputs": inputs,
+        "target": model.target,
+        "fitted_to": [{"name": one["name"], "sha256": one["sha256"]} for one in card["data"]],
+        "rows": card["rows"],
+        "seed": seed,
+        "version": card["version"],
     }
-    held_out = {one["name"]: HeldOutErrors(one["rmse"], one["offset_rmse"]) for one in card["errors"]["held_out"] or []}
-    facts = ModelFacts(
-        model=model.kind,
-        preset=model.preset,
-        robot=card["robot"],
-        simulated=card["simulated"],
-        joints=tuple(
-            ModelJoint(name, unit, DISPLAY[unit][0], unseen.get(name), held_out.get(name))
-            for name, unit in zip(model.joint_names, model.joint_units, strict=True)
-        ),
-        inputs=tuple(model.features.names),
-        target=model.target,
-        fitted_to=tuple(FittedTo(one["name"], one["sha256"]) for one in card["data"]),
-        rows=card["rows"],
-        seed=card["run"]["seed"],
-        version=card["version"],
-    )
-    faults = [
-        f"{name}: worse than the fixed offset on unseen blocks of time"
-        for name, errors in unseen.items()
-        if errors.is_worse_than_offset
+    lines = [
+        ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
+        ("robot", card["robot"] or "not stated"),
+        ("simulated", "yes: fitted to simulated recordings" if card["simulated"] else "no"),
+        ("joints", joints_text(model)),
+        ("inputs", f"{len(inputs)}: {shortened(inputs)}"),
+        ("target", model.target),
+        ("fitted to", ", ".join(f"{one['name']} (sha256 {str(one['sha256'])[:12]})" for one in card["data"])),
+        ("rows", str(card["rows"])),
+        ("seed", "none" if seed is None else str(seed)),
+        _version(card),
     ]
-    return FileReport("calibration model", facts, [*_copy_faults(path, card), *faults], list(card["notes"]))
+    return FileReport("calibration model", facts, [*lines, *on_blocks, *on_last], faults, list(card["notes"]))

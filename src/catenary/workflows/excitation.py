@@ -17,13 +17,13 @@ from catenary.files import write_atomically
 from catenary.identification.excitation import (
     Comparison,
     Excitation,
-    Expected,
     compare,
     fourier_motion,
     static_poses,
     torque_noise,
 )
 from catenary.identification.motion_limits import MotionLimits, Room
+from catenary.reports.page import Table
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
 
@@ -119,10 +119,6 @@ def design_excitation(
     """Design poses or a motion within limits, apart from whatever it could hit.
 
     Args:
-        model: The robot.
-        room: Limits of position, speed, acceleration and torque.
-        around: What it must not hit.
-        rng: Source of everything random.
         gravity: (3,) [m/s2] in base axes.
         static: How many poses to hold; a motion when None.
         noise: Standard deviation of the torques [Nm or N]; a hundredth of their limits when None.
@@ -132,13 +128,13 @@ def design_excitation(
         LimitError: No motion was found that keeps all limits.
         InputError: Numbers that make no motion, or no pose in which nothing touches.
     """
+    if noise is not None and not 0.0 < noise < np.inf:
+        raise InputError(f"torque noise: expected above zero, got {noise}")
     limits, notes = _limits(model, room, around, gravity, rng)
     if static is not None:
         notes.append("the ways from pose to pose are not checked for collisions")
         return DesignedMotion(static_poses(limits, static, rng), limits, None, tuple(notes))
     design = fourier_motion(limits, rng, **shape)
-    if noise is not None and not 0.0 < noise < np.inf:
-        raise InputError(f"torque noise: expected above zero, got {noise}")
     return DesignedMotion(design, limits, compare(limits, design, torque_noise(limits, noise), rng), tuple(notes))
 
 
@@ -189,28 +185,18 @@ def _expected_data(comparison: Comparison) -> dict[str, Any]:
     return content
 
 
-def comparison_table(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
-    """Return heads and rows: condition and expected errors of the designed motion beside others."""
-    heads = ["motion", "condition", "not shown", "errors, mean", "errors, worst"]
-    return heads, [
-        _row(one, comparison.designed)
-        for one in (comparison.designed, comparison.random, comparison.single)
-        if one is not None
-    ]
-
-
-def _row(one: Expected, designed: Expected) -> list[str]:
-    mean, worst = one.times(designed)
-    told = [f"{v:.3g} x" if np.isfinite(v) else "-" for v in (mean, worst)]
-    return [one.motion, f"{one.condition:.4g}" if np.isfinite(one.condition) else "-", str(one.hidden), *told]
+def comparison_table(comparison: Comparison, title: str = "") -> Table:
+    """Return condition and expected errors of the designed motion beside others."""
+    rows: list[list[str]] = []
+    for one in filter(None, (comparison.designed, comparison.random, comparison.single)):
+        told = [f"{v:.3g} x" if np.isfinite(v) else "-" for v in one.times(comparison.designed)]
+        condition = f"{one.condition:.4g}" if np.isfinite(one.condition) else "-"
+        rows.append([one.motion, condition, str(one.hidden), *told])
+    return Table(["motion", "condition", "not shown", "errors, mean", "errors, worst"], rows, title)
 
 
 def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
-    """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv if its name says so.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
+    """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv by its name."""
     ending = path.suffix.lower()
     if ending == ".csv":
         named = list(zip(model.joint_names, model.joint_units, strict=True))
@@ -227,18 +213,7 @@ def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
 
 
 def write_trajectory(design: Excitation, joint_names: Sequence[str], path: Path, *, ros: int = 2) -> None:
-    """Write a motion as ROS's trajectory_msgs/JointTrajectory: JSON, which is YAML too, a point on each line.
-
-    Args:
-        design: A motion.
-        joint_names: Of its columns.
-        path: The file.
-        ros: Whose names of seconds it has: 1 or 2.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-        InputError: Poses to hold are no motion.
-    """
+    """Write a motion as ROS 1's or 2's trajectory_msgs/JointTrajectory: JSON, and YAML too, a point on each line."""
     if design.terms == "static":
         raise InputError("a trajectory is a motion: expected none of poses to hold")
     seconds, nanoseconds = ("secs", "nsecs") if ros == 1 else ("sec", "nanosec")

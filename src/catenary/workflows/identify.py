@@ -63,17 +63,13 @@ def identify_files(
     tests: Sequence[Path] = (),
     rows: tuple[int, int] | None = None,
     reading: Reading | None = None,
-    accept: tuple[str, ...] = (),
+    accept: Sequence[str] = (),
 ) -> IdentifyResult:
     """Identify a robot from recordings, and judge it on others.
 
     Args:
-        logs: Recordings to fit, `.npz` or `.parquet`.
-        robot: Catalogue name or file of the robot.
         options: What to choose otherwise than the robot's file.
-        tests: Recordings to judge by.
         rows: First row, and the one after the last, of the recordings to fit; all when None.
-        reading: What the recordings do not say of themselves, and how they are mended.
         accept: Findings about them to go on with, by name.
 
     Raises:
@@ -204,19 +200,15 @@ def payload_of_files(
     unloaded: Sequence[Path] = (),
     cutoff_hz: float | None = None,
     reading: Reading | None = None,
-    accept: tuple[str, ...] = (),
+    accept: Sequence[str] = (),
 ) -> PayloadResult:
     """Estimate the payload of an arm from recordings and the parameters identified without it.
 
     Recordings are judged first: torques of another sign or unit than those identified are no payload.
 
     Args:
-        logs: Recordings with the payload.
-        model: Parameters that identification wrote.
         at: Frame and place in it (3,) [m], if known.
-        unloaded: Recordings without it, of the same day.
         cutoff_hz: Of the filter, when it shall not be that of the identification.
-        reading: Mapping of recordings of another make, and what to change of them.
         accept: Findings about them to go on with, by name.
 
     Raises:

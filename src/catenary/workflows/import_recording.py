@@ -72,9 +72,7 @@ def propose_mapping(
     """Propose what of a recording is which quantity, by type, name, rate and range; `toml` is its text to edit.
 
     Args:
-        sources: A file, or the files of one recording.
         units: As for `import_recording`.
-        robot: Catalogue name or file.
 
     Raises:
         FileFormatError: A file cannot be read.
@@ -84,11 +82,7 @@ def propose_mapping(
 
 
 def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:
-    """Return the layout of a file that needs no mapping, in words; None for others.
-
-    Raises:
-        FileFormatError: It is damaged.
-    """
+    """Return the layout of a file that needs no mapping, in words; None for others."""
     found = _known(paths, robot)
     return None if found is None else found.name
 

@@ -1,4 +1,4 @@
-"""Watch a gravity sensor for a while, and report what it measured and what was wrong."""
+"""Watch a gravity sensor, live, simulated or recorded, and report what it measured and what was wrong."""
 
 import time
 from collections.abc import Callable
@@ -11,6 +11,7 @@ from catenary.arrays import Floats
 from catenary.control.loop_report import GravityReport, GravityTally
 from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.errors import InputError, SensorError
+from catenary.recording.import_formats.imu_recording import ImuRecording
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, tilt_angle, tilt_of
 from catenary.simulation.sensors import SimulatedSensor
@@ -54,6 +55,30 @@ class SimulatedFeed(Feed):
         self._sensor.advance(self._time)
         if self._paced:
             time.sleep(seconds)
+
+
+class ReplayFeed(Feed):
+    """A recording as a sensor that sends its samples at the times of their stamps, as fast as they are asked for."""
+
+    def __init__(self, recording: ImuRecording) -> None:
+        super().__init__(Mailbox(), has_gyroscope=recording.rate is not None)
+        self._recording, self._time, self._next = recording, 0.0, 0
+        # a stamp that goes back arrives when it was recorded, behind those before it
+        self._arrival = np.maximum.accumulate(recording.time)
+
+    def now(self) -> float:
+        """Return the recording's time [s]."""
+        return self._time
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, and the samples of that time come."""
+        self._time += seconds
+        r, last = self._recording, int(np.searchsorted(self._arrival, self._time, side="right"))
+        for k in range(self._next, last):
+            if r.rate is not None:
+                self.mailbox.put(float(r.time[k]), r.rate[k], Kind.ANGULAR_RATE)
+            self.mailbox.put(float(r.time[k]), r.force[k], Kind.SPECIFIC_FORCE)
+        self._next = last
 
 
 def serial_feed(device: SerialAccelerometer) -> Feed:
@@ -111,16 +136,9 @@ def watch(
     *,
     show: Callable[[GravityReading, float], None] = lambda reading, time: None,
 ) -> SenseSummary:
-    """Read a source every 5 ms.
+    """Read a source every 5 ms for a duration [s]; infinity goes on until Ctrl-C, and then sums up.
 
-    Args:
-        feed: What delivers to the source's mailbox.
-        source: The estimator.
-        duration: [s]; infinity goes on until Ctrl-C, and then sums up.
-        show: Called with each reading and the time since the start [s].
-
-    Raises:
-        InputError: The duration is no positive number.
+    `show` is called with each reading and the time since the start [s].
     """
     if not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")
@@ -160,11 +178,7 @@ class StillReading:
 
 
 def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> StillReading:
-    """Wait until the sensor is still for a while, and return its means.
-
-    Raises:
-        SensorError: No samples, or it never stood still.
-    """
+    """Wait until the sensor is still for a while, and return its means."""
     while feed.mailbox.take() is not None:
         pass  # from before
     begin, noise = feed.now(), np.full(3, np.nan)

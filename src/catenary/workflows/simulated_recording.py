@@ -107,13 +107,7 @@ def _state_signals(
 
 
 def driven(plant: FirmwarePlant[Log], trajectory: Trajectory, chunk: int) -> Iterator[tuple[Log, float]]:
-    """Drive an arm along a trajectory of its first joints; yield each piece of its log, and the share done.
-
-    Args:
-        plant: Enabled and homed; its other joints stay where they are.
-        trajectory: Of the first joints.
-        chunk: Ticks in a piece, at most.
-    """
+    """Drive an arm along a trajectory of its first joints; yield each piece of its log, and the share done."""
     ticks = max(1, round(trajectory.duration / PERIOD))
     for first in range(0, ticks, chunk):
         last = min(ticks, first + chunk)

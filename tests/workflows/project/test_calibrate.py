@@ -6,11 +6,11 @@ import pytest
 import simulated_arm
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.errors import CatenaryError, InputError
-from catenary.reports.project import with_inputs
+from catenary.reports.project import comparison_table
 from catenary.workflows.project import calibrate
 from catenary.workflows.project import robot as simulated_robot
 from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
-from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint
+from catenary.workflows.project.folder import Project, ProjectSettings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
 
 FITS = tuple(f"fit {name}" for name in QUICK_MODELS)
@@ -32,20 +32,6 @@ def calibrated(
         if not with_page:
             patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
         return calibrate_recordings(Project(folder, ProjectSettings()), train, test, run=run)
-
-
-@pytest.mark.parametrize(("direction", "again"), [("J1", False), ("J1-J2", False), ("J2-J3", True), ("J3", True)])
-def test_projects_from_before_the_form_are_recorded_anew_where_the_path_is_another(direction, again, tmp_path) -> None:
-    project = Project(tmp_path, ProjectSettings(direction=direction, sparsities=(0.5,)))
-    was = {"zigzag": direction, "sparsities": (0.5,)}
-    assert (fingerprint(calibrate.excitation(project)[1]) != fingerprint(was)) == again
-
-
-@pytest.mark.slow
-def test_everything_is_done_once(tmp_path: Path) -> None:
-    steps = calibrate_short(tmp_path).repeated
-    assert steps == ("home", "excite", "record", "extract train", "extract test", *FITS, "deploy")
-    assert calibrate_short(tmp_path).repeated == ()
 
 
 def test_what_was_done_is_not_repeated(finished: CalibrationResult, finished_folder: Path) -> None:
@@ -108,7 +94,7 @@ def test_an_error_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
         for seed in (2, 3)
     )
     run = FitRun(accept=("copied",))
-    _, rows = calibrated(tmp_path / "project", [perfect], [exact], run=run).table()
+    rows = comparison_table(calibrated(tmp_path / "project", [perfect], [exact], run=run).evaluations).rows
     assert not any("nan" in cell for row in rows for cell in row)
 
 
@@ -132,9 +118,7 @@ def test_page_says_how_many_inputs_models_take_beside_the_papers(finished: Calib
     assert "paper, 16 inputs: J1 [deg]" in page
 
 
-def test_inputs_of_models_are_told_joint_by_joint_where_they_differ() -> None:
-    header, rows = with_inputs(
-        (["model", "J1"], [["raw", "2.1"], ["linear", "0.2"], ["best", "0.1"]]), {"linear": [6, 6], "best": [6, 10]}
-    )
-    assert header == ["model", "inputs", "J1"]
-    assert rows == [["raw", "-", "2.1"], ["linear", "6", "0.2"], ["best", "6/10", "0.1"]]
+def test_inputs_of_models_are_told_joint_by_joint_where_they_differ(finished: CalibrationResult) -> None:
+    table = comparison_table(finished.evaluations, inputs={"linear": [6, 6], RECOMMENDED: [6, 10]})
+    assert table.header[:2] == ["model", "inputs"]
+    assert [row[1] for row in table.rows] == ["-", "-", "6", "6/10"]

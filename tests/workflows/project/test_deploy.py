@@ -16,7 +16,7 @@ from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import Deployment, deploy_on_robot
-from catenary.workflows.project.robot import make_plant
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.simulated_recording import record_simulated
 from recordings import data_of, fitted, recording
 from simulated_project import POSITIONS, SHORT
@@ -25,7 +25,7 @@ SECONDS = 10.0
 
 
 def plant_of(recorded: Path) -> CablePlant:
-    plant = make_plant(SHORT)
+    plant = kind_of(SHORT).plant()
     restore_plant(plant, recorded / "robot" / "after_train.npz")
     plant.state_command("enable")
     return plant

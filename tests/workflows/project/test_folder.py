@@ -90,7 +90,16 @@ def test_settings_are_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [b"{", b"3", b"[1]", b'{"home": 3}', b'{"home": {}}', b"\xff\xfe", b'{"home": {"made_from": 3, "files": []}}'],
+    [
+        b"{",
+        b"3",
+        b"[1]",
+        b'{"home": 3}',
+        b'{"home": {}}',
+        b"\xff\xfe",
+        b'{"home": {"made_from": 3, "files": []}}',
+        b'{"home": {"made_from": "a", "files": ["file"], "outputs": {"file": {"size": 4, "sha256": null}}}}',
+    ],
 )
 def test_damaged_steps_are_refused(project: Project, content: bytes) -> None:
     (project.folder / STEPS).write_bytes(content)
@@ -193,24 +202,6 @@ def test_a_folder_holds_what_it_held_when_its_files_are_the_same(project: Projec
     assert run()
     (folder / "c").write_text("not of this step")
     assert run()
-
-
-def test_steps_of_an_older_version_without_hashes_are_done_when_their_files_are_there(
-    project: Project, work: Work
-) -> None:
-    steps = json.loads((project.folder / STEPS).read_text())
-    del steps["step"]["outputs"]
-    (project.folder / STEPS).write_text(json.dumps(steps))
-    work.path.write_text("whatever")
-    assert not reopened(project).run("step", MADE_FROM, [work.path], work)
-
-
-@pytest.mark.parametrize("outputs", [3, {}, {"file": 3}, {"file": {}}, {"file": {"size": 4, "sha256": None}}])
-def test_a_step_whose_hashes_are_nonsense_is_done_again(project: Project, work: Work, outputs: Any) -> None:
-    steps = json.loads((project.folder / STEPS).read_text())
-    steps["step"]["outputs"] = outputs
-    (project.folder / STEPS).write_text(json.dumps(steps))
-    assert reopened(project).run("step", MADE_FROM, [work.path], work)
 
 
 @pytest.mark.parametrize("leave", [False, True], ids=["file", "empty folder"])

@@ -14,7 +14,7 @@ from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.kinds import PsmProject, RavenProject, kind_of
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.recordings import motion_log_path
 from oracles.psm_arms import homed_psm
 
@@ -40,8 +40,7 @@ def test_a_psm_is_calibrated_from_homing_to_a_report(tmp_path, monkeypatch):
 
 
 def test_kinds_follow_the_projects_robot():
-    assert isinstance(kind_of(ProjectSettings()), RavenProject)
-    assert isinstance(kind_of(SHORT), PsmProject)
+    assert kind_of(ProjectSettings(side="right")).robot == "raven2_right"
     assert [topic.name for topic in kind_of(replace(SHORT, namespace="/PSM2")).required] == [
         "/PSM2/measured_js",
         "/PSM2/tracker/measured_js",

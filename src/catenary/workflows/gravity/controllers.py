@@ -4,7 +4,7 @@ import numpy as np
 
 from catenary.control.elastic_pd import Compensation, ElasticPD
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ
-from catenary.control.gravity_pd import At, GravityHold, GravityPD
+from catenary.control.gravity_pd import GravityHold, GravityPD
 from catenary.control.inertia_pd import InertiaPD
 from catenary.control.pd import Damping, JointPD, SplitController
 from catenary.errors import InputError
@@ -24,16 +24,10 @@ CONTROLLERS: dict[str, str] = {
 HOLDS = ("sg", "dg")  # those that gravity compensation is also tried of alone
 
 
-def make_controller(
-    name: str, arm: SimulatedArm, *, at: At = "measured", damping: Damping = "relative"
-) -> SplitController:
-    """Return a controller for an arm, with the arm's own gains.
+def make_controller(name: str, arm: SimulatedArm, *, damping: Damping = "relative") -> SplitController:
+    """Return one of CONTROLLERS for an arm, with the arm's own gains.
 
-    Args:
-        name: One of CONTROLLERS.
-        arm: What it is for.
-        at: Where gravity is evaluated; of sg and dg.
-        damping: "absolute" leaves the reference's velocity out, as RAVEN-II's firmware does.
+    Damping "absolute" leaves the reference's velocity out, as RAVEN-II's firmware does.
 
     Raises:
         InputError: No such controller, one that the arm has no springs for, or an option that it does not take.
@@ -41,14 +35,11 @@ def make_controller(
     """
     if name not in CONTROLLERS:
         raise InputError(f'controller "{name}": expected one of {", ".join(CONTROLLERS)}')
-    if at != "measured" and name not in HOLDS:
-        raise InputError(f'controller "{name}": gravity at the desired position is an option of sg and dg')
     kp, kd = arm.gains
     if name == "pd":
         return JointPD(kp, kd, damping=damping)
     if name in HOLDS:
-        gravity = LEVEL if name == "sg" else None
-        return GravityPD(arm.model, kp, kd, gravity=gravity, at=at, damping=damping)
+        return GravityPD(arm.model, kp, kd, gravity=LEVEL if name == "sg" else None, damping=damping)
     if name in ("inertia", "computed-torque"):
         if damping != "relative":
             raise InputError(f'controller "{name}": follows velocities, expected damping relative')
@@ -62,12 +53,7 @@ def make_controller(
 
 
 def make_hold(name: str, arm: SimulatedArm) -> GravityHold:
-    """Return gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg).
-
-    Raises:
-        InputError: No such compensation.
-        MissingInertiaError: The model has links without inertia.
-    """
+    """Return gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg)."""
     if name not in HOLDS:
         raise InputError(f'controller "{name}": expected one of {", ".join(HOLDS)}')
     return GravityHold(arm.model, gravity=LEVEL if name == "sg" else None)

@@ -48,16 +48,14 @@ def make_motion(
     """Return a motion of all joints by name.
 
     Args:
-        name: "cartesian", the paper's sinusoids of the tip along x, y, z; "random", each joint by itself over half of
-            its range; "poses", at rest at POSES positions along the first joint's range.
-        model: The robot.
+        name: "cartesian", the paper's sinusoids of the tip along axes of the base; "random", each joint by itself over
+            half of its range; "poses", at rest at POSES positions along the first joint's range.
         limits: Its plant or itself: the joint limits to keep.
-        rng: Draws the random motion.
         q_start: (n,) where cartesian begins, and where the other joints of poses stand [rad|m]; RAVEN_START, or the
             middle of the range, when None.
         amplitude: Of the sinusoids [m].
-        axes: Of the base, along which they are; a planar arm has two.
-        seconds: Of the random motion [s].
+        axes: Of the base; a planar arm has two.
+        seconds: Of the random motion.
 
     Raises:
         InputError: No such motion, or joints without limits where their range is needed.
@@ -82,26 +80,10 @@ def make_motion(
     return poses_along(limits, 0, np.linspace(lower[0] + edge, upper[0] - edge, POSES), start)
 
 
-def poses_along(
-    limits: Bounded,
-    joint: int,
-    positions: ArrayLike,
-    q: ArrayLike,
-    *,
-    max_velocity: ArrayLike | None = None,
-    max_acceleration: ArrayLike | None = None,
-) -> Motion:
-    """Return a motion that rests at one position of a joint after the other, the other joints at q (n,) [rad|m].
+def poses_along(limits: Bounded, joint: int, positions: ArrayLike, q: ArrayLike) -> Motion:
+    """Return a motion that rests at K positions of a joint, one after the other, the other joints at q (n,) [rad|m].
 
     The last WATCHED seconds of each rest count.
-
-    Args:
-        limits: Whose joints they are.
-        joint: Number of the joint that moves.
-        positions: (K,) where it rests [rad|m].
-        q: (n,) where the others stand [rad|m].
-        max_velocity: (n,) on the way from one to the next [rad/s|m/s]; GENTLE_VELOCITY when None.
-        max_acceleration: (n,) [rad/s2|m/s2]; GENTLE_ACCELERATION when None.
     """
     n = len(limits.joint_names)
     rows = np.tile(as_array("q", q, (n,)), (len(as_array("positions", positions, (None,))), 1))
@@ -110,7 +92,7 @@ def poses_along(
     windows = [(REST - WATCHED, REST)]
     end = REST
     for before, row in pairwise(rows):
-        way = gentle_way(before, row, limits.joint_units, max_velocity=max_velocity, max_acceleration=max_acceleration)
+        way = gentle_way(before, row, limits.joint_units)
         parts += [way, Rest(row, REST)]
         end += way.duration + REST
         windows.append((end - WATCHED, end))
@@ -118,11 +100,7 @@ def poses_along(
 
 
 def start_pose(model: RobotModel, limits: Bounded, raven: tuple[float, ...] = RAVEN_START) -> Floats:
-    """Return where an arm starts, (n,) [rad|m]: a RAVEN-II at `raven`, others in the middle of their ranges.
-
-    Raises:
-        InputError: Joints without limits.
-    """
+    """Return where an arm starts, (n,) [rad|m]: a RAVEN-II at `raven`, others in the middle of their ranges."""
     if model.closed_form == "raven2" and model.n == len(raven):
         return np.array(raven)
     lower, upper = _range(limits)

@@ -98,24 +98,19 @@ def simulated_arm(
     if robot not in RAVEN_SIDES:
         model = load_robot(robot, massless=massless, strict=strict)
         own = None if model.actuation is None else joint_drives(model.actuation, model.n)
-        given = {"friction": friction, "damping": viscous}
-        friction_of_joints = {
-            key: value if value is not None else 0.0 if own is None else getattr(own, key)
-            for key, value in given.items()
-        }
         if own is not None and own.left_out:
             _log.warning(
                 'robot "%s": simulated with its Coulomb and viscous friction and rotors, joint by joint; without %s',
                 model.name,
                 ", ".join(own.left_out),
             )
-        arm = rigid_arm(
-            model,
-            base=base,
-            payload=payload,
-            hardware=JointHardware(**friction_of_joints),
-            motor_inertia=None if own is None else own.armature,
+        given = {"friction": friction, "damping": viscous}
+        hardware = replace(
+            JointHardware() if own is None else JointHardware(own.friction, own.damping),
+            **{key: value for key, value in given.items() if value is not None},
         )
+        rotors = None if own is None else own.armature
+        arm = rigid_arm(model, base=base, payload=payload, hardware=hardware, motor_inertia=rotors)
         return with_gains(arm, kp, kd)
     return with_gains(raven_arm(cast(CablePlant, open_robot(robot, where))), kp, kd)
 
@@ -137,18 +132,15 @@ def rigid_arm(
     base: MovingBase | None = None,
     payload: float = 0.0,
     start: ArrayLike | None = None,
-    gains: JointGains | None = None,
     motor_inertia: ArrayLike | None = None,
     hardware: JointHardware | None = None,
 ) -> SimulatedArm:
-    """Simulate any robot as rigid bodies, enabled; gains by rule where none are given.
+    """Simulate any robot as rigid bodies, enabled, with gains by rule.
 
     Args:
-        model: With inertia.
         base: What it stands on; a level base when None.
         payload: Mass at the tip [kg], of which the model knows nothing.
         start: (n,) where it stands at first [rad|m]; zero, or the middle of its limits, when None.
-        gains: Of its joints; gains_from_mass when None.
         motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
         hardware: Friction of its joints, none when None; its rotors are `motor_inertia`.
     """
@@ -161,7 +153,7 @@ def rigid_arm(
     return SimulatedArm(
         plant=plant,
         model=model,
-        gains=gains_from_mass(model, motor_inertia=added) if gains is None else gains,
+        gains=gains_from_mass(model, motor_inertia=added),
         largest_torque=np.array(model.effort_limit),
         q_true=lambda: plant.telemetry()["q_true"],
         motor_inertia=added,
@@ -173,12 +165,15 @@ def raven_arm(plant: CablePlant) -> SimulatedArm:
     nominal = load_cable_arm()
     if plant.side == "right":
         nominal = right_arm(nominal)
-    part = PositioningArm(plant)
+    part, firmware, n = PositioningArm(plant), nominal.firmware, POSITIONING
     return SimulatedArm(
         plant=part,
         model=load_robot("raven2" if plant.side == "left" else "raven2_right"),
-        gains=raven_gains(nominal.firmware),
-        largest_torque=raven_torque(nominal.firmware),
+        gains=raven_gains(firmware),
+        # at level "moderate": 7.5, 6.7 Nm, 95 N, from its DAC limits
+        largest_torque=torque_at_joints(
+            firmware.dac_limit[:n], firmware.dac_per_ampere[:n], firmware.torque_constant[:n], firmware.ratio[:n]
+        ),
         q_true=lambda: part.q_true,
         motor_inertia=raven_motor_inertia(nominal),
         stiffness=nominal.cable.stiffness.copy(),
@@ -192,14 +187,6 @@ def raven_gains(firmware: Firmware) -> JointGains:
     """
     n = POSITIONING
     return gains_at_joints(firmware.kp[:n], firmware.kd[:n], firmware.ratio[:n], firmware.gearbox[:n])
-
-
-def raven_torque(firmware: Firmware) -> Floats:
-    """Return RAVEN-II's largest torques at level "moderate": 7.5, 6.7 Nm, 95 N, from its DAC limits."""
-    n = POSITIONING
-    return torque_at_joints(
-        firmware.dac_limit[:n], firmware.dac_per_ampere[:n], firmware.torque_constant[:n], firmware.ratio[:n]
-    )
 
 
 def raven_motor_inertia(arm: CableArm) -> Floats:
@@ -221,12 +208,9 @@ def base_sensor(
     """Put a cheap inertial unit, 200 Hz, at the origin of a base; return it and the mounting that is told of it.
 
     Args:
-        base: What the arm stands on.
         start: Time of its first sample [s]; the plant's.
         bias: (3,) of its accelerometer, of which the mounting knows nothing [m/s2]: what a calibration left.
         noise: Standard deviation of an axis of a reading [m/s2]; an MPU-6050's when None.
-        fault: What goes wrong with it.
-        seed: Of its noise.
 
     Raises:
         InputError: A bias that is no vector, or negative noise.

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.control.gravity_pd import GravityPD
-from catenary.control.loop import GravitySource, Observer, StateCorrector, Tick, run_loop
+from catenary.control.loop import GravitySource, Observer, Tick, run_loop
 from catenary.control.loop_report import Holding, Tracking
 from catenary.control.pd import Controller, SplitController
 from catenary.errors import InputError
@@ -30,20 +30,16 @@ def track(
     *,
     settle: float = SETTLE,
     windows: Sequence[tuple[float, float]] | None = None,
-    corrector: StateCorrector | None = None,
     gravity: GravitySource | None = None,
     observers: Sequence[Observer] = (),
 ) -> Tracking:
     """Bring an arm to a motion's start, let it settle there, and follow the motion, all with the same controller.
 
+    All is measured at the motors, as the paper did.
+
     Args:
-        arm: Homed and enabled.
-        controller: Of the arm's joints.
-        trajectory: Of the arm's joints.
         settle: Time at the start before the motion begins [s].
         windows: Times of the motion that count in the measures, from and to [s]; all of it when None.
-        corrector: Turns reported positions into calibrated ones; without it all is measured at the motors, as the
-            paper did.
         gravity: Says what gravity is; what the plant says when None.
         observers: Called with every tick of the motion itself, the way to its start and the settling left out.
 
@@ -71,7 +67,7 @@ def track(
 
     report = run_loop(
         plant, controller, whole, limits=arm.limits(), rate_hz=1.0 / plant.period,
-        corrector=corrector, gravity=gravity, observers=[observe],
+        gravity=gravity, observers=[observe],
     )  # fmt: skip
     time = np.array(times)
     counted = np.zeros(len(time))
@@ -95,23 +91,11 @@ def with_approach(arm: SimulatedArm, trajectory: Trajectory, settle: float) -> t
 
 
 def hold(
-    arm: SimulatedArm,
-    controller: Controller,
-    q: ArrayLike,
-    seconds: float,
-    *,
-    settle: float = SETTLE,
-    gravity: GravitySource | None = None,
+    arm: SimulatedArm, controller: Controller, q: ArrayLike, seconds: float, *, gravity: GravitySource | None = None
 ) -> Holding:
-    """Place an arm by PD and sensed gravity, then let the controller alone hold it.
+    """Place an arm at q (n,) [rad|m] by PD and sensed gravity, then let the controller alone hold it for a time.
 
-    Args:
-        arm: Homed and enabled.
-        controller: Such as GravityHold.
-        q: (n,) where to [rad|m].
-        seconds: How long to watch [s].
-        settle: Time at q before [s].
-        gravity: Says what gravity is; what the plant says when None.
+    `gravity` says what gravity is; what the plant says when None.
 
     Raises:
         LimitError: q lies outside the joint limits; nothing has moved.
@@ -124,27 +108,15 @@ def hold(
         raise InputError(f"seconds: expected more than 0, got {seconds}")
     check_motion(plant, Rest(pose, 0.0))
     placing = GravityPD(arm.model, arm.gains.kp, arm.gains.kd)
-    whole, _ = with_approach(arm, Rest(pose, 0.0), settle)
-    rate = 1.0 / plant.period
-    limits = arm.limits()
+    whole, _ = with_approach(arm, Rest(pose, 0.0), SETTLE)
+    limits, rate = arm.limits(), 1.0 / plant.period
     run_loop(plant, placing, whole, limits=limits, rate_hz=rate, gravity=gravity)
-    times: list[float] = []
-    reported: list[Floats] = []
-    true: list[Floats] = []
+    rows: list[tuple[float, Floats, Floats]] = []
 
     def observe(tick: Tick) -> None:
-        times.append(tick.time)
-        reported.append(tick.q_nominal)
-        true.append(arm.q_true())
+        rows.append((tick.time, tick.q_nominal, arm.q_true()))
 
-    report = run_loop(
-        plant,
-        controller,
-        Rest(plant.measured_js().q, seconds),
-        limits=limits,
-        rate_hz=rate,
-        gravity=gravity,
-        observers=[observe],
-    )
-    columns = np.array(times), np.array(reported), np.array(true)
-    return Holding(plant.joint_names, plant.joint_units, *columns, gravity=report.gravity)
+    held = Rest(plant.measured_js().q, seconds)
+    report = run_loop(plant, controller, held, limits=limits, rate_hz=rate, gravity=gravity, observers=[observe])
+    time, reported, true = (np.array(column) for column in zip(*rows, strict=True))
+    return Holding(plant.joint_names, plant.joint_units, time, reported, true, gravity=report.gravity)

@@ -14,11 +14,10 @@ from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
 from catenary.recording.logs import Reading, read_logs
-from catenary.reports.joint_errors import percent
-from catenary.reports.project import write_project_report
+from catenary.reports.project import shown_name, write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import require_apart, robot_of, verdict
-from catenary.workflows.calibration_model import evaluate_calibration, fit_calibration, recordings_for, warnings_of
+from catenary.workflows.calibration_model import fit_calibration, held_against, recordings_for, warnings_of
 from catenary.workflows.project.deploy import Deployment
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import kind_of
@@ -48,11 +47,8 @@ RECOMMENDED = "recommended"
 def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
     """Return options for every kind of model, and of the one that was asked for, which is recommended and deployed.
 
-    The paper's network has all of the paper's inputs.
-
-    Args:
-        robot: Name of the project's robot, whose joints take what is theirs; None for recordings.
-        asked: What was asked for; the other kinds share its memory, target and seed, and its inputs where it has any.
+    The others share its memory, target and seed, and its inputs where it has any: else the paper's network takes all of
+    the paper's, and the joints of a project's `robot` what is theirs; None for recordings.
     """
     positioning, everything, own = (
         (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot == "raven2" else (None,) * 3
@@ -81,19 +77,6 @@ class CalibrationResult:
     deployment: Mapping[str, Any] | None  # None without a robot
     repeated: tuple[str, ...]  # steps that were run now; the others had been done
     advice: tuple[str, ...]  # what is recommended for each joint and why, and warnings of it on the test
-
-    def table(self) -> tuple[list[str], list[list[str]]]:
-        """Return header and rows: one row per model, one column per joint."""
-        first = next(iter(self.evaluations.values())).joints
-        header = ["model", *(f"{joint.name} [{joint.unit}]" for joint in first)]
-        rows = [
-            ["raw", *(f"{joint.raw_rmse:.3f}" for joint in first)],
-            ["fixed offset", *(f"{joint.offset_rmse:.3f} (100 %)" for joint in first)],
-        ]
-        for name, evaluation in self.evaluations.items():
-            cells = (f"{j.rmse:.3f} ({percent(j.percent_of_offset, 0)})" for j in evaluation.joints)
-            rows.append([_shown(name), *cells])
-        return header, rows
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
@@ -129,7 +112,6 @@ def calibrate_robot(
     """Calibrate a project's robot, doing only what has not been done.
 
     Args:
-        project: Folder and settings.
         robot: Homes, moves, records; the project's simulated one when None.
         asked: The model to recommend and deploy; its seed is the project's. Chosen joint by joint when None.
         run: Which rows fits see, and how they are tested.
@@ -200,10 +182,6 @@ def calibrate_recordings(
     All of them are judged first: where one is refused, nothing is written, and a folder that was begun goes away.
 
     Args:
-        project: Folder and settings, whose seed is that of training.
-        train: Recordings to fit to.
-        test: Recordings to test on.
-        reading: How recordings are read.
         asked: The model to recommend. Chosen joint by joint when None.
         run: Which rows fits see, and how they are tested; its error limit holds for the test too.
         progress: Given a step's name, returns a callback for the share done.
@@ -272,7 +250,7 @@ def fit_models(
         of_kind = replace(run, folds=folds)
 
         def work(options: FitOptions = options, path: Path = path, name: str = name, of_kind: FitRun = of_kind) -> None:
-            tell = progress(f"fit {_shown(name)}")
+            tell = progress(f"fit {shown_name(name)}")
             result = fit_calibration(list(train), options, of_kind, reading=reading, progress=tell)
             save_model(result.model, result.card, path)
 
@@ -281,17 +259,12 @@ def fit_models(
 
 
 def _inputs_of(results: Mapping[str, Any]) -> dict[str, list[int]]:
-    """Return how many features the models take for each joint, by their names in the table."""
+    """Return how many features the models take for each joint."""
     counts = {}
     for name, result in results.items():
         of_joint = {joint: len(group.columns) for group in result.model.groups for joint in group.joints}
-        counts[_shown(name)] = [of_joint[joint] for joint in sorted(of_joint)]
+        counts[name] = [of_joint[joint] for joint in sorted(of_joint)]
     return counts
-
-
-def _shown(name: str) -> str:
-    """Return a model's name as people read it."""
-    return name.replace("_", ", preset ")
 
 
 def _hashes(paths: Sequence[Path]) -> list[str]:
@@ -314,9 +287,9 @@ def conclude(
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
     run = run if run is not None else FitRun()
     results = {
-        name: evaluate_calibration(
-            model_path(project, name), list(test), reading=reading, accept=run.accept, max_error=run.max_error
-        )
+        name: held_against(
+            model_path(project, name), test, reading, accept=run.accept, max_error=run.max_error
+        ).evaluate()
         for name in models
     }
     deployment = None
@@ -341,8 +314,8 @@ def conclude(
         write(evaluation, concluded.summary())
         fitted_to, tested_on = (recordings_for(best.model, paths, reading) for paths in (train, test))
         write_project_report(
-            page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
-            fitted_to, tested_on, deployment, notes=best.notes, inputs=_inputs_of(results),
+            page, project.settings.connection, best.model, best.card, concluded.evaluations, fitted_to, tested_on,
+            deployment, notes=best.notes, inputs=_inputs_of(results),
         )  # fmt: skip
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]

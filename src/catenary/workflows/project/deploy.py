@@ -76,7 +76,6 @@ def deploy_on_robot(
     Args:
         plant: Homed and enabled; its external encoders are read in every tick.
         model: Fitted to recordings of this robot.
-        trajectory: Of the model's joints.
         real_time: Keep time with the clock also on a simulated robot, to see jitter and overruns.
 
     Raises:

@@ -23,8 +23,7 @@ from catenary.raven2.topics import further_columns
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 from catenary.workflows.project.lock import LOCK, FolderLock
-from catenary.workflows.project.outputs import describe, hold, missing
-from catenary.workflows.project.state import StepsFile, WrittenFiles, read_state
+from catenary.workflows.project.state import StepsFile, describe, hold, missing, read_state
 
 SETTINGS, STEPS = "settings.json", "steps.json"
 ROBOTS = ("raven2", "dvrk_psm")
@@ -101,7 +100,6 @@ class Project:
         """Open a project, or begin one.
 
         Args:
-            folder: Of the project.
             settings: Written into it where they differ from its own.
 
         Raises:
@@ -131,14 +129,11 @@ class Project:
     def done(self, step: str, made_from: Any, files: Sequence[Path]) -> bool:
         """Return whether a step was done with the same settings and inputs, and its files hold what it wrote.
 
-        Sizes and times are compared, and bytes only where a time differs (`outputs.hold`). Of steps that an older
-        version did, which kept no hashes, the files have to be there.
+        Sizes and times are compared, and bytes only where a time differs (`state.hold`).
         """
         entry = self._steps.get(step)
         if entry is None or entry["made_from"] != fingerprint(made_from):
             return False
-        if "outputs" not in entry:
-            return all(path.exists() for path in files)
         return hold(self.folder, files, entry["outputs"])
 
     def run(
@@ -153,7 +148,6 @@ class Project:
         """Do a step unless it was done; return whether it was done now.
 
         Args:
-            step: Its name.
             made_from: Everything that it depends on, as plain data.
             files: What it writes, files or folders.
             work: Does it; what it returns is noted beside the step.
@@ -190,28 +184,14 @@ class Project:
         return True
 
     def fingerprint_of(self, step: str) -> str:
-        """Return the hash of what a step was made from; steps after it depend on that.
-
-        Raises:
-            ConfigError: The step was not done.
-        """
+        """Return the hash of what a step was made from; steps after it depend on that."""
         if step not in self._steps:
             raise ConfigError(f"{self.folder}: {step} was not done yet")
         return str(self._steps[step]["made_from"])
 
     def outputs_of(self, step: str) -> dict[str, Any] | None:
-        """Return a step's outputs by `describe`; None where it was not done, empty where they are not known.
-
-        They are not where an older version did it, or what is noted is nonsense.
-        """
-        if step not in self._steps:
-            return None
-        outputs: dict[str, Any] = self._steps[step].get("outputs", {})
-        try:
-            parse_settings({"outputs": outputs}, WrittenFiles, step)
-        except ConfigError:
-            return {}
-        return outputs
+        """Return a step's outputs by `describe`; None where it was not done."""
+        return self._steps[step]["outputs"] if step in self._steps else None
 
     def __enter__(self) -> Self:
         """Keep the folder's lock, once a step has taken it, until the end."""
@@ -244,12 +224,7 @@ class Project:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """Hold the folder's lock.
-
-        Raises:
-            InUseError: Another process holds it, or has changed the project's settings since it was opened.
-            FileFormatError: The folder cannot be written in.
-        """
+        """Hold the folder's lock; refused where another process holds it, or has changed the settings since."""
         with self:
             if not self._lock.is_held:
                 self._lock.take()
@@ -279,11 +254,7 @@ def is_project(folder: Path) -> bool:
 
 
 def project_settings(folder: Path) -> ProjectSettings | None:
-    """Return the settings that a project was last opened with, or None where there is no project.
-
-    Raises:
-        ConfigError: The file is damaged, or from another version.
-    """
+    """Return the settings that a project was last opened with, or None where there is no project."""
     path = folder / SETTINGS
     if not path.is_file():
         return None

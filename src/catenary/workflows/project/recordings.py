@@ -3,27 +3,27 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from catenary.errors import ConfigError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
+from catenary.recording.bag_reader import open_recording
+from catenary.recording.bag_writer import BagKind, write_group_bags
+from catenary.recording.extract import extract
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.outputs import contents, describe, hold, missing
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.robot import empty
-
-if TYPE_CHECKING:
-    from catenary.recording.bag_writer import BagKind
+from catenary.workflows.project.state import contents, describe, hold, missing
 
 
 def extract_recording(project: Project, name: str) -> bool:
     """Extract recordings/NAME and synchronise it into a motion log, NAME.parquet; return whether that had to be done.
 
-    A recording that no step made is extracted as well: somebody put it there, an older version recorded it without
-    moving the robot, or what recorded it was killed. Of one that is not whole what is whole is taken; the report, the
-    log's notes and the step say so (`rescued`).
+    A recording that no step made is extracted as well: somebody put it there, or what recorded it was killed. Of one
+    that is not whole what is whole is taken; the report, the log's notes and the step say so (`rescued`).
 
     Raises:
         ConfigError: There is no such recording.
@@ -31,10 +31,6 @@ def extract_recording(project: Project, name: str) -> bool:
         InputError: Such a topic has no message.
         InUseError: Another process is writing in the project.
     """
-    from catenary.recording.extract import extract
-    from catenary.recording.logs import write_parquet
-    from catenary.workflows.project.kinds import kind_of
-
     folder = project.folder / "extracted" / name
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
     recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report, folder]
@@ -72,7 +68,7 @@ def extract_recording(project: Project, name: str) -> bool:
     return project.run(step, made_from, files, work)
 
 
-def write_bags(project: Project, name: str, kind: "BagKind") -> list[Path]:
+def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
     """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless that was done; return them.
 
     What a killed command has left half written is no bag, and goes away.
@@ -81,9 +77,6 @@ def write_bags(project: Project, name: str, kind: "BagKind") -> list[Path]:
         InputError: Bags are there that no step of this project wrote.
         InUseError: Another process is writing in the project.
     """
-    from catenary.recording.bag_reader import open_recording
-    from catenary.recording.bag_writer import write_group_bags
-
     step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
     files = [project.folder / written for written in project.outputs_of(step) or {}]
     made_from = contents(describe(project.folder, [recording]), f"recordings/{name}")
@@ -114,15 +107,14 @@ def _noted(project: Project, name: str) -> list[str] | None:
     outputs = project.outputs_of(step)
     if outputs is None:
         return None
-    motion = project.fingerprint_of(step)
-    noted = [motion, contents(outputs, f"recordings/{name}")] if outputs else [motion]
-    return [*noted, *project.settings.columns]
+    recorded = contents(outputs, f"recordings/{name}")
+    return [project.fingerprint_of(step), recorded, *project.settings.columns]
 
 
 def _is_as_noted(project: Project, name: str, recording: Path) -> bool:
-    outputs = project.outputs_of(f"record {name}")
-    below = {key: one for key, one in (outputs or {}).items() if key.startswith(f"recordings/{name}/")}
-    return not outputs or hold(project.folder, [recording], below)
+    outputs = project.outputs_of(f"record {name}") or {}
+    below = {key: one for key, one in outputs.items() if key.startswith(f"recordings/{name}/")}
+    return hold(project.folder, [recording], below)
 
 
 def motion_log_path(project: Project, name: str) -> Path:

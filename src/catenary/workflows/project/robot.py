@@ -21,18 +21,16 @@ from catenary.config import plain_data
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
-from catenary.plant import JointState, OperatingState
-from catenary.raven2.topics import ARM_OF_SIDE, Arm
+from catenary.plant import JointState
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
-from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import deploy_on_robot
-from catenary.workflows.project.folder import Project, ProjectSettings, write
+from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import ProjectKind, kind_of
 from catenary.workflows.robot.homing import (
     HOMING,
@@ -65,7 +63,7 @@ class Take:
 
     folder: Path
     name: str
-    trajectory: Trajectory  # of the three positioning joints
+    trajectory: Trajectory  # of the joints that are calibrated
     motion: Any  # what the trajectory is, as plain data
     after: str  # "home", or the name of the recording before
     progress: Progress
@@ -90,13 +88,8 @@ class ProjectRobot(ABC):
     ) -> bool:
         """Drive it along a trajectory and record that into recordings/NAME; return whether that had to be done.
 
-        Args:
-            project: The project.
-            name: Of the recording.
-            trajectory: Of the three positioning joints.
-            motion: What the trajectory is, as plain data.
-            after: "home", or the name of the recording before.
-            progress: Called with the share done.
+        `motion` says as plain data what the trajectory, of the calibrated joints, is; `after` is "home" or the name of
+        the recording before.
 
         Raises:
             LimitError: The motion leaves the joint limits; nothing has moved.
@@ -121,11 +114,6 @@ class ProjectRobot(ABC):
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
         """Run a model in its 1 kHz loop along a trajectory, and return its `Deployment` as plain data."""
-
-
-def arm_of(project: Project) -> Arm:
-    """Return the arm that a project is about."""
-    return ARM_OF_SIDE[project.settings.side]
 
 
 def set_aside(project: Project, name: str) -> None:
@@ -163,7 +151,7 @@ class SimulatedRobot(ProjectRobot):
         readable = True
         if homed.is_file():
             try:
-                restore_plant(make_plant(project.settings), homed)
+                restore_plant(kind_of(project.settings).plant(), homed)
             except FileFormatError:
                 readable = False
 
@@ -171,7 +159,7 @@ class SimulatedRobot(ProjectRobot):
             folder.mkdir(exist_ok=True)
             for left in folder.glob("after_*.npz"):
                 left.unlink()  # of the robot before it was homed again
-            plant = make_plant(project.settings)
+            plant = kind_of(project.settings).plant()
             plant.home()
             save_plant(plant, homed)
             content = {
@@ -185,7 +173,10 @@ class SimulatedRobot(ProjectRobot):
             write(folder / "home.json", content)
 
         files = [homed, folder / "home.json"]
-        return project.run("home", _simulated_settings(project.settings), files, work, trusted=readable)
+        settings = project.settings  # all that makes the robot another one; a new version may bring other numbers
+        who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
+        made_from = [*who, STATE_FORMAT, kind_of(settings).numbers()]
+        return project.run("home", made_from, files, work, trusted=readable)
 
     def files(self, project: Project, take: Take) -> list[Path]:
         """Return the recording's folder, and the robot as it was left."""
@@ -196,10 +187,10 @@ class SimulatedRobot(ProjectRobot):
         settings, before = project.settings, left_at(project, take.after)
         if not before.is_file():
             raise ConfigError(f"{before}: is missing; do the step {take.after} first")
-        plant = make_plant(settings)
+        kind = kind_of(settings)
+        plant = kind.plant()
         restore_plant(plant, before)
         plant.state_command("enable")
-        kind = kind_of(settings)
         check_motion(plant, take.trajectory, joints=kind.joints)
         empty(take.folder)
         made = {"motion": take.motion}
@@ -222,7 +213,7 @@ class SimulatedRobot(ProjectRobot):
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
         """Run a model in its loop in real time, from where `after` left the robot."""
-        plant = make_plant(project.settings)
+        plant = kind_of(project.settings).plant()
         restore_plant(plant, left_at(project, after))
         plant.state_command("enable")
         return dict(plain_data(deploy_on_robot(plant, model, trajectory, real_time=True)))
@@ -233,23 +224,12 @@ def left_at(project: Project, step: str) -> Path:
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
-def make_plant(settings: ProjectSettings) -> FirmwarePlant[Any]:
-    """Return the robot of a project, just switched on."""
-    return kind_of(settings).plant()
-
-
-def _simulated_settings(settings: ProjectSettings) -> Any:
-    """Return all that makes the robot another one; a new version may bring other numbers, or another form of states."""
-    who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
-    return [*who, STATE_FORMAT, kind_of(settings).numbers()]
-
-
 COLLECT_EVERY = 20  # ticks between two looks at what has come
 SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
 
 
 class RosRobot(ProjectRobot):
-    """A RAVEN-II's arm behind a transport."""
+    """A robot behind a transport, which stays open; it is looked for when a step needs it."""
 
     def __init__(
         self,
@@ -260,18 +240,15 @@ class RosRobot(ProjectRobot):
         patience: float = PATIENCE,
         homing_patience: float = HOMING,
     ) -> None:
-        """Take a transport; the robot is looked for when a step needs it.
+        """Take a transport.
 
         Args:
-            transport: Brings and takes messages; stays open.
-            guide: Asks the person beside the robot.
             simulated: What is behind the topics, which do not say it.
             patience: [s] until the robot must report what a person has done.
             homing_patience: [s] from the press of its button until it must be homed.
         """
-        self._transport, self._guide = transport, guide
-        self._simulated, self._patience = simulated, patience
-        self._homing_patience = homing_patience
+        self._transport, self._guide, self._simulated = transport, guide, simulated
+        self._patience, self._homing_patience = patience, homing_patience
         self._is_clear = False  # whether the workspace was said to be
 
     def home(self, project: Project) -> bool:
@@ -287,7 +264,9 @@ class RosRobot(ProjectRobot):
                 found = {"joint_names": client.joint_names, "believed": believed, "external_encoders": encoders}
                 write(path, {"simulated": self._simulated, **found})
 
-        return project.run("home", _ros_settings(project), [path], work)
+        settings = project.settings
+        place = [settings.namespace] if settings.robot == "dvrk_psm" else []
+        return project.run("home", [settings.robot, settings.side, settings.connection, *place], [path], work)
 
     def drive(self, project: Project, take: Take) -> None:
         """Record over the robot's topics; a recording that was interrupted is begun anew."""
@@ -336,8 +315,12 @@ class RosRobot(ProjectRobot):
             return
         if isinstance(self._guide, AnswerYes) or client.dialect == "crtk":  # a dVRK has no pedal that enables it
             client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
-        pedal = "press the pedal, so that the robot is ENABLED"
-        self._have(pedal, lambda: _not_enabled(client.operating_state()))
+
+        def missing() -> str | None:
+            now = client.operating_state().state
+            return None if now == "ENABLED" else f"the robot is {now}"
+
+        self._have("press the pedal, so that the robot is ENABLED", missing)
 
     def _have(self, text: str, missing: Check) -> None:
         have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
@@ -375,18 +358,8 @@ class RosRobot(ProjectRobot):
             self._guide.say(problem)
 
 
-def _not_enabled(now: OperatingState) -> str | None:
-    return None if now.state == "ENABLED" else f"the robot is {now.state}"
-
-
 def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:
     """Return what is wrong with the encoders of a homed robot, or None."""
     if np.isfinite(client.external_encoders()).all():
         return None
     return f"no reading comes on {kind.required[-1].name}"
-
-
-def _ros_settings(project: Project) -> Any:
-    settings = project.settings
-    place = [settings.namespace] if settings.robot == "dvrk_psm" else []
-    return [settings.robot, settings.side, settings.connection, *place]

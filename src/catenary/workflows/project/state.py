@@ -1,14 +1,16 @@
-"""What a project's JSON files hold: their schemas, and one way to read them."""
+"""What a project's JSON files hold, and what its steps wrote: the size, time and SHA-256 of every file."""
 
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, JsonValue
+from pydantic import Field
 
 from catenary.config import Recorded, parse_settings
 from catenary.documents import json_value, read_bounded
 from catenary.errors import ConfigError, FileFormatError
-from catenary.files import damage
+from catenary.files import damage, fingerprint, sha256_of
 
 MOST_STATE = 2**20  # [B]; steps.json of a hundred recordings has some 50 kB
 Few = Field(max_length=1_000)  # joints
@@ -23,18 +25,12 @@ class WrittenFile(Recorded):
     sha256: str
 
 
-class WrittenFiles(Recorded):
-    """What a step wrote, by the files' names."""
-
-    outputs: dict[str, WrittenFile]
-
-
 class StepEntry(Recorded):
-    """A step that was done; older versions noted no outputs, and one with nonsense for them is done again."""
+    """A step that was done, and what it wrote, by the files' names."""
 
     made_from: str
     files: tuple[str, ...]
-    outputs: JsonValue = None
+    outputs: dict[str, WrittenFile]
 
 
 class StepsFile(Recorded):
@@ -74,8 +70,6 @@ def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None 
     """Read one of a project's JSON files, as plain data that its schema has seen.
 
     Args:
-        path: The file.
-        schema: What it must hold.
         remedy: What makes it again, for the message.
         below: Key of the schema that stands for the whole file.
 
@@ -90,3 +84,66 @@ def read_state(path: Path, schema: type[Any], remedy: str, *, below: str | None 
         why = str(error).removeprefix(f"{path}: ").replace(f"\n{path}: ", "; ")
         raise ConfigError(damage(path, why, remedy)) from error
     return content
+
+
+def describe(folder: Path, outputs: Sequence[Path]) -> dict[str, dict[str, Any]]:
+    """Return `size`, `mtime_ns` and `sha256` of every file of a step, by its path below the project's folder.
+
+    Their bytes are then on the disk (fsync), so that what is noted as done survives a power cut.
+    """
+    described = {}
+    for output in outputs:
+        for path in _files(output):
+            try:
+                with path.open("rb") as file:
+                    os.fsync(file.fileno())
+                content = _size_and_time(path) | {"sha256": sha256_of(path)}
+            except OSError as error:
+                raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from error
+            described[path.relative_to(folder).as_posix()] = content
+    return described
+
+
+def missing(outputs: Sequence[Path]) -> list[Path]:
+    """Return the outputs that are not there, folders without a file among them."""
+    return [output for output in outputs if next(_files(output), None) is None]
+
+
+def hold(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Return whether files still hold what `describe` saw: the same files, and the same bytes in each.
+
+    Cheap: a file of the same size and time is believed, and only one whose time differs is hashed. So what changes
+    bytes and leaves size and time is not found here, but by the checksums of journals, Parquet and models.
+    """
+    there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
+    return there.keys() == described.keys() and all(_holds(path, described[name]) for name, path in there.items())
+
+
+def contents(described: Mapping[str, Mapping[str, Any]], output: str) -> str:
+    """Return the hash of what the files below an output hold, by their names; times do not count."""
+    below = {name: one["sha256"] for name, one in described.items() if name.startswith(f"{output}/")}
+    return fingerprint(below)
+
+
+def _holds(path: Path, described: Mapping[str, Any]) -> bool:
+    try:
+        now = _size_and_time(path)
+        if now["size"] != described["size"]:
+            return False
+        return bool(now["mtime_ns"] == described["mtime_ns"] or sha256_of(path) == described["sha256"])
+    except OSError:
+        return False
+
+
+def _size_and_time(path: Path) -> dict[str, int]:
+    status = path.stat()
+    return {"size": status.st_size, "mtime_ns": status.st_mtime_ns}
+
+
+def _files(output: Path) -> Iterator[Path]:
+    if not output.is_dir():
+        if output.is_file():
+            yield output
+        return
+    for folder, _, names in os.walk(output):
+        yield from (path for name in sorted(names) if (path := Path(folder, name)).is_file())

@@ -57,7 +57,6 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
     or `q_des` (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
 
     Args:
-        path: The file.
         rows_per_second: Of a file without times; that of the published zig-zags when None.
 
     Raises:

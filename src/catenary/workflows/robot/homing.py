@@ -64,14 +64,8 @@ def have_done(
     """Ask for something to be done unless the robot reports that it is, and wait until it does.
 
     Args:
-        guide: Asks.
-        text: What is to be done.
         missing: What the robot reports as missing.
-        sleep: Lets time pass.
         patience: [s] after each answer until the robot must report it; then it is asked again.
-
-    Raises:
-        NotReadyError: Given up, or with a guide that only says yes not reported in time.
     """
     if missing() is None:
         return
@@ -149,13 +143,8 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
     A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state.
 
     Args:
-        client: Of the robot.
         guide: Has the button pressed; one that only says yes presses a simulated robot's.
         patience: [s] until it must be homed.
-
-    Raises:
-        NotReadyError: Given up, in FAULT, or not homed in time.
-        TransportError: The robot fell silent.
     """
     try:
         now = client.operating_state()

@@ -86,8 +86,6 @@ def check_motion(
     """Refuse a trajectory that leaves the joint limits or moves too fast.
 
     Args:
-        limits: A plant or a robot model.
-        trajectory: Of k joints.
         joints: Names of the joints that it moves, in its order; all when None.
         max_velocity: (k,) largest speed [rad/s or m/s]; not checked when None.
         step: Time between the samples that are looked at [s].
@@ -147,13 +145,10 @@ def move_to(
     It may start outside the limits, as after homing against a stop, but not end there.
 
     Args:
-        plant: Enabled and homed.
         q: (k,) where to [rad or m].
         joints: Names of the k joints, in the order of q; all when None.
         max_velocity: (k,) [rad/s or m/s]; GENTLE_VELOCITY when None.
         max_acceleration: (k,) [rad/s2 or m/s2]; GENTLE_ACCELERATION when None.
-        observe: Called after every tick.
-        progress: Called with the share done.
 
     Raises:
         LimitError: The goal lies outside the limits; nothing has moved.
@@ -184,8 +179,6 @@ def run_trajectory(
     plant's period each tick: a late tick delays the motion, it never makes it leap.
 
     Args:
-        plant: Enabled and homed.
-        trajectory: Of k joints.
         joints: Names of the joints that it moves, in its order; all when None.
         max_velocity: (k,) largest speed that is let pass [rad/s or m/s]; any when None.
         observe: Called after every tick, those of the approach included.
@@ -193,11 +186,7 @@ def run_trajectory(
 
     Raises:
         LimitError: The trajectory leaves the limits; nothing has moved.
-        NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way; the
-            message says when.
-        NotFiniteError: Measured positions were not finite for 20 ticks in a row; the robot holds, and is paused.
-        UnsupportedCommandError: It has no servo_jp.
-        InputError: A joint that there is not, or another number of joints than the trajectory moves.
+        NotReadyError, NotFiniteError, UnsupportedCommandError, InputError: As `move_to`.
     """
     require_ready(plant, "servo_jp")
     moved = _indices(plant, trajectory, joints)

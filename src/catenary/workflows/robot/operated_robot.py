@@ -98,11 +98,6 @@ class OperatedRobot:
             return None
 
 
-def distance(a: Floats, b: Floats) -> float:
-    """Return how far one place (3,) is from another [m]."""
-    return float(np.linalg.norm(a - b))
-
-
 def operated_robot(robot: str, where: Simulated | OverTopics, *, real_time: bool = True) -> OperatedRobot:
     """Open a robot that is operated; errors as `open_robot`.
 

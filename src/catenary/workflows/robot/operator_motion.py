@@ -3,6 +3,7 @@
 However a motion ends, the robot holds and is paused. One that is refused moves nothing, and changes no state.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +25,7 @@ from catenary.trajectories.zigzag import BLEND
 from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, at_rest_afterwards, check_motion, move_to, run_trajectory
-from catenary.workflows.robot.operated_robot import OperatedRobot, distance
+from catenary.workflows.robot.operated_robot import OperatedRobot
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
 LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
@@ -56,11 +57,6 @@ class MotionSummary:
     true_frame: str = ""  # what those k joints place: the model's tip
     tip_error: float | None = None  # [m] between it by reported joints and where it really is
 
-    @property
-    def interrupted(self) -> bool:
-        """Return whether it was ended before its end."""
-        return self.ended_by is not None
-
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
         arrays = self.q.tolist(), self.max_error.tolist(), self.rms_error.tolist()
@@ -71,7 +67,7 @@ class MotionSummary:
             "robot": self.robot,
             "simulated": self.simulated,
             "duration_s": self.duration,
-            "interrupted": self.interrupted,
+            "interrupted": self.ended_by is not None,
             "ended_by": self.ended_by,
             "late_ticks": self.late_ticks,
             "state": self.state._asdict(),
@@ -95,11 +91,9 @@ def go_to_joints(
     """Bring joints to a position, gently, all arriving together.
 
     Args:
-        robot: Enabled and homed.
         q: (k,) [rad|m].
         joints: Their names; the first k when None.
         speed: Times the gentle one, 0.2 rad/s and 10 mm/s.
-        progress: Called with the share done.
 
     Raises:
         LimitError, NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.move_to`; nothing moved.
@@ -132,11 +126,7 @@ def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Gener
 
 
 def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Generator) -> Trajectory:
-    """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges.
-
-    Raises:
-        InputError: Too short, or a joint without limits.
-    """
+    """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges."""
     if robot.model.name in RAVEN_SIDES or robot.name in RAVEN_SIDES:
         return random_sinusoids(rng, seconds)
     k = robot.model.n
@@ -154,11 +144,7 @@ def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Genera
 def run_random(
     robot: OperatedRobot, seconds: float, *, rng: np.random.Generator, progress: Progress = silent
 ) -> MotionSummary:
-    """Move the model's joints at random, after going to where that begins.
-
-    Raises:
-        NotReadyError, UnsupportedCommandError, InputError: Nothing has moved.
-    """
+    """Move the model's joints at random, after going to where that begins."""
     motion = random_motion(robot, seconds, rng=rng)
     return _watched(robot, run_trajectory, motion, joints=robot.joints, progress=progress)
 
@@ -175,12 +161,9 @@ def follow(
     """Check the whole motion of a file, go to its start gently, and follow it.
 
     Args:
-        robot: Enabled and homed.
-        file: The motion.
         blend: [s] over which velocities are averaged.
         largest_velocity: Per unit, rad and m [rad/s, m/s]; LARGEST_VELOCITY when None.
         from_afar: Also start from farther away than NEAR.
-        progress: Called with the share done.
 
     Raises:
         LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.
@@ -251,7 +234,7 @@ def _watched(
         largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, ended_by,
         tool, robot.tool_position(end.q),
         None if truth is None else end.q[: len(truth.q)] - truth.q,
-        robot.model.tip, None if truth is None else distance(robot.tip(end.q), robot.tip(truth.q)),
+        robot.model.tip, None if truth is None else math.dist(robot.tip(end.q), robot.tip(truth.q)),
     )  # fmt: skip
 
 

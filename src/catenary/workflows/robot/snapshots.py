@@ -1,5 +1,6 @@
 """A robot or a recording as a stream of samples to look at."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,11 +19,11 @@ from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
 from catenary.crtk.transport import Latest
 from catenary.errors import InputError, TransportError
 from catenary.monitor import EventRate, Snapshot
-from catenary.plant import JointState, MotionLog, Plant, fault_of, places_of
+from catenary.plant import JointState, MotionLog, fault_of, places_of
 from catenary.raven2.transmission import CALIBRATED
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.robot.motion import gentle_way
-from catenary.workflows.robot.operated_robot import OperatedRobot, distance
+from catenary.workflows.robot.operated_robot import OperatedRobot
 
 EVERY = 0.04  # [s] between two samples: 25 a second
 FIRST_STATE = 5.0  # [s] for the first one to be heard in time, while the machine is busy with starting
@@ -92,15 +93,6 @@ class _Deployed:
         return np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
 
 
-def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
-    """Return a model that runs here, or the one that is deployed beside a robot on ROS."""
-    if model is not None:
-        return _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
-    if isinstance(plant, CrtkReader):
-        return _Deployed(plant)
-    return None
-
-
 def watch_robot(
     robot: OperatedRobot,
     *,
@@ -116,12 +108,9 @@ def watch_robot(
     use is compiled before the first sample, and the robot's first state is waited for.
 
     Args:
-        robot: In any state.
         model: Calibration model to run beside it.
-        every: [s] between samples.
         motion: What a simulated robot does meanwhile, again and again.
         observe: Called after each tick, as a recorder is; returns a line to show.
-        clock: [s].
 
     Raises:
         InputError: A model that does not fit the robot, or a motion for a robot that is not simulated here.
@@ -129,7 +118,11 @@ def watch_robot(
     plant = robot.plant
     if motion is not None and not plant.simulated:
         raise InputError("monitor: only a robot that is simulated here can be given a motion")
-    corrected = _calibrated(plant, model)
+    corrected: _Calibrated | _Deployed | None = None
+    if model is not None:
+        corrected = _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
+    elif isinstance(plant, CrtkReader):
+        corrected = _Deployed(plant)
     path = None if motion is None else _ThereAndBack(robot, motion)
     states, late = EventRate(), EventRate()
     prepared, patience = False, clock() + FIRST_STATE
@@ -187,13 +180,13 @@ def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[s
     if truth is None:
         return {"tip": tip}
     known: dict[str, Any] = {
-        "tip": tip, "error": q[: len(truth.q)] - truth.q, "tip_error": distance(tip, robot.tip(truth.q)),
+        "tip": tip, "error": q[: len(truth.q)] - truth.q, "tip_error": math.dist(tip, robot.tip(truth.q)),
     }  # fmt: skip
     if truth.encoders is not None:
         seen = robot.tip(truth.encoders)
-        known |= {"encoder": truth.encoders, "tip_from_encoders": distance(tip, seen)}
+        known |= {"encoder": truth.encoders, "tip_from_encoders": math.dist(tip, seen)}
         if calibrated is not None:
-            known["calibrated_from_encoders"] = distance(robot.tip(calibrated), seen)
+            known["calibrated_from_encoders"] = math.dist(robot.tip(calibrated), seen)
     return known
 
 
@@ -206,11 +199,7 @@ def watch_log(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Iterator[Snapshot]:
-    """Play a recording, once, at its own speed times `speed`.
-
-    Raises:
-        InputError: It has no time, or a speed that is not positive; or a model that does not fit.
-    """
+    """Play a recording, once, at its own speed times `speed`."""
     if log.time is None:
         raise InputError(f'recording "{log.name}": has no time; it cannot be played')
     if not 0.0 < speed < np.inf:
@@ -244,11 +233,7 @@ class _CalibratedLog:
     """A model in a loop of a recording's rate; inputs come from all that the recording holds."""
 
     def __init__(self, model: CalibrationModel, log: MotionLog, rate_hz: float) -> None:
-        """Find the model's joints and inputs in the recording.
-
-        Raises:
-            InputError: It lacks a joint or an input of the model, or its rate does not fit the model's history.
-        """
+        """Find the model's joints and inputs in the recording."""
         self._corrector, self._log, self._starts = (Corrector(model, rate_hz=rate_hz), log, frozenset(log.starts))
         whose = f'recording "{log.name}"'
         self._places = places_of(model, log, whose=whose, of="the model is for")

@@ -78,10 +78,7 @@ class TopicRecorder:
         """Begin a recording.
 
         Args:
-            transport: Brings the messages.
-            folder: Where the journal goes.
             topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
-            about: What the recording is of.
             max_bytes: Of a file, before the next one begins.
         """
         self.journal = JournalWriter(folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes)
@@ -99,11 +96,7 @@ class TopicRecorder:
             raise
 
     def collect(self) -> int:
-        """Write what has arrived since the last call; return how many messages were kept.
-
-        Raises:
-            RecordingError: The disk is full or failed; the message says what is safe.
-        """
+        """Write what has arrived since the last call; return how many messages were kept."""
         self._note_clock()
         chosen: list[tuple[int, _Kept, Received]] = []
         for kept in self._kept:
@@ -137,11 +130,7 @@ class TopicRecorder:
         return [note for count in self.counts if (note := count.note()) is not None] + self.clock_steps
 
     def close(self) -> None:
-        """Finish the recording; a second time does nothing.
-
-        Raises:
-            RecordingError: The disk is full or failed.
-        """
+        """Finish the recording; a second time does nothing."""
         self._end_subscriptions()
         self.journal.close()
 
@@ -197,11 +186,7 @@ def record_topics(
     """Record what a robot publishes, whoever moves it; Ctrl-C or a signal ends the recording properly.
 
     Args:
-        transport: Brings the messages.
-        folder: Where the journal goes.
-        topics: What to record.
         seconds: How long; infinity until Ctrl-C.
-        about: What it is of.
         required: Names of topics without which it is no recording.
         progress: Called with the share done.
 
@@ -251,11 +236,6 @@ class BesideRecorder:
 
     def __init__(self, robot: OperatedRobot, folder: Path, *, clock: Callable[[], float] = time.monotonic) -> None:
         """Begin a recording.
-
-        Args:
-            robot: A RAVEN-II, simulated here or behind a transport.
-            folder: Where the journal goes; files of bounded size.
-            clock: [s].
 
         Raises:
             InputError: Another robot, or a folder that holds a recording.
