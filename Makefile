@@ -37,7 +37,7 @@ demo: $(VENV)/.package
 
 # one more at a time than there are processors, up to four: many tests wait for other processes
 WORKERS = $(shell n=$$(nproc); echo $$((n < 4 ? n + 1 : 4)))
-PYTEST = $(BIN)/python -m pytest -rs -n $(WORKERS) --dist loadgroup
+PYTEST = $(BIN)/python -m pytest -rs -n $(WORKERS) --dist loadfile
 
 test: $(VENV)/.development
 	$(PYTEST) -m "not slow"

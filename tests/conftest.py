@@ -6,7 +6,7 @@ from fcntl import LOCK_EX, flock
 from hashlib import sha256
 from pathlib import Path
 from shutil import copytree
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
 
 import hypothesis
@@ -47,12 +47,19 @@ def pytest_configure() -> None:
         _compile_one_at_a_time(Path(numba.config.CACHE_DIR))
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist, which reads the marks in the same hook
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give a file to one worker, and all programs that run in real time to one together: each wants a processor."""
-    for item in items:
-        in_real_time = item.path.stem in IN_REAL_TIME and item.get_closest_marker("slow") is not None
-        item.add_marker(pytest.mark.xdist_group("real time" if in_real_time else str(item.path.relative_to(ROOT))))
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give a file to one worker, and all programs that run in real time to one together: each wants a processor.
+
+    pytest-xdist's own groups (3.8) are not seen by pytest 9.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::", 1)[0]
+            return "real time" if Path(file).stem in IN_REAL_TIME else file
+
+    return ByFile(config, log)
 
 
 def _compile_one_at_a_time(folder: Path) -> None:
