@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test test-slow lint campaign campaign-short bench bench-dds bench-serving clean help
-.PHONY: papers refit prior docs
+.PHONY: papers refit prior docs truth
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -26,6 +26,7 @@ help:
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
 	@echo "make bench-dds   a served robot over ROS 2's DDS and a client that hears every topic (10 minutes)"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
+	@echo "make truth       hold what commands claim against the truth, on recordings spoilt in 15 ways (minutes); rewrites tests/truth/table.md"
 	@echo "make docs        the documentation site into build/site: open build/site/index.html"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make prior       learn the prior of few minutes on simulated arms again (a minute); rewrites its data file"
@@ -117,6 +118,9 @@ $(VENV)/.development: $(BIN)/python pyproject.toml
 $(VENV)/.benchmarks: $(VENV)/.package
 	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
 	@touch $@
+
+truth: $(VENV)/.development
+	$(BIN)/python -m tests.truth
 
 clean:
 	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

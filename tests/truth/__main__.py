@@ -1,0 +1,70 @@
+"""Hold what commands claim against the truth: `python -m tests.truth`; writes table.md beside this file."""
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.truth.bench import Outcome, checked, evaluated, fitted, refreshed, windows
+from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
+from tests.truth.spoilings import SPOILINGS
+
+TABLE = Path(__file__).with_name("table.md")
+REFRESH_SECONDS = 120.0
+
+
+def outcomes(only: str) -> Iterator[Outcome]:
+    """Try the cases whose name holds a text."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for made in (*simulated(), *real()):
+            known = made()
+            for spoiling in SPOILINGS:
+                for try_ in (fitted, evaluated):
+                    if only in f"{try_.__name__}: {known.name}: {spoiling.name}":
+                        yield try_(known, spoiling, folder)
+            for seconds in (120.0, 300.0):
+                if only in f"check: {known.name}" and windows_of(known, seconds):
+                    yield checked(known, seconds, folder)
+        if only in "refresh":
+            yield from refreshes(folder)
+
+
+def windows_of(known: Known, seconds: float) -> bool:
+    """Whether recordings are long enough for a window."""
+    return any(list(windows(log, seconds)) for log in known.logs)
+
+
+def refreshes(folder: Path) -> Iterator[Outcome]:
+    """Refresh models with two minutes of another day, of local motion and of full."""
+    for train, day in ((raven("random").logs[0], raven("zigzag", 5).logs[0]),):
+        for first, last in windows(day, REFRESH_SECONDS):
+            yield refreshed("another RAVEN-II", train, day, folder, first, last)
+    if data_folder().is_dir():
+        train, day = dvrk("random_train").logs[0], dvrk("peg_transfer_train").logs[0]
+        for k, (first, last) in enumerate(windows(day, REFRESH_SECONDS)):
+            if k % 3 == 0:
+                yield refreshed("real dVRK, surgical motion", train, day, folder, first, last)
+
+
+def main() -> int:
+    """Print each case as it ends; return 1 where one failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="cases whose name holds this text; the table is left alone")
+    only = parser.parse_args().only
+    rows = []
+    for outcome in outcomes(only):
+        rows.append(outcome)
+        print(f"{outcome.verdict:18} {outcome.case:70} {outcome.claimed:60} {outcome.true}", flush=True)
+    failed = sum(row.failed for row in rows)
+    print(f"{failed} of {len(rows)} failed")
+    if not only:
+        lines = [f"{failed} of {len(rows)} cases fail.", "", "| case | claimed | true | verdict |", "|---|---|---|---|"]
+        lines += [f"| {row.case} | {row.claimed.replace('|', '/')} | {row.true} | {row.verdict} |" for row in rows]
+        TABLE.write_text("\n".join(lines) + "\n")
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,193 @@
+"""Spoilt recordings through the public commands: what they claim beside what is true, which they never saw."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from typer.testing import CliRunner
+
+from catenary.calibration.model_file import load_model
+from catenary.cli.main import app
+from catenary.errors import CatenaryError, DataError
+from catenary.plant import MotionLog
+from catenary.recording.logs import write_parquet
+from catenary.units import DISPLAY
+from tests.truth.recordings import Known
+from tests.truth.spoilings import NOTHING, Spoiling
+
+CLOSE = 0.15  # share by which a claim may miss the truth
+CLOSE_COVERAGE = 0.05
+LEAST = 0.02  # [deg, mm] errors below which nobody cares about 15 per cent
+WORSE = 1.05  # times the error before, that a refresh may leave
+LOCAL_SECONDS = 120.0
+HOLDS, REFUSED, NAMED, FAILS = "holds", "refused", "named", "FAILS"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one case: the joint that the claim misses most."""
+
+    case: str
+    claimed: str
+    true: str
+    verdict: str
+
+    @property
+    def failed(self) -> bool:
+        """Whether a wrong claim was made, or good data were refused."""
+        return self.verdict.startswith(FAILS)
+
+
+def run(*arguments: str | Path) -> tuple[dict[str, Any] | None, str]:
+    """Run a command that prints JSON; return that, or None and what it said in refusing."""
+    result = CliRunner().invoke(app, [*map(str, arguments), "--json"])
+    if isinstance(result.exception, CatenaryError):
+        return None, str(result.exception)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    text = result.stdout
+    return json.loads(text), text + result.stderr
+
+
+def written(logs: Sequence[MotionLog], folder: Path) -> list[Path]:
+    """Write recordings to files."""
+    paths = [folder / f"{log.name}.parquet" for log in logs]
+    for log, path in zip(logs, paths, strict=True):
+        write_parquet(log, path)
+    return paths
+
+
+def true_errors(model_file: Path, logs: Sequence[MotionLog]) -> tuple[np.ndarray, np.ndarray]:
+    """Return a model's RMS error on every measured row by joint [deg|mm], and the share that its intervals hold."""
+    model, _ = load_model(model_file)
+    errors, held = [], []
+    for log in (model.matched(each) for each in logs):
+        assert log.q_encoder is not None
+        error = (log.q_encoder - model.calibrate(log))[log.ok]
+        errors.append(error * [DISPLAY[unit][1] for unit in log.joint_units])
+        if model.intervals is not None:
+            held.append(np.abs(error) <= model.half_widths(log)[log.ok])
+    rms: np.ndarray = np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0))
+    return rms, np.mean(np.concatenate(held), axis=0) if held else np.full(len(rms), np.nan)
+
+
+def judged(claimed: np.ndarray, true: np.ndarray, coverage: tuple[float, np.ndarray] | None) -> tuple[str, str, bool]:
+    """Return a claim and the truth of the joint where they lie farthest apart, and whether all hold."""
+    apart = np.abs(claimed - true) / np.maximum(true, LEAST)
+    worst = int(np.argmax(apart))
+    says, truth = f"q{worst + 1} {claimed[worst]:.3g}", f"{true[worst]:.3g}"
+    held = bool((apart <= CLOSE).all())
+    if coverage is not None:
+        asked, found = coverage
+        least = int(np.argmax(np.abs(found - asked)))
+        says, truth = f"{says}; {asked:.0%}", f"{truth}; q{least + 1} {found[least]:.0%}"
+        held = held and bool((np.abs(found - asked) <= CLOSE_COVERAGE).all())
+    return says, truth, held
+
+
+def fitted(known: Known, spoiling: Spoiling, folder: Path) -> Outcome:
+    """Fit a model to spoilt recordings; hold what it claims of itself against unspoilt ones."""
+    case = f"fit: {known.name}: {spoiling.name}"
+    paths = written([spoiling.spoil(log) for log in known.logs], folder)
+    out = folder / "model.npz"
+    robot = ("--robot", known.robot) if known.robot else ()
+    found, said = run("fit", *paths, *robot, "--model", "polynomial", "--out", out)
+    if found is None:
+        wrong = spoiling is NOTHING
+        return Outcome(case, said.splitlines()[0], "", f"{FAILS}: refused" if wrong else REFUSED)
+    true, coverage = true_errors(out, known.again)
+    claimed = np.array([joint["rmse_mean"] for joint in found["cross_validation"]])
+    level = load_model(out)[0].intervals
+    says, truth, held = judged(claimed, true, None if level is None else (level.level, coverage))
+    named = any(word in note for word in spoiling.named_by for note in found["notes"])
+    return Outcome(case, says, truth, HOLDS if held else NAMED if named else FAILS)
+
+
+def evaluated(known: Known, spoiling: Spoiling, folder: Path) -> Outcome:
+    """Hold a model of good recordings against spoilt ones; its error there against its error before they were spoilt."""
+    case = f"evaluate: {known.name}: {spoiling.name}"
+    try:
+        model = _model_of(known.logs, folder, "polynomial")
+    except DataError as error:
+        return Outcome(case, f"no model: {str(error).splitlines()[0]}", "", f"{FAILS}: refused")
+    tests = [replace(log, name=f"test-{log.name}") for log in known.again]
+    found, said = run("evaluate", model, *written([spoiling.spoil(log) for log in tests], folder))
+    if found is None:
+        wrong = spoiling is NOTHING
+        return Outcome(case, said.splitlines()[0], "", f"{FAILS}: refused" if wrong else REFUSED)
+    true, _ = true_errors(model, tests)
+    says, truth, held = judged(np.array([joint["rmse"] for joint in found["joints"]]), true, None)
+    named = any(word in note for word in spoiling.named_by for note in found["notes"])
+    return Outcome(case, says, truth, HOLDS if held else NAMED if named else FAILS)
+
+
+def cut(log: MotionLog, first: int, last: int, name: str) -> MotionLog:
+    """Return some rows of a log."""
+    arrays = {
+        k: v[first:last]
+        for k in ("q_nominal", "q_encoder", "ok", "time", "qd", "tau")
+        if (v := getattr(log, k)) is not None
+    }
+    return replace(log, name=name, signals={}, signal_units={}, sha256=None, **arrays)
+
+
+def windows(log: MotionLog, seconds: float) -> Iterator[tuple[int, int]]:
+    """Yield first and last row of each whole window of time."""
+    assert log.time is not None
+    edges = np.arange(log.time[0], log.time[-1], seconds)
+    rows = [int(row) for row in np.searchsorted(log.time, edges)]
+    yield from pairwise(rows)
+
+
+def checked(known: Known, seconds: float, folder: Path) -> Outcome:
+    """Check each window of untouched recordings: none may be refused."""
+    count, wrong = 0, []
+    for log in known.logs:
+        for first, last in windows(log, seconds):
+            path = written([cut(log, first, last, f"window-{count}")], folder)[0]
+            found, said = run("check", path, *(("--robot", known.robot) if known.robot else ()))
+            refused = said if found is None else next((str(f) for f in found["findings"] if f["refuses"]), None)
+            count, wrong = count + 1, wrong + ([f"{first}: {refused}"] if refused else [])
+    says = f"{len(wrong)} of {count} refused" + (f", such as {wrong[0][:160]}" if wrong else "")
+    return Outcome(f"check: {known.name}: windows of {seconds / 60:g} min", says, "0", FAILS if wrong else HOLDS)
+
+
+def refreshed(name: str, train: MotionLog, day: MotionLog, folder: Path, first: int, last: int) -> Outcome:
+    """Refresh a model with minutes of another day; hold it against all the others of that day."""
+    case = f"refresh: {name}: rows {first} to {last}"
+    model, new = _model_of((train,), folder, "linear"), folder / "refreshed.npz"
+    path = written([cut(day, first, last, "minutes")], folder)[0]
+    found, said = run("refresh", model, path, "--out", new)
+    if found is None:
+        told = "too local" in said
+        return Outcome(case, said.splitlines()[0], "", NAMED if told else f"{FAILS}: refused")
+    rest = (
+        [part for part in (cut(day, 0, first, "a"), cut(day, last, len(day), "b")) if len(part)]
+        if 0 < first
+        else [cut(day, last, len(day), "b")]
+    )
+    before, after = true_errors(model, rest)[0], true_errors(new, rest)[0]
+    worst = int(np.argmax(after / np.maximum(before, LEAST)))
+    promised = found["joints"][worst]["rmse_after"]
+    harmed = after[worst] > WORSE * max(before[worst], LEAST)
+    truth = f"{before[worst]:.3g} -> {after[worst]:.3g}"
+    return Outcome(case, f"q{worst + 1} {promised:.3g}", truth, FAILS if harmed else HOLDS)
+
+
+_MODELS: dict[tuple[str, ...], Path] = {}
+
+
+def _model_of(logs: Sequence[MotionLog], folder: Path, kind: str) -> Path:
+    """Fit a model to good recordings, once."""
+    key = (kind, *(log.name for log in logs))
+    if key not in _MODELS:
+        path = folder / f"{'-'.join(key)}.npz"
+        found, said = run("fit", *written(logs, folder), "--model", kind, "--out", path)
+        if found is None:
+            raise DataError(said, [])
+        _MODELS[key] = path
+    return _MODELS[key]

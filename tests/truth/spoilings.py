@@ -1,0 +1,84 @@
+"""What labs do to recordings without knowing: each takes a log and returns it spoilt, with the truth left behind."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.plant import MotionLog
+from catenary.units import DISPLAY
+
+
+class Spoiling(NamedTuple):
+    """A way to spoil recordings, and the words of which one in what a command says names the doubt."""
+
+    name: str
+    spoil: Callable[[MotionLog], MotionLog]
+    named_by: tuple[str, ...] = ()
+
+
+def late(log: MotionLog, seconds: float) -> MotionLog:
+    """Return a log whose measurement is of so many seconds ago, or of the future: in fractions of a row."""
+    assert log.q_encoder is not None
+    assert log.time is not None
+    good = np.flatnonzero(log.ok)
+    at = log.time - seconds
+    measured = np.column_stack([np.interp(at, log.time[good], column) for column in log.q_encoder[good].T])
+    k = np.clip(np.searchsorted(log.time, at), 1, len(log) - 1)
+    ok = log.ok[k] & log.ok[k - 1] & (at >= log.time[0]) & (at <= log.time[-1])
+    return replace(log, q_encoder=np.where(ok[:, None], measured, log.q_encoder), ok=ok)
+
+
+def _shown(log: MotionLog, deg_or_mm: float) -> np.ndarray:
+    """Return a size in the joints' own units, (n,)."""
+    return np.array([deg_or_mm / DISPLAY[unit][1] for unit in log.joint_units])
+
+
+def wild(log: MotionLog, share: float) -> MotionLog:
+    """Return a log in which a share of single measurements is wild by 20 deg or mm."""
+    assert log.q_encoder is not None
+    rng, measured = np.random.default_rng(7), log.q_encoder.copy()
+    rows = rng.choice(len(log), round(share * len(log)), replace=False)
+    measured[rows] += rng.normal(size=(len(rows), measured.shape[1])) * _shown(log, 20.0)
+    return replace(log, q_encoder=measured)
+
+
+def dropped(log: MotionLog, share: float) -> MotionLog:
+    """Return a log whose sensor lost a share of the rows, where joints moved fastest: a camera's blur."""
+    speed = np.linalg.norm(np.gradient(log.q_nominal, axis=0) / np.ptp(log.q_nominal, axis=0).clip(1e-9), axis=1)
+    return replace(log, ok=log.ok & (speed <= np.quantile(speed, 1.0 - share)))
+
+
+def coarse(log: MotionLog, step: float) -> MotionLog:
+    """Return a log measured in steps of so many deg or mm."""
+    assert log.q_encoder is not None
+    size = _shown(log, step)
+    return replace(log, q_encoder=np.where(log.ok[:, None], np.round(log.q_encoder / size) * size, log.q_encoder))
+
+
+def slack_cut(log: MotionLog, quantile: float) -> MotionLog:
+    """Return a log in which rows of the largest errors, of hysteresis and slack, were called outliers and cut."""
+    assert log.q_encoder is not None
+    error = np.abs(log.q_encoder - log.q_nominal - np.median((log.q_encoder - log.q_nominal)[log.ok], axis=0))
+    limit = np.quantile(error[log.ok], quantile, axis=0)
+    return replace(log, ok=log.ok & (error <= limit).all(axis=1))
+
+
+DELAYS = (-0.15, -0.1, -0.05, -0.02, 0.02, 0.05, 0.1, 0.15, 0.2, 0.5)
+NOTHING = Spoiling("untouched", lambda log: log)
+SPOILINGS = (
+    NOTHING,
+    *(
+        Spoiling(
+            f"{abs(d):.2f} s {'late' if d > 0.0 else 'early'}",
+            lambda log, d=d: late(log, d),
+            ("would hide in hysteresis", "friction could look the same"),
+        )  # type: ignore[misc]
+        for d in DELAYS
+    ),
+    Spoiling("one row in 100 wild", lambda log: wild(log, 0.01), ("robust", "--max-error")),
+    Spoiling("fast rows lost", lambda log: dropped(log, 0.3), ("not like the others",)),
+    Spoiling("steps of 0.5 deg or mm", lambda log: coarse(log, 0.5), ("come in steps",)),
+    Spoiling("slack cut out", lambda log: slack_cut(log, 0.85), ("not like the others",)),
+)
