@@ -425,6 +425,9 @@ class BagStream:
             encoding, _ = text_at(data, position)
             if encoding not in ("cdr", "ros1"):
                 self._unread.add(number)
+                said = f"{self.path}: {name} is in {cut(encoding)}, which is left out; cdr and ros1 are read"
+                if said not in self.warnings and len(self.warnings) < _MOST_PROBLEMS:
+                    self.warnings.append(said)
                 return
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
             found = BagConnection(name, schema, "", text)
