@@ -62,6 +62,7 @@ def service_class(name: str) -> type:
 
 
 WATCH = 0.5  # [s] between looks at the master
+END = 5.0  # [s] a program that was shut down from afar waits at its end until the master has been told
 _logger = logging.getLogger(__name__)
 _node: "Node | None" = None
 
@@ -108,7 +109,7 @@ class Node:
         self.listed: Mapping[str, frozenset[str]] = {}  # who publishes each topic, when the master was last asked
         self._incomplete: frozenset[str] = frozenset()  # topics with publishers that were not connected
         rospy.on_shutdown(lambda: self.on_shutdown())
-        atexit.register(rospy.signal_shutdown, "the program ends")
+        atexit.register(_end)
         threading.Thread(target=self._watch, name="ROS master watch", daemon=True).start()
 
     def publish(self, topic: str, type_name: str, *, queue: int, latch: bool) -> tuple[Any, peers.Peers]:
@@ -205,6 +206,13 @@ class Node:
             self.master.tell_publishers(self.uri, topic, found)
         for name, service in list(self._services.items()):
             register("registerService", name, service.uri, self.uri)
+
+
+def _end() -> None:
+    """Shut the node down; where another thread does, as after `rosnode kill`, wait until the master has been told."""
+    rospy.signal_shutdown("the program ends")
+    if rospy.core._shutdown_lock.acquire(timeout=END):
+        rospy.core._shutdown_lock.release()
 
 
 def node(name: str, uri: str) -> Node:
