@@ -6,8 +6,11 @@ the old weights, ever less held. Each is judged on contiguous blocks of the new 
 first whose mean RMSE lies within one standard error of the best one's is taken (Breiman et al., Classification and
 Regression Trees, 1984, 3.4.3). The standard error is that of the paired differences: blocks are hard or easy for all.
 
-Blocks of one minute tell nothing of where that minute did not go. A candidate that changes corrections over all of the
-motion that the model was trained on much more than on the new rows follows no drift that these show: it is left out.
+Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. So what
+may be changed follows from what the minutes show of a joint: how much of the motion that the model was trained on, and
+how often it swept most of that from one side to the other. Without sweeps a zero cannot be told from the side of the
+slack on which the joint lies; without the range no slope is seen. A candidate that changes corrections over all of the
+trained motion much more than on the new rows follows no drift that these show either: it is left out.
 """
 
 from collections.abc import Sequence
@@ -37,6 +40,10 @@ RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
 SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
 # weight on the squared change of the last layer, over the mean square of its inputs: the most held first
 LAYER_RIDGES = (1.0, 0.1, 0.01, 1e-3, 1e-4)
+SWEPT = 0.5  # of the trained range, from one side to the other, that makes a sweep
+# of a joint, for each kind of change: least share of the trained range, least number of sweeps
+SHOWN = {NOTHING: (0.0, 0), ZERO: (0.0, 2), SCALE: (0.6, 4), LAYER: (0.8, 8)}
+BEYOND_SLACK = 3.0  # RMS errors of the old model about their mean, beyond which a zero is no side of the slack
 FAR = 2.0  # times the change on the new rows that a candidate may bring over all of the trained motion
 SAMPLES = 256  # of the trained motion
 HOW = (NOTHING, ZERO, SCALE, *(LAYER,) * len(LAYER_RIDGES))
@@ -225,6 +232,7 @@ def _refresh_group(
     rows = np.flatnonzero(inside)
     if len(rows) < FEWEST_ROWS:
         return _only_offset(group, of_offset, block, notes)
+    seen = [_motion_shown(group, model, data, joint) for joint in joints]
     designs = _designs(model, group, X, q, correction)
     parts = block[rows]
     residual = (error - correction)[rows]
@@ -235,12 +243,16 @@ def _refresh_group(
         candidates = [
             _adjustment(model, group, designs, number, residual, rows, k, joint) for number in range(len(HOW))
         ]
-        kept = [
+        near = [
             number
             for number, candidate in enumerate(candidates)
             if number < HOW.index(SCALE) or _stays_near(group.predictor, candidate, k, X[rows], elsewhere)
         ]
+        kept = [number for number in near if _is_shown(HOW[number], seen[k], residual[:, k])]
         chosen = kept[first_within_one_error(left[kept, :, k], parts)]
+        wanted = near[first_within_one_error(left[near, :, k], parts)]
+        if HOW[wanted] != HOW[chosen]:
+            notes = (*notes, _too_local(model.joint_names[joint], seen[k], HOW[wanted]))
         how.append(HOW[chosen])
         chosen_left[rows, k] = left[chosen, :, k]
         adjustments.append(candidates[chosen])
@@ -248,6 +260,41 @@ def _refresh_group(
     moved = (predictor.predict(X[rows]) - group.predictor.predict(X[rows])).mean(axis=0)
     chosen_left[outside & ~inside] -= moved
     return _Group(replace(group, predictor=predictor), tuple(how), chosen_left, moved, notes)
+
+
+def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationData, joint: int) -> tuple[float, int]:
+    """Return which share of a joint's trained range new rows show, and how often they sweep half of it or more."""
+    name = f"q:{model.joint_names[joint]}"
+    watched = [model.features.names[c] for c in group.watched]
+    q = data.q_nominal[:, joint]
+    if name not in watched:
+        return 1.0, len(q)  # the model asks nothing of it: nothing is known of its training
+    place = watched.index(name)
+    box = float(group.valid_range.upper[place] - group.valid_range.lower[place]) / (1.0 + 2.0 * EXTRAPOLATION)
+    sweeps, low, high, up = 0, q[0], q[0], None
+    for value in q.tolist():
+        if up is not True and value - low >= SWEPT * box:
+            sweeps, up, high = sweeps + 1, True, value
+        elif up is not False and high - value >= SWEPT * box:
+            sweeps, up, low = sweeps + 1, False, value
+        low, high = min(low, value), max(high, value)
+    return float(np.ptp(q)) / max(box, RESOLUTION), sweeps
+
+
+def _is_shown(how: str, seen: tuple[float, int], residual: Floats) -> bool:
+    """Return whether minutes show enough of a joint for a kind of change."""
+    share, sweeps = SHOWN[how]
+    if how == ZERO and abs(residual.mean()) > BEYOND_SLACK * residual.std():
+        return True
+    return seen[0] >= share and seen[1] >= sweeps
+
+
+def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
+    share, sweeps = SHOWN[wanted]
+    return (
+        f"{name}: these minutes are too local for a change of {wanted}: they show {seen[0]:.0%} of the trained range "
+        f"in {seen[1]} sweeps, expected {share:.0%} and {sweeps}; record minutes in which it sweeps its range"
+    )
 
 
 def _only_offset(group: JointGroup, of_offset: Floats, block: NDArray[np.int64], notes: tuple[str, ...]) -> _Group:
