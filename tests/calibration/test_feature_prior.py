@@ -134,7 +134,7 @@ def test_few_rows_with_a_prior_do_better_than_with_ridge(rng: np.random.Generato
 @pytest.mark.usefixtures("fast")
 def test_a_fit_says_which_joints_began_at_a_prior(rng: np.random.Generator) -> None:
     log = hysteretic(rng, 200)
-    run = FitRun(folds=0, accept=("shift",))  # slack in smooth motion looks like a delay
+    run = FitRun(folds=0, accept=("delay",))  # slack in smooth motion looks like a delay
     result = fit_logs([log], FitOptions(kind="neural", prior="simulated"), run)
     assert result.model.priors == ("simulated",) * len(log.joint_names)
     assert all(joint["prior"] == "simulated" for joint in result.card["joints"])

@@ -45,8 +45,8 @@ def test_a_faulty_recording_ends_with_1(tmp_path: Path) -> None:
     for words in ("WRONG:", "200 repeated time stamps in 400 rows", "1 fault(s) found"):
         assert words in outcome.out
     assert plain.json["kind"] == "recording"
-    (found,) = plain.json["findings"]
-    assert (found["name"], found["refuses"]) == ("stamps", True)
+    (found,) = (each for each in plain.json["findings"] if each["refuses"])
+    assert found["name"] == "stamps"
     assert plain.json["facts"]["rows"] == 200
 
 

@@ -42,7 +42,6 @@ def test_gravity_is_computed(site: Path, folder: Path) -> None:
         "plot raven2 --out arm.png",
         "fit arm.npz --model linear --out model.npz --report model.html",
         "track raven2 --seconds 2",
-        "view raven2 --no-open --seconds 2",
     ],
     ids=lambda arguments: arguments.split()[0],
 )

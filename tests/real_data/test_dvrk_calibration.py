@@ -139,7 +139,7 @@ def sparse_part(start: int, timed: bool) -> MotionLog:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [FitOptions(kind="neural", preset="best"), FitOptions()])
+@pytest.mark.parametrize("options", [FitOptions()])
 def test_on_sparse_motion_no_joint_is_worse_for_its_limits_and_intervals_hold(options: FitOptions) -> None:
     model = fit_logs([recording("random_train")], options).model
     without = replace(model, features=replace(model.features, steps=(), period=None))

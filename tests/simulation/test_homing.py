@@ -72,10 +72,10 @@ def home_and_watch(start: Floats, arm: CableArm | None = None, substeps: int = 1
 
 @pytest.fixture(scope="module")
 def homings() -> list[Homing]:
-    """The same arm, homed from eight places."""
+    """The same arm, homed from twenty places."""
     rng = np.random.default_rng(11)
     low, high = [np.deg2rad(5.0), np.deg2rad(50.0), 0.25], [np.deg2rad(85.0), np.deg2rad(130.0), 0.50]
-    return [home_and_watch(rng.uniform(low, high)) for _ in range(8)]
+    return [home_and_watch(rng.uniform(low, high)) for _ in range(20)]
 
 
 @pytest.mark.slow

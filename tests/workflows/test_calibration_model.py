@@ -359,7 +359,7 @@ def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_
     mended: Path, tmp_path: Path
 ) -> None:
     raw, late = (as_parquet(each, tmp_path / each.name) for each in (spoilt(day(1)), replace(day(2), name="late")))
-    with pytest.raises(DataError, match="--shift 4"):
+    with pytest.raises(DataError, match=r"--delay 0\.133"):
         held_against(mended, [raw], Reading(as_trained=False)).evaluate()
     assert_allclose(rmse(mended, late, Reading(as_trained=False))[0], 0.0, atol=0.02)
     with pytest.raises(DataError, match=r'"late" was mended as the model\'s training data: --sign'):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from catenary.plant import MotionLog
 from catenary.recording.mend import mends_of
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
-from catenary.verdict.check import robot_of, verdict
+from catenary.verdict.check import Passed, robot_of, verdict
 
 
 @dataclass(frozen=True)
@@ -119,11 +119,11 @@ def _concluded(
     model: CalibrationModel,
     validation: CrossValidation | None,
     choices: tuple[JointChoice, ...],
-    found: Sequence[str],
+    found: Passed,
 ) -> FitResult:
     """Return a fitted model with its intervals, errors and card."""
     data, late, everything = _rows(logs, model.features, run)
-    notes = (*data_notes(logs, everything), *found, *prior_notes(model))
+    notes = (*data_notes(logs, everything), *found.notes, *prior_notes(model))
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
@@ -132,6 +132,10 @@ def _concluded(
     spread = () if validation is None else validation.spread
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
+    card["delays"] = [
+        {"recording": log.name, **({} if delay is None else asdict(delay))}
+        for log, delay in zip(logs, found.delays, strict=True)
+    ]
     return FitResult(model, card, data, spread, held_out, notes, choices)
 
 

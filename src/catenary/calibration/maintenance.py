@@ -49,7 +49,7 @@ def judge_recordings(
             testing=not learning,
             trained=trained_positions(model),
             done=done,
-        )
+        ).notes
     except DataError as error:
         said = [f'"{log.name}" was {n}' for log in logs for n in log.notes if n.startswith(AS_TRAINED)]
         raise DataError("\n".join([str(error), *said]), error.names) from error

@@ -236,7 +236,7 @@ def import_recording(
     Example: catenary import lab.bag --map q_nominal=/arm/joint_cmd.position --map q_encoder=/camera/joints.position@deg
     --units deg,deg,mm --out lab.parquet
     """
-    from catenary.workflows.import_recording import doubts_about, known_layout, propose_mapping
+    from catenary.workflows.import_recording import findings_about, known_layout, propose_mapping
     from catenary.workflows.import_recording import import_recording as read
 
     mapping = foreign.read(units, robot=robot)
@@ -259,11 +259,13 @@ def import_recording(
     write_parquet(log, out)
     seconds = None if log.time is None else float(log.time.max() - log.time.min())
     measured = int(log.ok.sum()) if log.q_encoder is not None else None
-    doubts = doubts_about(log, robot=robot)
+    found = findings_about(log, robot=robot)
+    doubts = [f"{each.name}: {each}" for each in found if each.refuses]
+    delay = next((str(each) for each in found if each.name in ("delay", "clock")), None)
     if as_json:
         facts = {"log": str(out), "layout": layout, "rows": len(log), "seconds": seconds, "measured": measured}
         joints = dict(zip(log.joint_names, log.joint_units, strict=True))
-        print_json({**facts, "joints": joints, "notes": log.notes, "doubts": doubts})
+        print_json({**facts, "joints": joints, "notes": log.notes, "doubts": doubts, "delay": delay})
         return
     print_notes([*log.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)])
     joints_in_words = ", ".join(f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True))
@@ -271,6 +273,8 @@ def import_recording(
     print(f"rows:   {len(log)}{'' if seconds is None else f', {seconds:.1f} s'}")
     if measured is not None:
         print(f"        {measured} of them with q_encoder")
+    if delay is not None:
+        print(f"delay:  {delay}")
     print(f"log:    {out}")
 
 

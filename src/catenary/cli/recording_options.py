@@ -62,7 +62,8 @@ class MendOptions:
     )
     sign: Sequence[str] = _of_recordings("J", "This measured column has the wrong sign; tau:J of torques.")
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
-    shift: int = _of_recordings("ROWS", "Rows by which measurements lie behind the commands.", 0)
+    delay: float = _of_recordings("SECONDS", "Time by which measurements lie behind the commands.", 0.0)
+    shift: int = _of_recordings("ROWS", "Rows by which they do, of recordings without time stamps.", 0)
     time_unit: str = _of_recordings("UNIT", "Unit of the stamps: s, ms, us, ns, min or ks.", "s")
     leave_out: Sequence[str] = _of_recordings("A:B", "Do not trust measured rows A to before B; repeatable.")
 
@@ -70,7 +71,7 @@ class MendOptions:
         """Return what to change of recordings."""
         from catenary.recording.mend import Mend
 
-        typed = values_of(self, "swap", "sign", "scale", "shift", "time_unit", "leave_out")
+        typed = values_of(self, "swap", "sign", "scale", "delay", "shift", "time_unit", "leave_out")
         return Mend(units=(self.units,) if self.units else (), **typed)
 
 

@@ -1,4 +1,4 @@
-"""Recordings mended: other units, columns in another order, signs, shifted rows, as options say it."""
+"""Recordings mended: other units, columns in another order, signs, delays, as options say it."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -14,9 +14,9 @@ from catenary.plant import MotionLog
 from catenary.units import TO_SI
 
 ARRAYS = ("q_nominal", "q_encoder", "qd", "tau")  # that an option may name: "tau:J2,J3"
-_NEEDS = {"shift": "q_encoder", "time_unit": "time"}  # of steps that name no array
+_NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
-MENDS = r"^(shift|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|qd|tau))?)$"
+MENDS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|qd|tau))?)$"
 AS_TRAINED = "mended as the model's training data"  # how a note on them opens
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
@@ -31,7 +31,8 @@ class Mend:
         swap: "J1,J2" each, one after the other: these columns of q_encoder change places; "tau:J1,J2" of another array.
         sign: "J3" each: the column of q_encoder changes its sign; "tau:J3" of another array.
         scale: "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array.
-        shift: Rows by which the measurement lies behind the command.
+        delay: Time by which the measurement lies behind the command [s].
+        shift: Rows by which it does, of a recording without stamps.
         time_unit: Unit of the stamps: s, ms, us, ns, min or ks.
         leave_out: "100:120" each: rows from the first to the one before the last are not trusted.
     """
@@ -40,6 +41,7 @@ class Mend:
     swap: tuple[str, ...] = ()
     sign: tuple[str, ...] = ()
     scale: tuple[str, ...] = ()
+    delay: float = 0.0
     shift: int = 0
     time_unit: str = "s"
     leave_out: tuple[str, ...] = ()
@@ -57,6 +59,7 @@ class Mend:
         """
         given = {step: getattr(self, step) for step in _STEPS}
         given |= {
+            "delay": (f"{self.delay:g}",) * bool(self.delay),
             "shift": (str(self.shift),) * bool(self.shift),
             "time_unit": (self.time_unit,) * (self.time_unit != "s"),
         }
@@ -207,6 +210,29 @@ def _shift(log: MotionLog, text: str) -> MotionLog:
     return replace(log, q_encoder=measured, ok=ok)
 
 
+def _delay(log: MotionLog, text: str) -> MotionLog:
+    """Read measurements that much later, between neighbouring rows that were measured."""
+    seconds, whose = float(text), f'recording "{log.name}": --delay'
+    if log.q_encoder is None or log.time is None:
+        lacks = "measured joint positions" if log.q_encoder is None else "time stamps: give --shift ROWS"
+        raise InputError(f"{whose}: it has no {lacks}")
+    measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)
+    for first, last in pairwise(sorted({*log.starts, *log.gaps(), len(log)})):
+        t, at = log.time[first:last], log.time[first:last] + seconds
+        after = np.searchsorted(t, at)  # the row at or after that instant
+        inside = (at >= t[0]) & (at <= t[-1])
+        after = np.clip(after, 1, len(t) - 1) if len(t) > 1 else after * 0
+        both = inside & log.ok[first:last][after] & log.ok[first:last][after - 1]
+        rows = np.flatnonzero(both)
+        share = ((at - t[after - 1]) / np.maximum(t[after] - t[after - 1], 1e-12))[rows, None]
+        seen = log.q_encoder[first:last]
+        measured[first + rows] = seen[after[rows] - 1] * (1.0 - share) + seen[after[rows]] * share
+        ok[first + rows] = True
+    if not ok.any():
+        raise InputError(f"{whose} {text}: no row of {len(log)} is left")
+    return replace(log, q_encoder=measured, ok=ok)
+
+
 def _time_unit(log: MotionLog, unit: str) -> MotionLog:
     if unit not in TIME_UNITS:
         raise InputError(f"--time-unit: unknown {unit!r}; choices: {', '.join(TIME_UNITS)}")
@@ -239,5 +265,6 @@ _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {
     "swap": _swap,
     "sign": _sign,
     "scale": _scale,
+    "delay": _delay,
     "shift": _shift,
 }

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,12 +12,13 @@ from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.verdict.correspondence import correspondence_findings, joints_in_place
+from catenary.verdict.delay import Delay
 from catenary.verdict.extent import extent_findings
 from catenary.verdict.finding import Finding, judge, require_names
-from catenary.verdict.lag import lag_findings
 from catenary.verdict.levels import leap_findings, turn_findings
+from catenary.verdict.out_of_step import delay_findings
 from catenary.verdict.pairs import Pairs, pairs_of
-from catenary.verdict.sensors import outlier_findings, sensor_findings, zero_findings
+from catenary.verdict.sensors import coarse_findings, missing_findings, outlier_findings, sensor_findings, zero_findings
 from catenary.verdict.stamps import stamp_findings
 from catenary.verdict.units_and_scale import offset_findings, range_findings, slope_findings, trained_findings
 
@@ -49,7 +51,8 @@ def findings_of(
         findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
         findings += zero_findings(log)
         if not any(each.refuses for each in findings):  # what is wrong everywhere is far from the rest somewhere
-            findings += [*offset_findings(pairs), *outlier_findings(log)]
+            notes = (offset_findings(pairs), outlier_findings(log), coarse_findings(pairs), missing_findings(log))
+            findings += [note for each in notes for note in each]
     return tuple(sorted(findings, key=lambda each: not each.refuses))
 
 
@@ -62,15 +65,17 @@ def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
     turns = turn_findings(pairs)
     turned = {joint for each in turns for joint in each.joints}
     place = joints_in_place(pairs)
-    late = lag_findings(pairs, place)
+    still = sensor_findings(pairs, place)
+    # a sensor that stands still lies behind more and more
+    late = [] if any(each.refuses for each in still) else delay_findings(pairs, place)
     swapped, single = correspondence_findings(pairs, place)
     if any(each.refuses for each in late):  # rows out of step follow nothing, and their slopes mean nothing
         return [*swapped, *turns, *late]
     # correlations and slopes of measurements on two levels mean nothing either
     first = [each for each in (*single, *slope_findings(pairs, place)) if not turned & set(each.joints)]
     wrong = {*wrong, *turned, *(joint for each in first for joint in each.joints)}
-    others = [*sensor_findings(pairs, place), *leap_findings(pairs, place)]
-    return [*swapped, *turns, *first, *(each for each in others if not wrong & set(each.joints))]
+    others = [*still, *leap_findings(pairs, place)]
+    return [*swapped, *turns, *late, *first, *(each for each in others if not wrong & set(each.joints))]
 
 
 def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel | None:
@@ -82,6 +87,13 @@ def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel 
     return load_robot(name) if name in robot_names() and name is not None else None
 
 
+class Passed(NamedTuple):
+    """What there is to say of recordings that may be used, and by how much their measurements lie behind."""
+
+    notes: list[str]
+    delays: list[Delay | None]  # of each; None where it is not known
+
+
 def verdict(
     logs: Sequence[MotionLog],
     *,
@@ -91,8 +103,8 @@ def verdict(
     testing: bool = False,
     trained: tuple[Floats, Floats] | None = None,
     done: str = "fitted",
-) -> list[str]:
-    """Refuse recordings that no model should be made from; return notes on what is worth knowing.
+) -> Passed:
+    """Refuse recordings that no model should be made from; return what is worth knowing of others.
 
     Args:
         testing: Nothing is learnt from them: they may be short, and their joints may rest.
@@ -105,7 +117,8 @@ def verdict(
         for each in findings_of(log, robot=robot, max_error=max_error, trained=trained)
         if not (testing and each.name in NEEDED_TO_LEARN)
     ]
-    return judge(found, accept, done=done)
+    of_name = {name: each.delay for name, each in found if each.delay is not None}
+    return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
 
 
 def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import Pairs
+from catenary.verdict.pairs import Pairs, slope_behind_slack
 
 # On a real wrist with 20 deg of hysteresis a measurement keeps a correlation of 0.82 with its command, and no
 # other command comes near: unexplained variances are compared, and a third of them is far from chance.
@@ -13,6 +13,7 @@ CLEARLY = 3.0
 NEVER_BELOW = 1e-3  # unexplained share that counts as none: a smaller one says nothing more
 FOLLOWS = 0.5  # least correlation, of either sign, of a measurement that follows its command
 SAME_MOTION = 0.5  # spread of a measurement over that of its command, from which on it moves on its own
+LEAST_SLOPE, EXPLAINED = 0.25, 0.5  # from which on a measurement follows its command behind slack
 LEAST_SPREAD = 1.0  # [deg, mm] of a motion from which a correlation can be told
 NEAR = 0.5  # [deg, mm] distance between command and measurement below which nearer is no better
 COPIED = 0.5  # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
@@ -98,6 +99,9 @@ def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[lis
                 )
             )
         elif r < FOLLOWS and spread > SAME_MOTION * of_command and of_command > LEAST_SPREAD:
+            slope, explained = slope_behind_slack(pairs, i, place[i])
+            if slope > LEAST_SLOPE and explained > EXPLAINED:
+                continue  # slack and other joints hide it in little motion
             unit = pairs.unit(i)
             findings.append(
                 Finding(

@@ -4,6 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from catenary.errors import DataError, InputError
+from catenary.verdict.delay import Delay
 
 # names that findings have, with what they are about; `--accept` takes them
 NAMES = {
@@ -17,10 +18,12 @@ NAMES = {
     "mixed": "a measurement that is a sum of several joints' commands",
     "turns": "measurements whole or half turns from the others",
     "jump": "an error that leaps and stays",
-    "shift": "rows of the measurement shifted against the commands",
-    "clock": "two clocks that run apart",
+    "delay": "measurements that lie a time behind their commands, or before them",
+    "clock": "two clocks that run apart, or rows that one of the two lost",
     "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
     "stuck": "a measurement that stands still while its joint is moved",
+    "coarse": "measurements in coarse steps",
+    "missing": "rows without a measurement that are not like the others",
     "zeros": "rows of zeros marked as measured",
     "constant": "columns that never change",
     "offset": "a measurement far from the command everywhere",
@@ -41,6 +44,7 @@ class Finding:
     culprit: str = ""  # what most likely happened
     remedy: str = ""  # the option that mends it
     refuses: bool = True  # a model must not be made from it as it is; otherwise it is a note
+    delay: Delay | None = None  # of findings about the delay
 
     def __str__(self) -> str:
         where = f"{', '.join(self.joints)}: " if self.joints else ""

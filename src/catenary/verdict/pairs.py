@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 
@@ -36,6 +37,15 @@ def slack_of(command: Floats, measured: Floats) -> float:
     return float(np.ptp(np.percentile((measured - command)[moving], [1.0, 99.0]))) if moving.any() else 0.0
 
 
+@compiled
+def play(command: Floats, radius: float) -> Floats:
+    """Return where a joint is whose motor moves freely by `radius` to either side, (N,)."""
+    joint = command.copy()
+    for row in range(1, len(joint)):
+        joint[row] = min(max(joint[row - 1], command[row] - radius), command[row] + radius)
+    return joint
+
+
 @dataclass(frozen=True)
 class Pairs:
     """Commands and measurements of the trusted rows, in deg and mm, and their correlations.
@@ -60,6 +70,31 @@ class Pairs:
     def unit(self, joint: int) -> str:
         """Return the unit that a joint is shown in."""
         return DISPLAY[self.log.joint_units[joint]][0]
+
+
+SLACKS = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # radii of play, as shares of a joint's range
+
+
+def slope_behind_slack(pairs: Pairs, i: int, own: int) -> tuple[float, float]:
+    """Return how far joint i moves for its command once slack is taken up, and the share of variance that explains.
+
+    In little motion cables' friction hides much of it, and other joints drag a wrist.
+    """
+    log, scale = pairs.log, scales(pairs.log)
+    q = scale * log.q_nominal
+    rows = np.flatnonzero(log.ok)[pairs.likely[:, i]]
+    y = pairs.m[pairs.likely[:, i], i]
+    y = y - y.mean()
+    others, command = np.delete(q, own, axis=1)[rows], np.ascontiguousarray(q[:, own])
+    best, slope = np.inf, 0.0
+    for share in SLACKS:
+        X = np.column_stack([play(command, share * float(np.ptp(command)))[rows], others])
+        X = X - X.mean(axis=0)
+        weights = np.linalg.lstsq(X, y, rcond=None)[0]
+        left = float(np.mean((y - X @ weights) ** 2))
+        if left < best:
+            best, slope = left, float(weights[0])
+    return slope, 1.0 - best / max(float(np.mean(y**2)), 1e-12)
 
 
 def pairs_of(log: MotionLog) -> Pairs | None:

@@ -7,7 +7,7 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers, scales, slack_of
+from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers, play, scales, slack_of
 
 # A joint behind slack repeats its number to the last bit at every reversal, until its motor has taken the slack up: as
 # far as the errors of the rows on which it moves lie apart, which are those of both ways through the slack.
@@ -26,6 +26,11 @@ MOST_SHOWN, MOST_MENDED = 4, 40  # stretches that a message lists, and that its 
 # of the rows that repeat all of the last measurement, and of what a command moves in the others: encoders repeat
 # themselves where the arm is slow, a slow sensor's last reading is repeated at any speed
 HELD, AS_FAST = 0.1, 0.5
+MOST_LEVELS = 0.2  # different numbers over rows, from which on a measurement is on no grid
+COARSE = 0.05  # [deg, mm] RMS of rounding that is worth a word
+MISSING = 0.03  # of the rows without a measurement: fewer hide little
+TOLD_APART = 0.75  # of pairs of a row with a measurement and one without, that motion tells apart; chance is half
+TINY = 1e-6  # [rad, m] of a command that is not zero
 CATCHES_UP = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack
 
 
@@ -43,7 +48,11 @@ def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
             continue
         slack = SLACKS * slack_of(command, measured)
         still = _repeated(command, measured, max(SHARE_OF_RANGE * reach, slack))
-        still |= _frozen(command, measured, FROZEN_SHARE * reach)
+        frozen = _frozen(command, measured, FROZEN_SHARE * reach)
+        if frozen.any() and not frozen.all():  # how far slack reaches, the other rows tell
+            slack = SLACKS * slack_of(command[~frozen], measured[~frozen])
+            frozen &= _frozen(command, measured, max(FROZEN_SHARE * reach, slack))
+        still |= frozen
         if not still.any():
             continue
         for joints, rows in stuck:
@@ -135,11 +144,57 @@ def _frozen(command: Floats, measured: Floats, least: float) -> NDArray[np.bool_
     return frozen
 
 
+def coarse_findings(pairs: Pairs) -> list[Finding]:
+    """Note measurements in steps so coarse that errors are those of rounding."""
+    findings = []
+    for i, name in enumerate(pairs.names):
+        steps = np.diff(np.unique(np.round(pairs.m[:, i], 9)))
+        if not len(steps) or len(steps) > MOST_LEVELS * len(pairs.m):
+            continue
+        step = float(np.median(steps))
+        on_grid = np.abs(steps / step - np.round(steps / step)) < 0.01
+        if step / np.sqrt(12.0) > COARSE and on_grid.mean() > 0.99:
+            says = (
+                f"measurements come in steps of {step:.3g} {pairs.unit(i)}: rounding alone makes errors of "
+                f"{step / np.sqrt(12.0):.2g} {pairs.unit(i)} RMS, which every error printed here holds"
+            )
+            findings.append(Finding("coarse", (name,), says, "a coarse encoder, or few digits", refuses=False))
+    return findings
+
+
+def missing_findings(log: MotionLog) -> list[Finding]:
+    """Note rows without a measurement that the motion tells from the others: nobody knows the errors there."""
+    missing = ~log.ok
+    if not MISSING < missing.mean() < 1.0 - MISSING:
+        return []
+    q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
+    speed = np.gradient(q, axis=0)
+    speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-12)
+    held = [
+        play(np.ascontiguousarray(column), 0.03) - column for column in q.T
+    ]  # which side of its slack a joint is on
+    X = np.column_stack([np.ones(len(q)), q, q**2, np.abs(speed), np.sign(speed), *held])
+    score = X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0]
+    order = np.argsort(np.argsort(score))
+    told = float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share
+    if told < TOLD_APART:
+        return []
+    says = (
+        f"the {missing.mean():.0%} of rows without a measurement are not like the others (motion tells them apart in "
+        f"{told:.0%} of pairs): errors printed here are those of the rows measured"
+    )
+    return [Finding("missing", (), says, "a sensor that fails in some motions, or rows cut out", refuses=False)]
+
+
 def zero_findings(log: MotionLog) -> list[Finding]:
     """Find rows whose measurement is zero on every joint, though they are said to be measured."""
     if log.q_encoder is None:
         return []
     zero = log.ok & (log.q_encoder == 0.0).all(axis=1) & (log.q_nominal != 0.0).any(axis=1)
+    others = log.ok & ~zero
+    if others.any():  # a joint that is measured in coarse steps does pass zero
+        usual = np.percentile(np.abs(log.q_encoder - log.q_nominal)[others], 95.0, axis=0)
+        zero &= (np.abs(log.q_nominal) > 2.0 * usual + TINY).any(axis=1)
     count = int(zero.sum())
     if not count:
         return []

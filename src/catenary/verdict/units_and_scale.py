@@ -7,9 +7,10 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import Pairs, scales
+from catenary.verdict.pairs import Pairs, scales, slope_behind_slack
 
 FOLLOWS = 0.5  # correlation from which on a slope means something
+FOLLOWS_CLOSELY = 0.9  # share of a measurement's variance that slack must explain for its slope to be believed
 # Slopes of measurements on commands reach down to 0.52 on a hysteretic wrist and up to 1.09 on a simulated arm whose
 # weight stretches its cables: a unit's factor within a factor of 2.5 is that unit.
 NEAR_FACTOR = 2.5
@@ -51,6 +52,8 @@ def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
         said = _unit_of(si, unit)
         if said is not None:
             wrong.setdefault(said, []).append(int(i))
+        elif si <= LEAST and not (hidden := _hidden_by_slack(pairs, int(i), int(place[i]))).refuses:
+            findings += [hidden] * bool(hidden.says)
         elif not LEAST < si < MOST or (si < TIGHT_LEAST and abs(r) > TIGHT):
             expected = f"{TIGHT_LEAST:g} to {MOST:g}" if abs(r) > TIGHT else f"{LEAST:g} to {MOST:g}"
             findings.append(
@@ -76,6 +79,18 @@ def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
             )
         )
     return findings
+
+
+def _hidden_by_slack(pairs: Pairs, i: int, own: int) -> Finding:
+    """Return whether slack makes a joint move so little; says nothing where it does, and a note where none can tell."""
+    slope, explained = slope_behind_slack(pairs, i, own)
+    if LEAST < slope < MOST:
+        return Finding("scale", (), "", refuses=False)
+    says = (
+        f"the measurement moves {abs(float(pairs.slope[i, own])):.3g} times as far as the command; slack and other "
+        "joints leave too little motion to tell its scale"
+    )
+    return Finding("scale", (pairs.names[i],), says, "minutes of local motion", refuses=explained > FOLLOWS_CLOSELY)
 
 
 def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:

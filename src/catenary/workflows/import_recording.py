@@ -14,6 +14,7 @@ from catenary.recording.import_formats.sources import Sources
 from catenary.recording.logs import read_log
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.finding import Finding
 
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
@@ -87,10 +88,9 @@ def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | No
     return None if found is None else found.name
 
 
-def doubts_about(log: MotionLog, *, robot: str | None = None) -> list[str]:
-    """Return what is wrong with a recording, for which a fit would refuse it."""
-    found = findings_of(log, robot=robot_of([log], robot)) if log.q_encoder is not None else ()
-    return [f"{each.name}: {each}" for each in found if each.refuses]
+def findings_about(log: MotionLog, *, robot: str | None = None) -> tuple[Finding, ...]:
+    """Return what a fit would say of a recording; those that refuse first."""
+    return findings_of(log, robot=robot_of([log], robot)) if log.q_encoder is not None else ()
 
 
 def _known(paths: Sequence[Path], robot: str | None) -> Layout | None:

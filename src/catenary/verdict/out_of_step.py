@@ -1,18 +1,20 @@
-"""Do the rows of commands and measurements belong together? Their lag, by cross-correlation, along the recording."""
+"""Do the rows of commands and measurements belong together? Their delay, and larger lags along the recording."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
+from catenary.verdict.delay import CERTAIN, LOOKS, Delay, delay_of, reach_of
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales, slack_of
+from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, scales
 
-# Hysteresis looks like a lag, at most half of the unexplained variance of a wrist's joint is gone a row later; rows
-# out of step leave 3 to 9000 times as much on a real arm's tight joints. What slack explains as well is no lag.
+# Lags beyond what `delay_of` looks at, by cross-correlation. Hysteresis looks like a lag, at most half of the
+# unexplained variance of a wrist's joint is gone a row later; rows out of step leave 3 to 9000 times as much on a real
+# arm's tight joints.
 CLEARLY = 3.0
 MOST_ROWS = 64  # that the two are moved against each other
 LONGEST = 2.0  # [s] the lag that is looked for where rows are dense: cables, filters and networks lag under one
@@ -26,56 +28,53 @@ APART = 3  # rows by which lags must differ along the recording
 WORSE = 1.3  # times more unexplained variance, that rows in step may leave a joint: early rows cancel its hysteresis
 
 
-def lag_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find measurements that lie rows before or after their commands.
+def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+    """Find measurements that lie a time before or after their commands; there is always one finding or more.
 
     Args:
         place: (n,) which command each measurement follows.
     """
     log = pairs.log
+    near = delay_of(log, place)
+    if near.change:
+        return [_clock(f"the delay changes by {near.change:+.3g} {near.unit} along the recording", near)]
+    if near.sure == "certain":
+        return [_delay(near)]
     stride = _stride(log)
-    whole = _lag(log, place, slice(0, len(log)), stride)
     count = WINDOWS if len(log) >= WINDOWS * SHORTEST else 1
     edges = np.linspace(0, len(log), count + 1).astype(int)
-    lags = [_lag(log, place, slice(a, b), stride) for a, b in pairwise(edges)] if count > 1 else [whole]
-    known = np.array([0 if lag is None else lag for lag in lags])
+    lags = [_lag(log, place, slice(a, b), stride) or 0 for a, b in pairwise(edges)]
     clear = [lag for lag in lags if lag]
-    if len(clear) >= FEWEST_WINDOWS and np.ptp(known) >= APART * stride and _one_way(known):
-        along = ", ".join(f"{lag}" for lag in known)
-        return [
-            Finding(
-                "clock",
-                (),
-                f"the measurement lies {along} rows behind the command along {count} equal parts of the recording, "
-                "expected the same everywhere",
-                "two clocks that run apart, or rows that one of the two lost",
-            )
-        ]
-    lag = whole if whole else (int(np.median(clear)) if len(clear) > count // 2 else 0)
-    if not lag and clear:
+    if len(clear) >= FEWEST_WINDOWS and np.ptp(lags) >= APART * stride and _one_way(np.array(lags)):
+        along = ", ".join(str(lag) for lag in lags)
+        return [_clock(f"the measurement lies {along} rows behind the command along {count} equal parts", near)]
+    lag = _lag(log, place, slice(0, len(log)), stride) or (int(np.median(clear)) if len(clear) > count // 2 else 0)
+    if lag:
+        step = reach_of(log)[0] / reach_of(log)[1]
+        # rows of poses that rest for unlike times are out of step by rows, not by seconds
+        both = (delay_of(log, place, about=lag * step), delay_of(replace(log, time=None), place, about=float(lag)))
+        far = min(both, key=lambda each: each.cost)
+        if far.cost < near.cost - CERTAIN**2 / LOOKS:
+            return [_delay(far)]
+    elif clear:
         parts = ", ".join(str(i + 1) for i, each in enumerate(lags) if each)
-        return [
-            Finding(
-                "shift",
-                (),
-                f"in part {parts} of {count} equal parts of the recording the measurement lies "
-                f"{', '.join(str(each) for each in clear)} rows behind the command",
-                "rows that one of the two lost",
-            )
-        ]
-    if not lag:
-        return []
-    seconds = "" if log.time is None else f" ({lag * float(np.median(np.diff(log.time))):.3g} s)"
-    return [
-        Finding(
-            "shift",
-            (),
-            f"the measurement fits {CLEARLY:g} times better {abs(lag)} rows{seconds} "
-            f"{'earlier' if lag > 0 else 'later'}",
-            "rows out of step, or measurements stamped when they arrived",
-            f"--shift {lag}",
-        )
-    ]
+        behind = ", ".join(str(each) for each in clear)
+        return [_clock(f"in part {parts} of {count} the measurement lies {behind} rows behind the command", near)]
+    return [Finding("delay", (), str(near), refuses=False, delay=None if near.sure == "unknown" else near)]
+
+
+def _delay(found: Delay) -> Finding:
+    if found.seconds > 0.0:
+        culprit = "stamps of arrival; or, where q_nominal is a setpoint, the controller's lag"
+    else:
+        culprit = "commands stamped late: no mechanics leads its command"
+    remedy = f"--delay {found.seconds:.3g}" if found.unit == "s" else f"--shift {round(found.seconds)}"
+    return Finding("delay", (), str(found), culprit, remedy, delay=found)
+
+
+def _clock(says: str, found: Delay) -> Finding:
+    expected = f"{says}, expected the same everywhere"
+    return Finding("clock", (), expected, "two clocks that run apart, or rows that one of the two lost", delay=found)
 
 
 def _stride(log: MotionLog) -> int:
@@ -92,35 +91,23 @@ def _one_way(lags: NDArray[np.int64]) -> bool:
     return bool(abs(spearmanr(np.arange(len(lags)), lags).statistic) > 0.8)
 
 
-def _lag(log: MotionLog, place: NDArray[np.int64], part: slice, stride: int) -> int | None:
-    """Return by how many rows the measurement lies behind the command; 0 unless clearly, None where nothing moves."""
+def _lag(log: MotionLog, place: NDArray[np.int64], part: slice, stride: int) -> int:
+    """Return by how many rows a part's measurement lies behind its command; 0 unless clearly, and farther than near."""
     assert log.q_encoder is not None
     scale = scales(log)
     q, m, ok = (scale * log.q_nominal)[part], (scale * log.q_encoder)[part], log.ok[part]
     joints = [i for i in range(len(place)) if np.ptp(q[:, place[i]]) > MOVED]
     reach = min(MOST_ROWS, len(q) // (8 * stride))
     if not joints or reach < 1 or ok.sum() < 8:
-        return None
+        return 0
     lags = stride * np.arange(-reach, reach + 1)
     costs = np.column_stack([_unexplained(q[:, place[i]], m[:, i], ok, lags) for i in joints])
-    slack = [_behind_slack(q[:, place[i]], 0.5 * slack_of(q[ok, place[i]], m[ok, i])) for i in joints]
-    with_slack = [_unexplained(x, m[:, i], ok, lags[[reach]])[0] for i, x in zip(joints, slack, strict=True)]
-    gains = np.minimum(costs[reach], with_slack) - costs  # (lags, joints), logarithms
+    gains = costs[reach] - costs  # (lags, joints), logarithms
     mean = gains.mean(axis=1)
     best = int(np.argmax(mean))
-    if mean[best] < np.log(CLEARLY) or (gains[best] < -np.log(WORSE)).any():
+    if mean[best] < np.log(CLEARLY) or (gains[best] < -np.log(WORSE)).any() or abs(lags[best]) <= reach_of(log)[1]:
         return 0
     return int(lags[best])
-
-
-@compiled
-def _behind_slack(command: Floats, half_width: float) -> Floats:
-    """Return where a joint is whose motor moves freely by `half_width` to either side, (N,)."""
-    joint = command.copy()
-    for row in range(1, len(joint)):
-        low, high = command[row] - half_width, command[row] + half_width
-        joint[row] = min(max(joint[row - 1], low), high)
-    return joint
 
 
 def _unexplained(command: Floats, measured: Floats, ok: NDArray[np.bool_], lags: NDArray[np.int64]) -> Floats:

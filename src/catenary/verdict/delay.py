@@ -1,0 +1,236 @@
+"""The delay between commands and measurements, with an interval, told from the hysteresis of cables.
+
+Each joint's measurement is explained by what a cable-driven joint does at any speed: a smooth function of all commands,
+and play states of its own command (Prandtl-Ishlinskii) with weights that are not negative, for friction holds a joint
+back and never pushes it ahead. The same explanation is tried with commands read a time d earlier, for every d. What is
+left unexplained, RSS_j(d), is least where the clocks agree, and one clock is common to all joints:
+
+    T(d) = -LOOKS/2 sum_j log RSS_j(d)
+
+LOOKS is no number of rows, whose errors are the explanation's and not noise: it is how many independent looks one joint
+is worth, set by how far joints of untouched real recordings stray. An interval is where T is within z^2/2 of its best.
+It widens by itself where joints disagree, where motion is slow, and where hysteresis explains as much.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.plant import MotionLog
+from catenary.verdict.pairs import MOVED, play, scales
+
+PLAYS = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)  # radii, as shares of a joint's range
+LOOKS = 6.0
+CERTAIN, LIKELY = 3.0, 2.0  # deviations of the interval, and of a note
+REACH, REACH_ROWS = 1.0, 6.0  # looked for within: [s], or rows where there are no stamps; at least two rows
+MOST_ROWS, SCANNED_ROWS, FEWEST_ROWS = 1000, 400, 80
+LOOKED_AT = 12  # delays on either side that are tried first, at most; whole rows where these are farther apart
+FAR, TRIM = 10.0, 6.0  # robust deviations beyond which rows are left out: of the error, of what is unexplained
+BLOCKS = 8
+TOLERANCE, TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
+RESOLUTION = 1e-3  # [deg, mm] below which nothing is left unexplained
+PAUSE = 4.0  # steps between rows across which nothing is read
+STEADY = 5.0  # deviations by which a change along the recording must stand out
+
+
+@dataclass(frozen=True)
+class Delay:
+    """By how much measurements lie behind their commands; negative where they lead."""
+
+    seconds: float  # rows where the recording has no stamps
+    low: float  # of its interval
+    high: float
+    sure: Literal["certain", "likely", "none", "unknown"]  # whether there is one
+    change: float  # along the recording, zero unless it is certain
+    unit: Literal["s", "rows"]
+    cost: float = 0.0  # sum of log RSS at the best
+
+    def __str__(self) -> str:
+        """Say what was found and what could hide."""
+        between = f"any between {self.low:+.3f} and {self.high:+.3f} {self.unit}"
+        if self.sure == "unknown":
+            return "whether measurements lie behind commands is not known: too few rows in motion"
+        if self.sure == "none":
+            return f"no delay found between commands and measurements; {between} would hide in hysteresis here"
+        where = "late" if self.seconds > 0.0 else "early"
+        size = f"measurements {abs(self.seconds):.3f} {self.unit} {where}, {between.replace('any ', '')}"
+        return size if self.sure == "certain" else f"perhaps {size}; friction could look the same here"
+
+
+def delay_of(log: MotionLog, place: Sequence[int] | NDArray[np.int64] | None = None, about: float = 0.0) -> Delay:
+    """Estimate a recording's delay.
+
+    Args:
+        log: With measured positions.
+        place: (n,) which command each measurement follows; its own when None.
+        about: Where to look [s], or in rows without stamps.
+    """
+    assert log.q_encoder is not None
+    in_time = log.time is not None
+    reach, rows = reach_of(log)
+    step = reach / rows if rows else 0.0
+    t = np.arange(len(log), dtype=float) if log.time is None else _onwards(log.time, step)
+    inside = log.ok & _unbroken(t, step, about, reach)
+    if in_time and inside.sum() < FEWEST_ROWS and log.ok.sum() >= FEWEST_ROWS:  # poses with pauses all along
+        return delay_of(replace(log, time=None), place, about / step if step else 0.0)
+    unit: Literal["s", "rows"] = "s" if in_time else "rows"
+    tolerance = max(TOLERANCE, TOLERANCE_ROWS * step) if in_time else 0.5
+    scale = scales(log)
+    q, m = scale * log.q_nominal, scale * np.where(log.ok[:, None], log.q_encoder, 0.0)
+    places = list(range(q.shape[1])) if place is None else [int(k) for k in place]
+    moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED]
+    joints = [i for i, k in enumerate(places) if k in moved]
+    if not joints or inside.sum() < FEWEST_ROWS:
+        return Delay(0.0, -np.inf, np.inf, "unknown", 0.0, unit)
+    block = np.zeros(len(t), dtype=np.int64)
+    block[inside] = np.arange(inside.sum()) * BLOCKS // inside.sum()
+    between = max(step, reach / LOOKED_AT)
+    count = int(np.floor(reach / between + 1e-9))
+    coarse: Floats = np.float64(about) + between * np.arange(-count, count + 1, dtype=np.float64)
+    looks = [_JointLook(q, m[:, i], t, places[i], moved, inside, block, coarse) for i in joints]
+    grid, costs = _scan(looks, coarse, between)
+    total = costs[:, :, 0].sum(axis=0)
+    best = int(np.argmin(total))
+    low, high = _interval(grid, total, CERTAIN**2 / LOOKS)
+    near_low, near_high = _interval(grid, total, LIKELY**2 / LOOKS)
+    sure: Literal["certain", "likely", "none"] = "none"
+    if best not in (0, len(grid) - 1):
+        if max(low, -high) > tolerance:
+            sure = "certain"
+        elif max(near_low, -near_high) > tolerance:
+            sure = "likely"
+    along = grid[np.argmin(costs[:, :, 1:].sum(axis=0), axis=0)]
+    return Delay(float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]))
+
+
+def reach_of(log: MotionLog) -> tuple[float, float]:
+    """Return how far a delay is looked for, in seconds (rows without stamps), and in rows; 0 rows where unknown."""
+    if log.time is None:
+        return REACH_ROWS, REACH_ROWS
+    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
+    reach = max(REACH, 2.0 * step)
+    return reach, reach / step if step > 0.0 else 0.0
+
+
+def _onwards(time: Floats, step: float) -> Floats:
+    """Return stamps that never go back: what follows such a step, another recording, begins after a pause."""
+    steps = np.diff(time, prepend=time[:1])
+    return np.cumsum(np.where(steps < 0.0, 2.0 * PAUSE * step, steps))
+
+
+def _unbroken(t: Floats, step: float, about: float, reach: float) -> NDArray[np.bool_]:
+    """Return rows from which every delay looked for stays between two pauses, (N,)."""
+    cuts = np.flatnonzero(np.diff(t) > PAUSE * step)
+    part = np.searchsorted(cuts, np.arange(len(t)), side="left")
+    first, last = np.r_[0, cuts + 1], np.r_[cuts, len(t) - 1]
+    from_, to = t - about - reach, t - about + reach
+    found: NDArray[np.bool_] = (from_ >= t[first][part]) & (to <= t[last][part])
+    return found
+
+
+class _JointLook:
+    """One joint's explanation, and its rows without outliers."""
+
+    def __init__(
+        self,
+        q: Floats,
+        measured: Floats,
+        t: Floats,
+        own: int,
+        moved: Sequence[int],
+        inside: NDArray[np.bool_],
+        block: NDArray[np.int64],
+        coarse: Floats,
+    ) -> None:
+        self.t, self.y, self.block = t, measured, block
+        error = measured - q[:, own]
+        away = np.abs(error - np.median(error[inside]))
+        rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
+        rows = rows[:: len(rows) // MOST_ROWS + 1]
+        self.X = _explanation(q, own, moved, len(rows))
+        few = rows[:: len(rows) // SCANNED_ROWS + 1]
+        best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
+        for _ in range(3):
+            left = np.abs(self.unexplained(rows, best))
+            good = left <= TRIM * 1.4826 * np.median(left)
+            rows = rows[good]
+            if good.mean() > 0.999:
+                break
+        self.rows = rows
+
+    def unexplained(self, rows: NDArray[np.int64], d: float) -> Floats:
+        """Return what is unexplained of some rows when commands are read a time d earlier; each block has its zero."""
+        from scipy.optimize import nnls
+
+        s = self.t[rows] - d
+        k = np.clip(np.searchsorted(self.t, s, side="right") - 1, 0, len(self.t) - 2)
+        share = ((s - self.t[k]) / np.maximum(self.t[k + 1] - self.t[k], 1e-12))[:, None]
+        columns = np.column_stack([self.X[k] * (1.0 - share) + self.X[k + 1] * share, self.y[rows]])
+        b = self.block[rows]
+        n = np.maximum(np.bincount(b, minlength=BLOCKS), 1)
+        columns -= np.column_stack([np.bincount(b, column, minlength=BLOCKS) / n for column in columns.T])[b]
+        free, rest = columns[:, : -1 - len(PLAYS)], columns[:, -1 - len(PLAYS) :]
+        free = free / (np.linalg.norm(free, axis=0) + 1e-12)
+        gram = free.T @ free + 1e-6 * np.eye(free.shape[1])
+        rest = rest - free @ np.linalg.solve(gram, free.T @ rest)
+        plays, y = rest[:, :-1], rest[:, -1]
+        plays = plays / (np.linalg.norm(plays, axis=0) + 1e-9 * np.sqrt(len(y)))
+        lower = np.linalg.cholesky(plays.T @ plays + 1e-6 * np.eye(len(PLAYS)))
+        left: Floats = y - plays @ nnls(lower.T, np.linalg.solve(lower, plays.T @ y))[0]
+        return left
+
+    def costs(self, delays: Floats) -> Floats:
+        """Return logarithms of unexplained variance, of all rows and of each block's (delays, 1 + BLOCKS)."""
+        b = self.block[self.rows]
+        n = np.maximum(np.bincount(b, minlength=BLOCKS), 1)
+        squares = [self.unexplained(self.rows, d) ** 2 for d in delays]
+        each = [np.r_[s.mean(), np.bincount(b, s, minlength=BLOCKS) / n] for s in squares]
+        found: Floats = np.log(np.array(each) + RESOLUTION**2)
+        return found
+
+
+def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Floats, Floats]:
+    """Return delays, dense about the best, and costs there (joints, delays, 1 + BLOCKS): steps, .1 and .01 of one."""
+    grids, costs = [coarse], [np.stack([each.costs(coarse) for each in looks])]
+    for reach, fine in ((12, 10), (9, 100)):
+        best = grids[-1][int(np.argmin(costs[-1][:, :, 0].sum(axis=0)))]
+        grids.append(best + np.arange(-reach, reach + 1) * step / fine)
+        costs.append(np.stack([each.costs(grids[-1]) for each in looks]))
+    grid, order = np.unique(np.concatenate(grids[::-1]), return_index=True)
+    return grid, np.concatenate(costs[::-1], axis=1)[:, order]
+
+
+def _explanation(q: Floats, own: int, moved: Sequence[int], rows: int) -> Floats:
+    """Return columns of any weight, a fifteenth of the rows at most, then the play states (N, p)."""
+    z = {k: (q[:, k] - q[:, k].mean()) / np.ptp(q[:, k]) for k in moved}
+    free = [z[k] for k in moved] + [z[own] ** 2, z[own] ** 3]
+    more = [z[a] * z[b] for a in moved for b in moved if a <= b and (a, b) != (own, own)]
+    if len(moved) <= 4:
+        cubes = ((a, b, c) for a in moved for b in moved for c in moved if a <= b <= c and (a, c) != (own, own))
+        more += [z[a] * z[b] * z[c] for a, b, c in cubes]
+    plays = [play(z[own], radius) for radius in PLAYS]
+    return np.column_stack(free + more[: max(0, rows // 15 - 10 - len(free))] + plays)
+
+
+def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:
+    """Return the outermost places at which a cost, linear between x, is that much above its least."""
+    level = cost.min() + above
+    inside = np.flatnonzero(cost <= level)
+    a, b = inside[0], inside[-1]
+    low = x[a] if a == 0 else np.interp(-level, [-cost[a - 1], -cost[a]], [x[a - 1], x[a]])
+    high = x[b] if b == len(x) - 1 else np.interp(level, [cost[b], cost[b + 1]], [x[b], x[b + 1]])
+    return float(low), float(high)
+
+
+def _change(along: Floats, width: float) -> float:
+    """Return a delay's change over the recording; zero unless certain and wider than what is not known of one delay."""
+    k = np.arange(len(along)) - (len(along) - 1) / 2.0
+    slope = float(k @ along / (k @ k))
+    left = along - along.mean() - slope * k
+    deviation = float(np.sqrt(left @ left / (len(along) - 2) / (k @ k)))
+    change = slope * len(along)
+    return change if abs(slope) > STEADY * deviation and abs(change) > width / 3.0 else 0.0

@@ -1,0 +1,49 @@
+"""A part of the bench whose cases take seconds: what must be refused or named, and what must pass."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.truth.bench import FAILS, HOLDS, NAMED, REFUSED, checked, evaluated, fitted, judged
+from tests.truth.recordings import raven
+from tests.truth.spoilings import SPOILINGS
+
+OF = {spoiling.name: spoiling for spoiling in SPOILINGS}
+
+
+@pytest.mark.parametrize(
+    ("claimed", "true", "coverage", "holds"),
+    [
+        ([1.0, 0.5], [1.1, 0.5], None, True),
+        ([1.0, 0.5], [1.3, 0.5], None, False),
+        ([0.001, 0.5], [0.003, 0.5], None, True),  # nobody cares
+        ([1.0, 0.5], [1.0, 0.5], (0.9, [0.86, 0.94]), True),
+        ([1.0, 0.5], [1.0, 0.5], (0.9, [0.80, 0.94]), False),
+    ],
+)
+def test_a_claim_holds_within_a_share_of_the_truth(claimed, true, coverage, holds):
+    told = None if coverage is None else (coverage[0], np.array(coverage[1]))
+    assert judged(np.array(claimed), np.array(true), told)[2] is holds
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "verdict"),
+    [
+        ("0.15 s late", REFUSED),
+        ("0.15 s early", REFUSED),
+        ("0.05 s late", NAMED),
+        ("one row in 100 wild", NAMED),
+        ("fast rows lost", NAMED),
+        ("slack cut out", NAMED),
+    ],
+)
+def test_a_spoilt_recording_is_refused_or_its_doubt_named(tmp_path: Path, name, verdict):
+    assert fitted(raven("random"), OF[name], tmp_path).verdict == verdict
+
+
+@pytest.mark.slow
+def test_untouched_recordings_pass(tmp_path: Path):
+    assert evaluated(raven("random"), OF["untouched"], tmp_path).verdict == HOLDS
+    assert not checked(raven("random"), 120.0, tmp_path).verdict.startswith(FAILS)

@@ -1,0 +1,126 @@
+"""Delays of either sign are found in fractions of a row, told from hysteresis, and mended."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_recordings import fit_logs
+from catenary.plant import MotionLog
+from catenary.recording.mend import Mend
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.verdict.check import findings_of
+from catenary.verdict.delay import delay_of
+from tests.truth.spoilings import late
+
+RATE = 30.0  # [Hz]
+
+
+def play(x, radius):
+    state = np.empty_like(x)
+    state[0] = x[0]
+    for k in range(1, len(x)):
+        state[k] = min(max(state[k - 1], x[k] - radius), x[k] + radius)
+    return state
+
+
+def cable_arm(seed=0, seconds=120.0, slack=(1.5, 0.8, 2.0), *, sines=False):
+    """Two turning joints and a sliding one, each behind slack and a bent curve, seen with noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * RATE)) / RATE
+    if sines:
+        q = np.column_stack([np.sin(2.0 * np.pi * f * t) for f in (0.11, 0.23, 0.31)]) * [0.4, 0.4, 0.04]
+    else:
+        q = random_sinusoids(
+            rng, seconds, lower=(-0.5, -0.5, 0.1), upper=(0.5, 0.5, 0.2), turning_band=(0.2, 0.2, 0.02),
+            slowest=(0.1, 0.1, 0.01), fastest=(0.5, 0.5, 0.05),
+        ).sample(t)[0]  # fmt: skip
+    size = np.array([np.deg2rad(1.0), np.deg2rad(1.0), 1e-3])
+    true = np.column_stack([play(q[:, k], slack[k] * size[k]) for k in range(3)])
+    true = true + 0.02 * true**2 + 0.01 * q[:, [1, 0, 0]] * [1.0, 1.0, 0.1]
+    seen = true + rng.normal(size=true.shape) * 0.03 * size
+    ok = np.ones(len(t), dtype=bool)
+    return MotionLog("arm", ("J1", "J2", "J3"), ("rad", "rad", "m"), q, ok, q_encoder=seen, time=t)
+
+
+@pytest.mark.parametrize("seconds", [-0.5, -0.11, -0.02, 0.017, 0.06, 0.15, 0.9])
+def test_a_delay_is_found_within_its_interval_and_mended(seconds):
+    log = cable_arm()
+    found = delay_of(late(log, seconds))
+    assert found.sure in ("certain", "likely")
+    assert found.low < seconds < found.high
+    assert abs(found.seconds - seconds) < 0.01
+    mended = Mend(delay=found.seconds)(late(log, seconds))
+    assert delay_of(mended).sure == "none"
+    error = (mended.q_encoder - log.q_encoder)[mended.ok]
+    assert (np.sqrt(np.mean(error**2, axis=0)) < [*np.deg2rad([0.3, 0.3]), 3e-4]).all()
+    assert mended.settled == {"delay": (f"{found.seconds:g}",)}
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("slack", [(0.0, 0.0, 0.0), (1.5, 0.8, 2.0), (8.0, 8.0, 8.0)])
+@pytest.mark.parametrize("sines", [False, True])
+def test_hysteresis_is_no_delay(seed, slack, sines):
+    assert delay_of(cable_arm(seed, slack=slack, sines=sines)).sure != "certain"
+
+
+def test_wild_rows_lost_rows_and_pauses_do_not_hide_it():
+    log = late(cable_arm(), 0.1)
+    rng, measured, ok = np.random.default_rng(1), log.q_encoder.copy(), log.ok.copy()
+    measured[rng.choice(len(log), 40)] += 0.5
+    ok[rng.choice(len(log), 500)] = False
+    time = log.time + 20.0 * (np.arange(len(log)) > 1800)
+    found = delay_of(replace(log, q_encoder=measured, ok=ok, time=time))
+    assert found.sure == "certain"
+    assert abs(found.seconds - 0.1) < 0.01
+
+
+def test_without_stamps_it_is_in_rows():
+    found = delay_of(replace(late(cable_arm(), 4.0 / RATE), time=None))
+    assert (found.sure, found.unit) == ("certain", "rows")
+    assert abs(found.seconds - 4.0) < 0.3
+
+
+def test_clocks_that_run_apart_are_told():
+    log = cable_arm(seconds=600.0)
+    ahead = np.column_stack([np.interp(log.time * (1.0 + 3e-4), log.time, c) for c in log.q_encoder.T])
+    (found,) = (f for f in findings_of(replace(log, q_encoder=ahead)) if f.name in ("delay", "clock"))
+    assert found.name == "clock"
+    assert_allclose(found.delay.change, -0.18, atol=0.06)
+
+
+@pytest.mark.parametrize("change", ["still", "short", "unmeasured"])
+def test_too_little_motion_is_said(change):
+    log = cable_arm()
+    if change == "still":
+        log = replace(log, q_nominal=np.tile(log.q_nominal[:1], (len(log), 1)))
+    elif change == "unmeasured":
+        log = replace(log, ok=np.arange(len(log)) < 50)
+    else:
+        rows = slice(0, 60)
+        log = replace(log, q_nominal=log.q_nominal[rows], q_encoder=log.q_encoder[rows], ok=log.ok[rows], time=log.time[rows])  # fmt: skip
+    assert delay_of(log).sure == "unknown"
+
+
+def test_a_delay_always_has_a_finding_with_its_interval():
+    (found,) = (f for f in findings_of(cable_arm()) if f.name == "delay")
+    assert not found.refuses
+    assert "would hide in hysteresis here" in str(found)
+    (found,) = (f for f in findings_of(late(cable_arm(), 0.1)) if f.name == "delay")
+    assert found.refuses
+    option, seconds = found.remedy.split()
+    assert option == "--delay"
+    assert abs(float(seconds) - 0.1) < 0.005
+
+
+def test_a_model_keeps_the_delays_of_its_recordings_and_how_they_were_mended():
+    late_by = Mend(delay=0.1)(late(cable_arm(), 0.1))
+    card = fit_logs([late_by], FitOptions(kind="linear")).card
+    assert card["mends"] == {"delay": ["0.1"]}
+    ((delay,),) = (card["delays"],)
+    assert delay["recording"] == "arm"
+    assert delay["sure"] == "none"
+    assert delay["low"] < 0.0 < delay["high"]
+    assert any("would hide in hysteresis" in note for note in card["notes"])
