@@ -43,8 +43,9 @@ PYTEST = $(BIN)/python -m pytest -rs -n $(WORKERS) --dist loadfile
 test: $(VENV)/.development
 	$(PYTEST) -m "not slow"
 
+# LEAVE_OUT: folders
 test-slow: $(VENV)/.development
-	$(PYTEST) -m slow
+	$(PYTEST) -m slow $(addprefix --ignore=,$(LEAVE_OUT))
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
