@@ -51,9 +51,10 @@ def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     lag = _lag(log, place, slice(0, len(log)), stride) or (int(np.median(clear)) if len(clear) > count // 2 else 0)
     if lag:
         step = reach_of(log)[0] / reach_of(log)[1]
-        # rows of poses that rest for unlike times are out of step by rows, not by seconds
-        both = (delay_of(log, place, about=lag * step), delay_of(replace(log, time=None), place, about=float(lag)))
-        far = min(both, key=lambda each: each.cost)
+        far = delay_of(log, place, about=lag * step)
+        # poses that rest for unlike times are out of step by rows, not by seconds
+        in_rows = delay_of(replace(log, time=None), place, about=float(lag))
+        far = in_rows if in_rows.cost < far.cost - 1.0 else far
         if far.cost < near.cost - CERTAIN**2 / LOOKS:
             return [_delay(far)]
     elif clear:
