@@ -124,3 +124,12 @@ def test_a_model_keeps_the_delays_of_its_recordings_and_how_they_were_mended():
     assert delay["sure"] == "none"
     assert delay["low"] < 0.0 < delay["high"]
     assert any("would hide in hysteresis" in note for note in card["notes"])
+
+
+def test_stamps_that_all_repeat_leave_rows():
+    log = cable_arm()
+    rows = np.r_[np.zeros(40, dtype=int), np.arange(len(log) - 40)]
+    ok = np.arange(len(log)) >= 40
+    still = replace(log, q_encoder=log.q_encoder[rows], ok=ok, time=np.zeros(len(log)))
+    (found,) = (f for f in findings_of(still) if f.name == "delay")
+    assert found.remedy == "--shift 40"

@@ -36,6 +36,7 @@ def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     """
     log = pairs.log
     near = delay_of(log, place)
+    known = None if near.sure == "unknown" else near
     if near.change:
         return [_clock(f"the delay changes by {near.change:+.3g} {near.unit} along the recording", near)]
     if near.sure == "certain":
@@ -43,25 +44,26 @@ def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     stride = _stride(log)
     count = WINDOWS if len(log) >= WINDOWS * SHORTEST else 1
     edges = np.linspace(0, len(log), count + 1).astype(int)
-    lags = [_lag(log, place, slice(a, b), stride) or 0 for a, b in pairwise(edges)]
+    lags = [_lag(log, place, slice(a, b), stride) for a, b in pairwise(edges)]
     clear = [lag for lag in lags if lag]
     if len(clear) >= FEWEST_WINDOWS and np.ptp(lags) >= APART * stride and _one_way(np.array(lags)):
         along = ", ".join(str(lag) for lag in lags)
-        return [_clock(f"the measurement lies {along} rows behind the command along {count} equal parts", near)]
+        return [_clock(f"the measurement lies {along} rows behind the command along {count} equal parts", known)]
     lag = _lag(log, place, slice(0, len(log)), stride) or (int(np.median(clear)) if len(clear) > count // 2 else 0)
     if lag:
-        step = reach_of(log)[0] / reach_of(log)[1]
-        far = delay_of(log, place, about=lag * step)
-        # poses that rest for unlike times are out of step by rows, not by seconds
-        in_rows = delay_of(replace(log, time=None), place, about=float(lag))
-        far = in_rows if in_rows.cost < far.cost - 1.0 else far
+        # poses that rest for unlike times, or have no stamps that differ, are out of step by rows, not by seconds
+        far = delay_of(replace(log, time=None), place, about=float(lag))
+        reach, rows = reach_of(log)
+        if rows:
+            in_time = delay_of(log, place, about=lag * reach / rows)
+            far = far if far.cost < in_time.cost - 1.0 else in_time
         if far.cost < near.cost - CERTAIN**2 / LOOKS:
             return [_delay(far)]
     elif clear:
         parts = ", ".join(str(i + 1) for i, each in enumerate(lags) if each)
         behind = ", ".join(str(each) for each in clear)
-        return [_clock(f"in part {parts} of {count} the measurement lies {behind} rows behind the command", near)]
-    return [Finding("delay", (), str(near), refuses=False, delay=None if near.sure == "unknown" else near)]
+        return [_clock(f"in part {parts} of {count} the measurement lies {behind} rows behind the command", known)]
+    return [Finding("delay", (), str(near), refuses=False, delay=known)]
 
 
 def _delay(found: Delay) -> Finding:
@@ -73,7 +75,7 @@ def _delay(found: Delay) -> Finding:
     return Finding("delay", (), str(found), culprit, remedy, delay=found)
 
 
-def _clock(says: str, found: Delay) -> Finding:
+def _clock(says: str, found: Delay | None) -> Finding:
     expected = f"{says}, expected the same everywhere"
     return Finding("clock", (), expected, "two clocks that run apart, or rows that one of the two lost", delay=found)
 
