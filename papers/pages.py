@@ -1,16 +1,25 @@
-"""Results into the repository: committed tables, pictures, and the blocks of documents that quote them.
+"""Results into the repository: committed tables, pictures, a page for each experiment, and blocks of documents.
 
-A document quotes an experiment between `<!-- papers NAME -->` and `<!-- end -->`, one table of it by
-`<!-- papers NAME TABLE -->`, and every claim of a paper by `<!-- papers claims PAPER -->`. What stands between is
-written by `python -m papers publish`, and a test holds it against the committed tables.
+Every experiment has a page, docs/results/NAME.md, with all that it left. A document quotes between
+`<!-- papers WHAT -->` and `<!-- end -->`, where WHAT is one of
 
-What was measured comes from the committed tables. Reasons, and which numbers the robot was fitted to, come from the
-experiments, so that telling them better needs no run.
+    NAME              its pictures, its first table if that is small, and how its claims came out
+    NAME TABLE        one table of it, by its number
+    counts            how many claims of each paper hold
+    total             the same of all, in words
+    claims PAPER      the claims by which a paper is known; all of them where they are few
+
+docs/results/claims.md has every claim, a line each.
+
+`python -m papers publish` writes pages and blocks, and a test holds them against the committed tables. What was
+measured comes from these. Reasons, and which numbers the robot was fitted to, come from the experiments, so that
+telling them better needs no run.
 """
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +27,56 @@ from catenary.errors import InputError
 from catenary.files import write_atomically
 from papers.catalog import MODULES, experiment
 from papers.experiment import BEYOND
-from papers.results_files import markdown, shown_verdict, told_of
+from papers.results_files import FITTED, markdown, shown_verdict, told_of
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "papers" / "results"
-PICTURES = ROOT / "docs" / "images" / "papers"
 PAGES = ROOT / "docs"
+PICTURES = PAGES / "images" / "papers"
+RESULTS = PAGES / "results"
 BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", re.DOTALL)
-CLAIMS = ["claim", "published", "here", "verdict"]
-EVERY_CLAIM = ["claim", "place", "published", "here", "verdict", "criterion"]
+EVERY_PART = ["claim", "place", "published", "here", "verdict", "criterion"]
+MARKS = {"reproduced": "✓", "same direction": "~", "not reproduced": "✗", "not measured": "-"}
+LEGEND = "✓ reproduced, ~ same direction, ✗ not reproduced"
+# names of groups of claims and the pages that are about them
+GROUPS = {
+    "calibration": "[Joint calibration](paper-joint-calibration.md)",
+    "gravity": "[Dynamic gravity](paper-dynamic-gravity.md)",
+    "regressor": "[Gravity regressor](paper-gravity-regressor.md)",
+    "tutorial": "[Mass and gravity](tutorial-two-link.md)",
+    BEYOND: "[Beyond the papers](beyond.md)",
+}
+# of the two papers that claim most
+HEADLINES = (
+    "Calibration takes 8 to 21 minutes, of which recording takes 4 to 17",
+    "Offset > linear > network on every joint, direction J2-J3",
+    "J2-J3 is among the two best directions",
+    "Beyond the fixed offset the network removes more than 76 % of the error",
+    "With little data the network is best",
+    "Six unloaded hours: fixed offset, linear model and network lose accuracy on every joint",
+    "Under 500 g joint 1 loses about twice as much",
+    "138 inputs: the network of 100-100 loses considerably",
+    "Homing hurts joint 2 considerably, joints 1 and 3 not",
+    "The network is much worse end to end",
+    "With DG the PD term exerts nearly zero torque on joint 1 at every base angle",
+    "The SG term of joint 1 becomes less accurate at increasing base angles",
+    "DG alone holds any pose at every orientation of the base, upside down too",
+    "SG alone holds only at or near horizontal",
+    "Joint 1's error is about 12 % below PD's with DG at 20 deg",
+    "At 20 deg SG's wrong vector has negated its improvement of joint 1",
+    "Joint 3 has higher errors with compensation",
+    "On the rocking base joint 1's tracking improves by the same 12 %",
+    "Compensation has little collective effect on Cartesian tracking",
+    "A case exists in which perturbations of the base make an unstable feedback between robot and accelerometer",
+)
+SHORT, LONG = 14, 30  # words of a number that a line still holds: of every claim, of those on a paper's page
+SMALL_ROWS, SMALL_WORDS = 6, 90  # of a table that stands beside its picture
+
+Results = Mapping[str, Mapping[str, Any]]
 
 
 def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
-    """Take finished results into the repository, and write the documents' blocks anew; return what was written.
+    """Take finished results into the repository, and write pages and blocks anew; return what was written.
 
     Args:
         out: Where they were run.
@@ -59,13 +105,20 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
             write_atomically(target, path.read_bytes())
             written.append(target)
     results = committed()
-    for page in sorted(PAGES.glob("*.md")):
-        text = page.read_text(encoding="utf-8")
-        anew = with_blocks(text, results)
-        if anew != text:
-            write_atomically(page, anew.encode())
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    anew = {RESULTS / f"{name}.md": page_of(content) for name, content in results.items()}
+    anew[RESULTS / "claims.md"] = every_claim(results)
+    anew |= {page: with_blocks(page.read_text(encoding="utf-8"), results) for page in documents()}
+    for page, text in anew.items():
+        if not page.exists() or page.read_text(encoding="utf-8") != text:
+            write_atomically(page, text.encode())
             written.append(page)
     return written
+
+
+def documents() -> list[Path]:
+    """Return the documents that may quote results."""
+    return sorted([*PAGES.glob("*.md"), *PAGES.parent.glob("README.md")])
 
 
 def committed() -> dict[str, dict[str, Any]]:
@@ -86,57 +139,137 @@ def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
         for claim in content["claims"]
         if (says := claim["says"]) in made
     ]
-    return {**content, "simulated": today.simulated, "recordings": today.needs_data, "claims": claims}
+    return {
+        **content, "simulated": today.simulated, "recordings": today.needs_data, "about": today.about, "claims": claims,
+    }  # fmt: skip
 
 
-def with_blocks(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
+def with_blocks(text: str, results: Results) -> str:
     """Return a document with its blocks written from results."""
     return BLOCK.sub(lambda found: found[1] + block(found["what"].split(), results) + "\n<!-- end -->", text)
 
 
-def block(what: Sequence[str], results: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return what a document quotes: `NAME`, `NAME NUMBER` of a table, `claims PAPER`, or `claims beyond`."""
-    if what[0] == "claims":
-        return _claims(what[1], results)
-    content = results.get(what[0])
+def block(what: Sequence[str], results: Results) -> str:
+    """Return what a document quotes, as the module's first lines say."""
+    kind, *rest = what
+    if kind in ("counts", "total"):
+        return _counts(results) if kind == "counts" else _total(results)
+    if kind == "claims":
+        claims = list(_claims(rest[0], results))
+        known = [one for one in claims if one[1]["says"] in HEADLINES]
+        return _scoreboard(known or claims, "results/", LONG) if claims else "*No claim has been judged yet.*"
+    content = results.get(kind)
     if content is None:
-        return f"*No result is committed yet: `python -m papers {what[0]}`.*"
-    if len(what) > 1:
-        return markdown(content["tables"][int(what[1]) - 1])
+        return f"*No result is committed yet: `python -m papers {kind}`.*"
+    return markdown(content["tables"][int(rest[0]) - 1]) if rest else _short(content)
+
+
+def page_of(content: Mapping[str, Any]) -> str:
+    """Return the page of an experiment: everything that it left, left out of the site's search."""
     parts = [
-        f"![{caption}](images/papers/{content['name']}-{number}.svg)"
-        for number, caption in enumerate(content["pictures"], 1)
-    ]
-    parts += [f"{table['title']}:\n\n{markdown(table)}" for table in content["tables"]]
-    parts += list(content["remarks"])
-    if content["claims"]:
-        parts.append(markdown({"header": CLAIMS, "rows": [_row(claim) for claim in content["claims"]]}))
-        parts += [f"{claim['says']}: {claim['why']}" for claim in content["claims"] if claim["why"]]
+        "---\nsearch:\n  exclude: true\n---", f"# {content['title']}: {content['place']}", content["about"],
+        *_pictures(content, "../images/papers"),
+        *(f"## {table['title']}\n\n{markdown(table)}" for table in content["tables"]),
+        *content["remarks"],
+    ]  # fmt: skip
+    if claims := content["claims"]:
+        rows = [
+            [
+                *(one[part] for part in EVERY_PART[:4]),
+                shown_verdict(one["verdict"], fitted=one["fitted"]),
+                one["criterion"],
+            ]
+            for one in ({**claim, "claim": claim["says"], "here": claim["measured"]} for claim in claims)
+        ]
+        parts += ["## Claims", markdown({"header": EVERY_PART, "rows": rows})]
+        parts += [FITTED] if any(claim["fitted"] for claim in claims) else []
+        parts += [f"*{claim['says']}*: {claim['why']}" for claim in claims if claim["why"]]
     parts.append(f"*{told_of(content)} `python -m papers {content['name']}`*")
+    return "\n\n".join(parts) + "\n"
+
+
+def _pictures(content: Mapping[str, Any], folder: str) -> list[str]:
+    return [f"![{caption}]({folder}/{content['name']}-{k}.svg)" for k, caption in enumerate(content["pictures"], 1)]
+
+
+def _short(content: Mapping[str, Any]) -> str:
+    """Return what a document shows of an experiment."""
+    parts = _pictures(content, "images/papers")
+    small = [table for table in content["tables"] if len(table["rows"]) <= SMALL_ROWS and _words(table) <= SMALL_WORDS]
+    parts += [f"{table['title']}:\n\n{markdown(table)}" for table in small[:1]]
+    counted = Counter(claim["verdict"] for claim in content["claims"])
+    told = ", ".join(f"{counted[verdict]} {verdict}" for verdict in MARKS if counted[verdict])
+    of = f"Claims: {told}. " if told else ""
+    parts.append(f"*{of}[Numbers, criteria, reasons and conditions](results/{content['name']}.md).*")
     return "\n\n".join(parts)
 
 
-def _row(claim: Mapping[str, Any]) -> list[str]:
-    return [
-        f"{claim['says']} ({claim['place']}). Criterion: {claim['criterion']}",
-        claim["published"],
-        claim["measured"],
-        shown_verdict(claim["verdict"], fitted=claim["fitted"]),
+def _words(table: Mapping[str, Any]) -> int:
+    return sum(len(cell.split()) for row in table["rows"] for cell in row)
+
+
+def _claims(group: str, results: Results) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield experiments and claims of a paper, or those that stand in none."""
+    for name, content in results.items():
+        for claim in content["claims"]:
+            if group == (BEYOND if claim["place"].startswith(BEYOND) else content["paper"]):
+                yield name, claim
+
+
+def every_claim(results: Results) -> str:
+    """Return the page of all claims."""
+    parts = [
+        "# Every claim of the papers",
+        "What the paper says, its number, ours, and whether it holds. *Fitted*: the simulated robot was fitted to this "
+        "number, which is then no evidence.",
     ]
+    for group, page in GROUPS.items():
+        parts += [f"## {page[1:].partition(']')[0]}", _scoreboard(list(_claims(group, results)), "", SHORT)]
+    return "\n\n".join([*parts, "**Read next:** [the four papers](../papers.md)."]) + "\n"
 
 
-def _claims(paper: str, results: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return every claim of a paper, or every one that stands in none."""
+def _tally(claims: Iterable[Mapping[str, Any]]) -> list[int]:
+    """Return how many claims there are, hold, hold in direction, do not hold, and were fitted to."""
+    every = list(claims)
+    counted = Counter(claim["verdict"] for claim in every)
+    return [len(every), *(counted[verdict] for verdict in list(MARKS)[:3]), sum(claim["fitted"] for claim in every)]
+
+
+def _counts(results: Results) -> str:
+    tallies = {page: _tally(claim for _, claim in _claims(group, results)) for group, page in GROUPS.items()}
+    rows = [[page, *map(str, tally)] for page, tally in tallies.items()]
+    return markdown(
+        {"header": ["", "claims", "reproduced", "same direction", "not reproduced", "of these fitted"], "rows": rows}
+    )
+
+
+def _total(results: Results) -> str:
+    papers = [group for group in GROUPS if group != BEYOND]
+    every, held, alike, not_held, fitted = _tally(claim for group in papers for _, claim in _claims(group, results))
+    return (
+        f"Of {every} claims of the four papers, {held} are reproduced on simulated robots, {alike} in direction, "
+        f"{not_held} are not; the simulated robot was fitted to {fitted} of them."
+    )
+
+
+def _scoreboard(claims: Sequence[tuple[str, Mapping[str, Any]]], folder: str, words: int) -> str:
+    """Return a line for each claim; its mark leads to the numbers, the criterion and the reason."""
     rows = [
         [
-            *(claim[part] for part in ("says", "place", "published", "measured")),
-            shown_verdict(claim["verdict"], fitted=claim["fitted"]),
-            claim["criterion"],
+            claim["says"],
+            _brief(claim["published"], words),
+            _brief(claim["measured"], words),
+            f"[{MARKS[claim['verdict']]}]({folder}{name}.md#claims){' fitted' if claim['fitted'] else ''}",
         ]
-        for content in results.values()
-        for claim in content["claims"]
-        if paper == (BEYOND if claim["place"].startswith(BEYOND) else content["paper"])
+        for name, claim in claims
     ]
-    if not rows:
-        return "*No claim of this paper has been judged yet.*"
-    return markdown({"header": EVERY_CLAIM, "rows": rows})
+    table = markdown({"header": ["claim", "published", "here", ""], "rows": rows})
+    return f"{table}\n\n*{LEGEND}; the mark leads to criterion, numbers and reason.*"
+
+
+def _brief(numbers: str, words: int) -> str:
+    """Return numbers as a line holds them: of long ones how many parts hold, where that is told."""
+    if len(numbers.split()) <= words:
+        return numbers
+    counted = re.search(r"\((\d+ of \d+)[^()]*\)$", numbers)
+    return f"holds in {counted[1]} parts" if counted else "…"

@@ -11,9 +11,9 @@ import pytest
 from catenary.errors import InputError
 from catenary.spatial import STANDARD_GRAVITY
 from papers import catalog, pages
-from papers.pages import ROOT, block, committed, publish, with_blocks
+from papers.pages import HEADLINES, ROOT, block, committed, every_claim, page_of, publish, with_blocks
 
-QUOTING = sorted(page for page in pages.PAGES.glob("*.md") if "<!-- papers " in page.read_text())
+QUOTING = [page for page in pages.documents() if "<!-- papers " in page.read_text()]
 OF_PAPERS = [
     page for page in QUOTING if page.stem.startswith("paper-") or page.stem in ("beyond", "papers", "tutorial-two-link")
 ]
@@ -27,6 +27,9 @@ RESULTS = {
     "calibration-table-1": {
         "name": "calibration-table-1",
         "paper": "calibration",
+        "title": "Directions",
+        "place": "table I",
+        "about": "What was chosen.",
         "simulated": True,
         "recordings": False,
         "robots": ["nominal", 1],
@@ -67,11 +70,34 @@ def test_blocks_of_a_document_are_what_the_committed_tables_say(page: Path) -> N
     assert with_blocks(text, committed()) == text, "run `python -m papers publish`"
 
 
+def test_every_experiment_and_all_claims_have_a_page_that_says_what_the_committed_tables_do() -> None:
+    results = committed()
+    pages_of = {name: page_of(content) for name, content in results.items()} | {"claims": every_claim(results)}
+    assert {path.stem: path.read_text() for path in pages.RESULTS.glob("*.md")} == pages_of
+    assert set(HEADLINES) <= {claim["says"] for content in results.values() for claim in content["claims"]}
+
+
+def test_a_block_counts_claims_and_leads_to_their_criteria() -> None:
+    short = block(["calibration-table-1"], RESULTS)
+    assert "1 not reproduced" in short
+    assert "(results/calibration-table-1.md)" in short
+    assert "criterion" not in short
+    assert "| A > B | 2 > 1 | 1 > 2 | [✗](results/calibration-table-1.md#claims) fitted |" in block(
+        ["claims", "calibration"], RESULTS
+    )
+    long = with_claim(measured=f"{'0.1 ' * 40}(2 of 3)", published="0.1 " * 40)
+    assert "| … | holds in 2 of 3 parts |" in block(["claims", "calibration"], long)
+    assert "| 1 | 0 | 0 | 1 | 1 |" in block(["counts"], RESULTS)
+    assert "Of 1 claims of the four papers, 0 are reproduced" in block(["total"], RESULTS)
+    for told in ("Criterion", "holds", "*A > B*: since", "not reproduced (fitted)", "What was chosen.", "x\\|y"):
+        assert told.lower() in page_of(RESULTS["calibration-table-1"]).lower()
+
+
 def without_source(text: str, results: dict[str, Any]) -> list[str]:
     """Return the numbers of a page, outside blocks and in reasons, that nothing on it gives.
 
-    What gives a number: tables, remarks, captions, and claims with their published values and criteria, as far as a
-    block shows them; conditions of the experiments so quoted; published.py; and standard gravity.
+    What gives a number: the pages of the experiments that it quotes, without their reasons; other blocks; published.py;
+    and standard gravity.
     """
     quoted = [found["what"].split() for found in pages.BLOCK.finditer(text)]
     told = [re.sub(pages.BLOCK, "", text)]
@@ -81,9 +107,8 @@ def without_source(text: str, results: dict[str, Any]) -> list[str]:
         for name, content in results.items()
     }
     for what in quoted:
-        known.append(block(what, unreasoned))
+        known.append(page_of(unreasoned[what[0]]) if what[0] in results else block(what, unreasoned))
         if what[0] in results:
-            known.append(catalog.experiment(what[0]).about)
             told += [claim["why"] for claim in results[what[0]]["claims"]]
     prose = re.sub(r"^```.*?^```|`[^`\n]*`", "", "\n".join(told), flags=re.MULTILINE | re.DOTALL)
     return sorted(set(re.findall(TOLD, prose)) - set(re.findall(NUMBER, "\n".join(known))))
@@ -99,8 +124,7 @@ def test_a_number_that_no_block_of_its_page_shows_is_found() -> None:
     assert without_source("At 0.1 deg and 43 Hz, `1.234`." + quoting, RESULTS) == ["43"]
     typed = "It was 0.777 deg and 41 mm after 4321 turns"
     assert without_source(typed + quoting, RESULTS) == ["0.777", "41"]
-    whole = quoting.replace("table-1 1", "table-1")
-    assert without_source(whole, with_claim(why="since 0.777 is so")) == ["0.777"]
+    assert without_source(quoting, with_claim(why="since 0.777 is so")) == ["0.777"]
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in pages.COMMITTED.glob("*.json")))
@@ -128,11 +152,11 @@ def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(monkeypatc
 @pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
 def test_every_block_names_a_committed_result_or_the_claims_of_a_paper(page: Path) -> None:
     named = {found["what"].split()[0] for found in pages.BLOCK.finditer(page.read_text())}
-    assert named <= {"claims", *committed()}
+    assert named <= {"claims", "counts", "total", *committed()}
 
 
 def test_results_with_missing_cases_are_not_published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("COMMITTED", "PICTURES", "PAGES"):
+    for name in ("COMMITTED", "PICTURES", "PAGES", "RESULTS"):
         monkeypatch.setattr(pages, name, tmp_path / name.lower())
     (tmp_path / "pages").mkdir()
     (tmp_path / "pages" / "page.md").write_text("<!-- papers calibration-table-1 1 -->\n\n<!-- end -->\n")
@@ -143,5 +167,6 @@ def test_results_with_missing_cases_are_not_published(tmp_path: Path, monkeypatc
     (tmp_path / "calibration-table-1.json").write_text(json.dumps(content))
     (tmp_path / "calibration-table-1-1.svg").write_text("<svg/>")
     written = publish(tmp_path, ["calibration-table-1"])
-    assert [path.name for path in written] == ["calibration-table-1.json", "calibration-table-1-1.svg", "page.md"]
+    names = ["calibration-table-1.json", "calibration-table-1-1.svg", "calibration-table-1.md", "claims.md", "page.md"]
+    assert [path.name for path in written] == names
     assert "0.1" in (tmp_path / "pages" / "page.md").read_text()
