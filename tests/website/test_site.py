@@ -37,6 +37,9 @@ class Page(HTMLParser):
         self.loads += re.findall(r"url\(([^)]*)\)", values.get("style") or "")
 
 
+CLAIMS = "results/claims.md"
+
+
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, Page]:
     return {path: Page(path) for path in sorted(site.rglob("*.html"))}
@@ -54,7 +57,8 @@ def _navigation(entries: list[object]) -> Iterator[str]:
 def test_every_page_is_in_the_navigation_once_and_is_built(site: Path) -> None:
     listed = list(_navigation(tomllib.loads(CONFIG.read_text())["project"]["nav"]))
     written = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
-    assert sorted(listed) == sorted(written)
+    # pages of single experiments are reached from the claims
+    assert sorted(listed) == sorted(name for name in written if name == CLAIMS or not name.startswith("results/"))
     assert [name for name in listed if not (site / name).with_suffix(".html").exists()] == []
 
 
