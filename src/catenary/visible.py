@@ -12,6 +12,10 @@ def visible(text: str) -> str:
     return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
+class ClosedOutput(BrokenPipeError):
+    """Nobody reads what we write any more, as when it goes to `head`."""
+
+
 class VisibleStream:
     """A text stream through which no control character passes; all else is the stream's own.
 
@@ -27,8 +31,18 @@ class VisibleStream:
 
     def write(self, text: str) -> int:
         """Write text; return its length."""
-        self.stream.write(visible(text))
+        try:
+            self.stream.write(visible(text))
+        except BrokenPipeError as error:
+            raise ClosedOutput from error
         return len(text)
+
+    def flush(self) -> None:
+        """Write what is held back."""
+        try:
+            self.stream.flush()
+        except BrokenPipeError as error:
+            raise ClosedOutput from error
 
     def writelines(self, lines: Any) -> None:
         """Write texts."""

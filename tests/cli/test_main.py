@@ -1,17 +1,17 @@
+import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from catenary import __version__
-from catenary.cli.commands import Commands
+from catenary.cli.commands import GROUPS, Commands
+from catenary.visible import ClosedOutput, VisibleStream
 from command_line import catenary
 
-COMMANDS = [
-    "calibrate", "home", "excite", "record", "extract", "import", "fit", "evaluate", "refresh", "drift", "deploy", "goto", "random", "follow", "teleop",
-    "monitor", "gravity", "track", "hold", "export", "recover", "serve", "button", "identify", "excitation", "payload", "check",
-    "fk", "ik", "plot", "regressor", "sense", "encoders", "gravity-node", "robots", "view", "demo",
-]  # fmt: skip
+COMMANDS = [name for names in GROUPS.values() for name in names]
 HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")
 
 
@@ -21,11 +21,19 @@ def modules_after(code: str) -> set[str]:
     return set(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n"))
 
 
-def test_help_names_every_command() -> None:
+def test_help_names_every_command_in_its_group_and_cuts_nothing() -> None:
     text = catenary("--help").out
-    listed = [line.split()[0] for line in text.split("Commands:")[1].split("\n") if line[2:3].strip()]
-    assert sorted(listed) == sorted(COMMANDS)
-    assert "..." not in text.split("Commands:")[1]  # nothing is cut
+    sections = dict(re.findall(r"^(\w+):\n((?:  .*\n?)+)", text, flags=re.MULTILINE))
+    listed = {title: re.findall(r"^  ([\w-]+)  ", sections[title], flags=re.MULTILINE) for title in GROUPS}
+    assert listed == {title: list(names) for title, names in GROUPS.items()}
+    assert "..." not in text.split("Calibrate:")[1]
+
+
+def test_the_page_of_commands_has_each_in_its_group() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "commands.md").read_text()
+    sections = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## )", page, flags=re.MULTILINE | re.DOTALL))
+    listed = {title: set(re.findall(r"`catenary ([\w-]+)", sections[title])) for title in GROUPS}
+    assert {title: set(names) - listed[title] for title, names in GROUPS.items()} == {title: set() for title in GROUPS}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -97,7 +105,7 @@ def test_ctrl_c_is_told_with_what_was_noted_on_its_way(monkeypatch: pytest.Monke
 
 def run(*arguments: str, **settings: object) -> subprocess.CompletedProcess[bytes]:
     return subprocess.run(
-        [sys.executable, "-m", "catenary.cli.main", *arguments],
+        [sys.executable, "-m", "catenary", *arguments],
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         **settings,  # type: ignore[call-overload]
@@ -111,6 +119,25 @@ def test_a_full_disk_is_a_message() -> None:
 
 
 def test_a_reader_that_goes_away_is_no_traceback() -> None:
-    line = f"{sys.executable} -m catenary.cli.main robots --json | head -c 1"
+    line = f"set -o pipefail; {sys.executable} -m catenary robots --json | head -c 1"
     outcome = subprocess.run(["bash", "-c", line], capture_output=True, check=True)
     assert outcome.stderr == b""
+    with pytest.raises(ClosedOutput):
+        _closed_pipe().flush()
+
+
+def _closed_pipe() -> VisibleStream:
+    read, write = os.pipe()
+    os.close(read)
+    stream = VisibleStream(os.fdopen(write, "w"))
+    stream.write("a")
+    return stream
+
+
+def test_a_connection_that_ends_is_not_taken_for_a_reader_that_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost() -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("catenary.robots.catalog.robot_names", lost)
+    outcome = catenary("robots")
+    assert (outcome.code, outcome.err) == (2, "catenary: a connection was closed from the other side\n")

@@ -10,47 +10,62 @@ from typer.core import TyperGroup
 from catenary.cli.options import as_typed, refuse_spaces
 from catenary.cli.signals import signals_interrupt
 from catenary.crtk.dds.arguments import parse_ros_arguments, say_ros_arguments, split_ros_arguments
+from catenary.errors import CatenaryError
+from catenary.visible import ClosedOutput
 
-# module of this package and function; in the order in which `catenary --help` lists them
-_FUNCTIONS = {
-    "calibrate": ("calibrate", "calibrate"),
-    "home": ("record", "home"),
-    "excite": ("record", "excite"),
-    "record": ("record", "record"),
-    "extract": ("calibrate", "extract"),
-    "import": ("files", "import_recording"),
-    "fit": ("fit", "fit"),
-    "evaluate": ("fit", "evaluate"),
-    "refresh": ("fit", "refresh"),
-    "drift": ("fit", "drift"),
-    "deploy": ("deploy", "deploy"),
-    "goto": ("motion", "goto"),
-    "random": ("motion", "random"),
-    "follow": ("motion", "follow"),
-    "teleop": ("motion", "teleop"),
-    "monitor": ("monitor", "monitor"),
-    "view": ("view", "view"),
-    "gravity": ("gravity", "gravity"),
-    "track": ("gravity", "track"),
-    "hold": ("gravity", "hold"),
-    "identify": ("identify", "identify"),
-    "excitation": ("excitation", "excitation"),
-    "payload": ("identify", "payload"),
-    "check": ("files", "check"),
-    "fk": ("robots", "fk"),
-    "ik": ("robots", "ik"),
-    "plot": ("robots", "plot"),
-    "regressor": ("robots", "regressor"),
-    "sense": ("sense", "sense"),
-    "encoders": ("nodes", "encoders"),
-    "gravity-node": ("nodes", "gravity_node"),
-    "export": ("files", "export"),
-    "recover": ("files", "recover"),
-    "serve": ("nodes", "serve"),
-    "button": ("nodes", "button"),
-    "robots": ("robots", "robots"),
-    "demo": ("calibrate", "demo"),
+# groups in the order in which `catenary --help` lists them; of each command the module of this package and the function
+GROUPS: dict[str, dict[str, tuple[str, str]]] = {
+    "Calibrate": {
+        "calibrate": ("calibrate", "calibrate"),
+        "home": ("record", "home"),
+        "excite": ("record", "excite"),
+        "record": ("record", "record"),
+        "extract": ("calibrate", "extract"),
+        "fit": ("fit", "fit"),
+        "evaluate": ("fit", "evaluate"),
+        "refresh": ("fit", "refresh"),
+        "drift": ("fit", "drift"),
+        "deploy": ("deploy", "deploy"),
+        "demo": ("calibrate", "demo"),
+    },
+    "Gravity": {
+        "gravity": ("gravity", "gravity"),
+        "track": ("gravity", "track"),
+        "hold": ("gravity", "hold"),
+        "sense": ("sense", "sense"),
+        "gravity-node": ("nodes", "gravity_node"),
+    },
+    "Identify": {
+        "excitation": ("excitation", "excitation"),
+        "identify": ("identify", "identify"),
+        "payload": ("identify", "payload"),
+        "regressor": ("robots", "regressor"),
+    },
+    "Move": {
+        "goto": ("motion", "goto"),
+        "random": ("motion", "random"),
+        "follow": ("motion", "follow"),
+        "teleop": ("motion", "teleop"),
+        "serve": ("nodes", "serve"),
+        "button": ("nodes", "button"),
+        "encoders": ("nodes", "encoders"),
+    },
+    "Look": {
+        "monitor": ("monitor", "monitor"),
+        "view": ("view", "view"),
+        "plot": ("robots", "plot"),
+        "fk": ("robots", "fk"),
+        "ik": ("robots", "ik"),
+        "robots": ("robots", "robots"),
+    },
+    "Files": {
+        "check": ("files", "check"),
+        "import": ("files", "import_recording"),
+        "export": ("files", "export"),
+        "recover": ("files", "recover"),
+    },
 }
+_FUNCTIONS = {name: function for group in GROUPS.values() for name, function in group.items()}
 HELP_NAMES = {"help_option_names": ["--help", "-h"]}
 # run without arguments; others then show their help
 _COMPLETE = {"home", "teleop", "monitor", "view", "serve", "button", "robots", "demo"}
@@ -89,6 +104,16 @@ class CommandGroup(TyperGroup):
         super().__init__(**settings)
         self.commands: Any = Commands()
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands under the names of their groups."""
+        width = max(map(len, _FUNCTIONS))
+        for title, names in GROUPS.items():
+            with formatter.section(title):
+                limit = formatter.width - 6 - width
+                formatter.write_dl(
+                    [(f"{name:<{width}}", self.commands[name].get_short_help_str(limit)) for name in names]
+                )
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is meant, its name and its arguments, unless numbers stand apart in them.
 
@@ -109,6 +134,10 @@ class CommandGroup(TyperGroup):
                 return super().invoke(ctx)
         except KeyboardInterrupt as interrupt:
             raise InterruptedCommand from interrupt
+        except ClosedOutput:
+            raise typer.Exit from None  # whoever read our output has seen enough, as `head` does
+        except BrokenPipeError as error:
+            raise CatenaryError("a connection was closed from the other side") from error
 
     def get_params(self, ctx: Any) -> Any:
         """Return the group's own options; flags such as --help and --show-completion are False where not given.

@@ -135,7 +135,7 @@ def excitation(
     seed: int = option("N", "Seed of everything random.", 0, least=0),
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Design a motion that shows an arm's dynamics.
+    """Design a motion to identify an arm from; moves nothing.
 
     It keeps the arm's limits and hits nothing; --static designs poses to hold.
 

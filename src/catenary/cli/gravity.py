@@ -281,7 +281,7 @@ def track(
     report: Path | None = REPORT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Let a simulated arm follow a motion.
+    """Compare controllers as a simulated arm follows a motion.
 
     Prints the joint errors and the PD term's share of the torque; with a sensor also how gravity was known.
 
@@ -324,7 +324,7 @@ def hold(
     report: Path | None = REPORT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Let gravity compensation alone hold an arm.
+    """Test how far an arm drifts under gravity compensation.
 
     A simulated one; prints how far each joint drifts.
 

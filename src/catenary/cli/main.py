@@ -12,7 +12,7 @@ import typer
 from catenary import __version__
 from catenary.cli.commands import HELP_NAMES, CommandGroup, InterruptedCommand
 from catenary.cli.signals import exit_code
-from catenary.visible import VisibleStream
+from catenary.visible import ClosedOutput, VisibleStream
 
 MOST_SAID = 10_000  # characters of an error: names in it may be as long as a file
 
@@ -76,9 +76,9 @@ def _run() -> None:
         cause = error.__cause__ or error
         name = str(cause)
         _fail(_with_notes(f"ended by {name}" if name else "interrupted", cause), exit_code(name))
-    except BrokenPipeError:
-        _close_output()  # the reader of our output went away; nothing is left to say
-        sys.exit(1)
+    except ClosedOutput as error:
+        _close_output()  # nothing is left to say
+        sys.exit(getattr(error.__context__, "code", 0))  # as the command had ended
     except OSError as error:
         _close_output()
         _fail(f"{error.filename or 'standard output'}: {error.strerror or error}", 2)

@@ -67,7 +67,7 @@ def random(
     seed: int = option(None, "Seed of the motion.", 0, least=0),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Move a robot at random.
+    """Move a robot at random, without recording it.
 
     Each joint moves by itself: a RAVEN-II in its calibration box, others in the middle of their ranges.
     Ctrl-C stops it where it is. However it ends, the robot holds and is paused.
@@ -91,7 +91,7 @@ def follow(
     from_afar: bool = option(None, "Allow a start over 60 deg, 150 mm away.", False),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Move a robot along a file.
+    """Move a robot along the rows of a file.
 
     It begins at the beginning, and all of it is checked before anything moves: units, limits, speeds, how
     far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next

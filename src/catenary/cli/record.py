@@ -127,7 +127,7 @@ def excite(
     namespace: str | None = ARM_NAMESPACE,
     as_json: bool = AS_JSON,
 ) -> None:
-    """Drive the robot along its calibration motion and record it.
+    """Record a project's robot along its calibration motion.
 
     A RAVEN-II's is a zig-zag. Writes recordings/train; homes first if needed.
     """
@@ -154,7 +154,7 @@ def record(
     namespace: str | None = replace(ARM_NAMESPACE, goes_with="no_motion"),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Drive the robot along a random motion and record it.
+    """Record a project's robot along a random motion, as a test.
 
     Writes recordings/NAME; after `catenary excite`.
     """
