@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, frozen
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 
@@ -219,6 +220,7 @@ def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[
 JOINT_ARRAYS = ("q_nominal", "q_encoder", "qd", "tau")  # of a log, (N, n)
 
 
+@explained
 @dataclass(frozen=True)
 class MotionLog:
     """Rows of one or more recordings of the same robot, in the order in which they were taken.

@@ -13,6 +13,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data, error_limits
@@ -155,6 +156,7 @@ class Calibration(CalibrationModel):
         save_model(self, self.card, Path(path))
 
 
+@explained
 def load_model(path: str | Path) -> Calibration:
     """Read a calibration model that `Calibration.save` or `catenary fit` wrote.
 
@@ -165,6 +167,7 @@ def load_model(path: str | Path) -> Calibration:
     return _with_card(model, card)
 
 
+@explained
 def fit(
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
@@ -247,6 +250,7 @@ def fit(
     return _with_card(result.model, result.card)
 
 
+@explained
 def check_data(
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
@@ -278,6 +282,7 @@ def check_data(
     return tuple(finding for log in logs for finding in findings_of(log, robot=model))
 
 
+@explained
 def evaluate(
     model: Calibration | str | Path,
     q_nominal: Motion,
@@ -292,6 +297,7 @@ def evaluate(
     return loaded.evaluate(q_nominal, q_encoder, window=window, accept=accept, **arrays)
 
 
+@explained
 def refresh(
     model: Calibration | str | Path,
     q_nominal: Motion,

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.calibration.arithmetic import Flags, blocks, bound, run
 from catenary.calibration.dataset import RATE_TOLERANCE
@@ -16,6 +17,7 @@ from catenary.plant import UNUSED, Joints, JointState, places_of
 SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 
 
+@explained
 class Corrector:
     """Calibrated joint positions, valid-range flags and intervals from the signals of each tick.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
@@ -27,6 +28,7 @@ _CLIMBS = 4
 _STEP = 1e-5  # [rad|m] of central differences
 
 
+@explained
 class ElasticPD:
     """tau = kp (theta_ref - theta) - kd theta' + gravity, theta_ref = q_ref + K^-1 g(q_ref).
 

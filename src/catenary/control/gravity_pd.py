@@ -8,6 +8,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
@@ -19,6 +20,7 @@ from catenary.trajectories.reference import Reference
 At = Literal["measured", "desired"]
 
 
+@explained
 class GravityPD:
     """PD plus gravity: tau = kp (q_ref - q) + kd (qd_ref - qd) + g(q).
 
@@ -109,6 +111,7 @@ class GravityLearner(Protocol):
         ...
 
 
+@explained
 class EstimatedGravityPD:
     """PD and the estimated gravity torque, tau = kp (q_ref - q) + kd (qd_ref - qd) + Z(q, gravity) s_hat.
 

@@ -5,6 +5,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.errors import InputError
 from catenary.plant import AT_REST, JointState
@@ -60,6 +61,7 @@ def gravity_and_rates(state: JointState, nominal: Floats | None) -> tuple[Floats
     return nominal, *np.array(AT_REST)
 
 
+@explained
 class JointPD:
     """A spring and a damper to the reference, tau = kp (q_ref - q) + kd (qd_ref - qd).
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats
 from catenary.dynamics.lines import (
     forward_kinematics_line,
@@ -27,6 +28,7 @@ FEW = 100  # calls for which no kernel is compiled: whoever calls more often doe
 Trace = Callable[[RobotModel], Line]
 
 
+@explained
 def gravity_kernel(model: RobotModel) -> Kernel:
     """Return `kernel(q, gravity)`, the torques (n,) [Nm|N] that hold the arm still; see `gravity_torque`.
 

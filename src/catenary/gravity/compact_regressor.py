@@ -12,6 +12,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.lines import empty, placed
@@ -224,6 +225,7 @@ class CompactRegressor:
         return [[column[r] for column in columns] for r in range(self.model.n)]
 
 
+@explained
 def compact_regressor(model: RobotModel) -> CompactRegressor:
     """Return the paper's regressor without structurally zero parameters, structurally equal ones merged.
 

@@ -29,6 +29,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_not_negative, as_positive, one_for_all
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
@@ -92,6 +93,7 @@ class EstimatedGravity:
             raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(arrays[0])}")
 
 
+@explained
 class GravityEstimator(EstimatedGravity):
     """The paper's law, on the compact regressor or on the paper's full one.
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
+from catenary.arguments import explained
 from catenary.dynamics.lines import (
     forward_kinematics_line,
     gravity_line,
@@ -28,6 +29,7 @@ class _Traced(NamedTuple):
     result: str  # name of the output
 
 
+@explained
 def export_function(
     model: RobotModel, quantity: ExportedQuantity, to: ExportTarget, *, frame: str | None = None
 ) -> Any:

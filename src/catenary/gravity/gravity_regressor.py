@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kinematics import link_poses
@@ -36,6 +37,7 @@ class GravityParameters(NamedTuple):
     units: tuple[str, ...]  # (p,) "kg" or "kg m"
 
 
+@explained
 def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the regressor Z(q, gravity) of the paper, with Z s = g for the s that `gravity_parameters` gives.
 

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_batch, as_positive, one_for_all
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import InputError
@@ -128,6 +129,7 @@ class LoadHypotheses:
             yield V.T @ A @ V, V.T @ a
 
 
+@explained
 def locate_load(
     model: RobotModel,
     q: ArrayLike,

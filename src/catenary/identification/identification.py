@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
@@ -151,6 +152,7 @@ class Identification:
         )
 
 
+@explained
 def identify(
     logs: Sequence[MotionLog],
     model: RobotModel,

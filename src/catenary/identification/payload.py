@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
@@ -62,6 +63,7 @@ class _Fitted(NamedTuple):
     body: Floats  # (4,) mass and moment [kg, kg m], also where recordings hardly tell them
 
 
+@explained
 def estimate_payload(
     result: Identification,
     loaded: Sequence[Samples],

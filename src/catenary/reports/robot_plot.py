@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.kinematics import forward_kinematics, link_poses, reachable_points
 from catenary.errors import InputError
@@ -43,6 +44,7 @@ MANY_JOINTS = 8
 CLOSE = 0.02  # of half the width: joints whose numbers stand at one place
 
 
+@explained
 def plot(
     model: RobotModel,
     q: ArrayLike | None = None,

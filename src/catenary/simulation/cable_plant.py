@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.plant import Column, JointState
@@ -48,6 +49,7 @@ STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
 
 
+@explained
 class CablePlant(FirmwarePlant[TickLog]):
     """One arm. Nothing moves before it is homed and enabled; brakes hold it while it is not enabled."""
 

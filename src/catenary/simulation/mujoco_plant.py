@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, LimitError
 from catenary.gravity.payload import Payload
@@ -49,6 +50,7 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     return torque
 
 
+@explained
 class MujocoPlant(SimulatedPlant):
     """One robot, given by its model. Brakes hold it while it is not enabled; its encoders are absolute, so it is homed.
 

@@ -23,6 +23,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catenary.arguments import explained
 from catenary.arrays import Floats, as_array, as_positive, frozen
 from catenary.errors import InputError
 from catenary.spatial import rotation_about_x, rotation_about_y, rotation_about_z
@@ -102,6 +103,7 @@ def zigzag_rows(
     return joints
 
 
+@explained
 def zigzag(
     direction: Direction,
     sparsities: Sequence[float],

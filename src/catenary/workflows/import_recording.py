@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from catenary.arguments import explained
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.importer import import_sources
@@ -20,6 +21,7 @@ PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
 
+@explained
 def import_recording(
     sources: PathLike | Sequence[PathLike],
     mapping: MappingLike | None = None,
@@ -67,6 +69,7 @@ def import_recording(
     return import_sources(opened, proposal.accepted())
 
 
+@explained
 def propose_mapping(
     sources: PathLike | Sequence[PathLike], *, units: str | None = None, robot: str | None = None
 ) -> Proposal:

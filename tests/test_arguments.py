@@ -1,0 +1,128 @@
+"""Wrong arguments of everything that `import catenary` offers are told by name."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+import catenary
+from catenary.arguments import expected, explained, fits
+from catenary.errors import CatenaryError, InputError
+from catenary.robots.model import RobotModel
+from recordings import recording
+
+RNG = np.random.default_rng(0)
+ARM = catenary.load_robot("two_link")  # compiled in a moment
+Q, ZERO, DOWN = np.array([0.6, 1.5]), np.zeros(2), [0.0, 0.0, -9.81]
+LOG = recording(RNG, rows=60, error=lambda q: 0.01 + 0.02 * q)
+MODEL = catenary.fit(LOG, model="linear", folds=0)
+POSE = {"model": ARM, "q": Q}
+ROWS = {"q_nominal": LOG.q_nominal, "q_encoder": LOG.q_encoder}
+GAINS = {"kp": [100.0, 100.0], "kd": [1.0, 1.0]}
+# what a call that succeeds is given; one argument after the other is then another thing
+CALLS: dict[str, dict[str, Any]] = {
+    "gravity_torque": {**POSE, "gravity": DOWN},
+    "mass_matrix": POSE,
+    "inverse_dynamics": {**POSE, "qd": ZERO, "qdd": ZERO, "gravity": DOWN},
+    "coriolis_matrix": {**POSE, "qd": ZERO},
+    "jacobian": POSE,
+    "forward_kinematics": POSE,
+    "inverse_kinematics": {"model": ARM, "pose": catenary.forward_kinematics(ARM, Q), "q_start": Q},
+    "torque_regressor": {**POSE, "qd": ZERO, "qdd": ZERO, "gravity": DOWN},
+    "gravity_regressor": {**POSE, "gravity": DOWN},
+    "center_of_mass": POSE,
+    "center_of_mass_jacobian": POSE,
+    "potential_energy": {**POSE, "gravity": DOWN},
+    "gravity_kernel": {"model": ARM},
+    "compact_regressor": {"model": ARM},
+    "export_function": {"model": ARM, "quantity": "gravity", "to": "sympy"},
+    "GravityEstimator": {"model": ARM, **GAINS},
+    "JointPD": GAINS,
+    "GravityPD": {"model": ARM, **GAINS, "gravity": DOWN},
+    "InertiaPD": {"model": ARM, "kp": [100.0, 100.0], "kv": [1.0, 1.0]},
+    "TorqueLimits": {"torque": [5.0, 5.0, 50.0]},
+    "fit": {**ROWS, "units": ["rad", "rad", "m"], "model": "offset", "folds": 0},
+    "evaluate": {"model": MODEL, **ROWS},
+    "check_data": {**ROWS, "units": ["rad", "rad", "m"]},
+    "load_model": {"path": "none.npz"},
+    "load_robot": {"source": "raven2"},
+    "read_log": {"path": "none.parquet"},
+    "zigzag": {"direction": "J1", "sparsities": [1 / 2]},
+    "go_to": {"q_start": Q, "q_goal": Q + 0.1, "max_velocity": 1.0, "max_acceleration": 1.0},
+    "random_sinusoids": {"rng": RNG, "duration": 5.0},
+    "FixedBase": {"roll": 0.1, "pitch": 0.1},
+    "CablePlant": {"side": "left", "seed": 1},
+    "MujocoPlant": {"model": ARM, "start": Q},
+    "Corrector": {"model": MODEL},
+    "import_recording": {"sources": "none.csv"},
+    "identify": {"logs": [LOG], "model": ARM},
+    "MotionLog": {
+        "name": "a", "joint_names": ("a",), "joint_units": ("rad",), "q_nominal": np.zeros((5, 1)), "ok": np.ones(5, bool),
+    },
+}  # fmt: skip
+WRONG = [None, "abc", 1j, {"a": 1}, object(), [[1.0, 2.0], [3.0]]]
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_wrong_argument_is_no_error_of_python_or_numpy(name: str) -> None:
+    call = getattr(catenary, name)
+    raw = []
+    parameters = inspect.signature(call).parameters.values()
+    for argument in [one.name for one in parameters if one.kind is not one.VAR_KEYWORD]:
+        for wrong in WRONG:
+            try:
+                call(**{**CALLS[name], argument: wrong})
+            except CatenaryError:
+                pass
+            except Exception as error:
+                raw.append((argument, wrong, error))
+    assert raw == []
+
+
+def test_the_message_says_which_argument_what_it_was_and_what_was_expected() -> None:
+    for call, words in [
+        (lambda: catenary.gravity_torque("raven2", Q, DOWN), r'model: expected RobotModel, got str \'raven2\'; .*load_robot'),
+        (lambda: catenary.fit(**CALLS["fit"], history="1"), "history: expected a whole number, got str '1'"),
+        (lambda: catenary.load_robot(3), "source: expected str or Path, got int 3"),
+    ]:  # fmt: skip
+        with pytest.raises(InputError, match=words):
+            call()
+
+
+def test_an_error_that_no_argument_explains_stays_as_it_is() -> None:
+    @explained
+    def fails(number: float, *, names: Sequence[str] = ()) -> float:
+        return number / 0
+
+    with pytest.raises(ZeroDivisionError):
+        fails(1.0)
+    with pytest.raises(TypeError, match="missing 1 required"):
+        fails()  # type: ignore[call-arg]
+    with pytest.raises(InputError, match=r"names: expected Sequence, got str 'ab'"):
+        fails(1.0, names="ab")
+
+
+@pytest.mark.parametrize(
+    ("hint", "right", "wrong", "words"),
+    [
+        (float, (1, 1.5, np.float64(2.0)), (True, "1", None), "a number"),
+        (int, (1, np.int64(1)), (True, 1.0), "a whole number"),
+        (int | None, (1, None), ("1",), "a whole number or None"),
+        (ArrayLike, (1.0, [1, 2], np.ones(3)), (None, 1j, [[1], [1, 2]], {}), "numbers"),
+        (ArrayLike | RobotModel, ([1.0], ARM), ("raven2", None), "numbers or RobotModel"),
+        (Literal["a", "b"], ("a",), ("c", 1), "one of 'a', 'b'"),
+        (Sequence[str], (["a"], ("a", "b"), []), ("ab", [1], None), "Sequence"),
+        (tuple[str, int], (("a", 1),), (("a",), ("a", "b"), ["a", 1]), "tuple"),
+        (Mapping[str, int], ({"a": 1},), ({"a": "b"}, [("a", 1)]), "Mapping"),
+        (Callable[[float], None], (print,), (1,), "Callable"),
+        (str | Path, ("a", Path("a")), (1, None), "str or Path"),
+    ],
+)
+def test_an_annotation_is_asked_of_a_value(hint: Any, right: tuple, wrong: tuple, words: str) -> None:
+    assert [fits(value, hint) for value in right] == [True] * len(right)
+    assert [fits(value, hint) for value in wrong] == [False] * len(wrong)
+    assert expected(hint) == words
