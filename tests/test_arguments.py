@@ -1,6 +1,7 @@
 """Wrong arguments of everything that `import catenary` offers are told by name."""
 
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -126,3 +127,9 @@ def test_an_annotation_is_asked_of_a_value(hint: Any, right: tuple, wrong: tuple
     assert [fits(value, hint) for value in right] == [True] * len(right)
     assert [fits(value, hint) for value in wrong] == [False] * len(wrong)
     assert expected(hint) == words
+
+
+@pytest.mark.parametrize("name", [name for name in CALLS if name != "MotionLog"])
+def test_help_shows_types_by_their_names(name: str) -> None:
+    told = str(inspect.signature(getattr(catenary, name)))
+    assert not re.search(r"_typing|dtype|numpy\.", told)

@@ -4,6 +4,8 @@
 positions that the robot reports, with its other quantities by name; or as a MotionLog, the path of a log, or several.
 """
 
+from __future__ import annotations
+
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -118,7 +120,7 @@ class Calibration(CalibrationModel):
         *,
         accept: Sequence[str] = (),
         **arrays: Unpack[MotionArrays],
-    ) -> "Calibration":
+    ) -> Calibration:
         """Return the model brought up to date with minutes of a new day; its card says what moved.
 
         Arguments are those of `evaluate`.

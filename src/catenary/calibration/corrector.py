@@ -1,5 +1,7 @@
 """A calibration model inside a control loop: the bits of the fitted model, tick by tick."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -5,6 +5,8 @@ and experiments", Automatica 41 (2005); P. Tomei, "A simple PD controller for ro
 Automatic Control 36 (1991).
 """
 
+from __future__ import annotations
+
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np

@@ -3,6 +3,8 @@
 A. Lewis, B. Hannaford, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", ICRA 2014: figure 6.
 """
 
+from __future__ import annotations
+
 from typing import Literal, Protocol, get_args
 
 import numpy as np

@@ -4,6 +4,8 @@ T. DeWolf, "Robot control part 3: accounting for mass and gravity" (docs/tutoria
 the computed torque of Luh, Walker, Paul 1980.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,5 +1,7 @@
 """Limits on the torque that is sent: size, rate of change, and the way to a joint limit."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,5 +1,7 @@
 """The PD law, what the loop asks of any controller, and what controllers share."""
 
+from __future__ import annotations
+
 from typing import Literal, Protocol, get_args
 
 import numpy as np

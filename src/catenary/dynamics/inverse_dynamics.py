@@ -1,5 +1,7 @@
 """Inverse dynamics, Coriolis matrix and mass matrix: the terms of M(q) qdd + C(q, qd) qd + g(q) = tau."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

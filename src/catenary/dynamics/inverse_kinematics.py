@@ -1,5 +1,7 @@
 """Joint coordinates that bring a frame to a pose."""
 
+from __future__ import annotations
+
 from typing import Literal, NamedTuple
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Where the links and frames are, how they move with the coordinates, and what a frame can reach."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

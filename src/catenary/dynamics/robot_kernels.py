@@ -3,6 +3,8 @@
 They are made when they are asked for and kept for as long as the model lives; asking again costs nothing.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable
 from typing import NamedTuple

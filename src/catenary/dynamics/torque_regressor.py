@@ -5,6 +5,8 @@ equations of motion are linear (Atkeson, An, Hollerbach, "Estimation of inertial
 links", Int. J. Robotics Research 5(3), 1986).
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

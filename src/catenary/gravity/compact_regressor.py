@@ -5,6 +5,8 @@ at most three first moments per link and one mass per prismatic joint. Which are
 model's symbols (symbols.py), not by its numbers; a parameter without effect on any joint is left out too.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce

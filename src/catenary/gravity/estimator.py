@@ -23,6 +23,8 @@ in the first pose, from all the joints that feel it, and what was learnt of the 
 told with probabilities (load_location.py): one pose seldom tells.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import Literal, Protocol, get_args
 

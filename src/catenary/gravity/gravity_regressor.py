@@ -4,6 +4,8 @@ The paper keeps, for every joint, what it carries as seen along every frame's ax
 geometry alone, s on masses and centres of mass. Neither Z needs a model with inertia.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

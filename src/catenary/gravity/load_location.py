@@ -18,6 +18,8 @@ the probability: such as two links with a joint between that stands upright and 
 joint's axis, which the joint does not feel. Beyond the gravity-regressor paper.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -3,6 +3,8 @@
 Loops hold `gravity_kernel(model)`, machine code of the robot's own.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,5 +1,7 @@
 """Identify a robot's dynamics from recordings of it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -93,7 +95,7 @@ class Identification:
         rows = np.arange(len(q), dtype=float)
         return self.predict_samples(Samples("", q, qd, qdd, np.zeros_like(q), known, rows, 1.0, gravity=down))
 
-    def test(self, samples: Sequence[Samples]) -> "Identification":
+    def test(self, samples: Sequence[Samples]) -> Identification:
         """Return this identification with verdicts on recordings that were not fitted."""
         tests = []
         worst = np.max([r.relative_rms for r in self.training], axis=0)

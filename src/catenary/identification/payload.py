@@ -4,6 +4,8 @@ Several links may explain the torques as well: then they share the probability, 
 (gravity/load_location.py weighs poses at rest of a known arm), and none is named alone.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import erf, sqrt

@@ -1,5 +1,7 @@
 """A robot in a pose: its links, frames and centres of mass, gravity, what holds it still, and where its ends can be."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -52,8 +54,8 @@ def plot(
     gravity: ArrayLike = LEVEL,
     hide: Sequence[Part] = (),
     workspace: bool = False,
-    on: "Axes | Figure | None" = None,
-) -> "Figure":
+    on: Axes | Figure | None = None,
+) -> Figure:
     """Draw a robot in its base frame, and the torques that hold it still.
 
     Lines are links, from joint to joint; squares the base, dots the ends. Joints are numbered as their bars are. A

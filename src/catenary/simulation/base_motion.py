@@ -1,5 +1,7 @@
 """What an arm's base does: stand level or tilted, rock, sway, heave, and go smoothly from any motion into the next."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Protocol
 
@@ -145,7 +147,7 @@ class BaseTimeline:
         self._number = -1
         self._block = BaseSamples(np.empty((0, 3)), np.empty((0, 3, 3)))
 
-    def of(self, base: MovingBase) -> "BaseTimeline":
+    def of(self, base: MovingBase) -> BaseTimeline:
         """Return the timeline of another base, with the same period."""
         return BaseTimeline(base, self._period)
 
@@ -214,7 +216,7 @@ class SteeredAngle:
         swing, swung = self.amplitude * np.sin(w * since), self.amplitude * np.cos(w * since)
         return AngleNow(angle + swing, rate + w * swung, change - w * w * swing)
 
-    def toward(self, time: float, goal: float, amplitude: float = 0.0, frequency: float = 0.0) -> "SteeredAngle":
+    def toward(self, time: float, goal: float, amplitude: float = 0.0, frequency: float = 0.0) -> SteeredAngle:
         """Return the angle from a time [s] on, on its way to another goal and rocking; nothing leaps."""
         now = self.at([time])
         w = 2.0 * np.pi * frequency
@@ -232,7 +234,7 @@ class SteeredBase:
 
     def toward(
         self, time: float, roll: float, pitch: float, *, amplitude: float = 0.0, frequency: float = 0.0
-    ) -> "SteeredBase":
+    ) -> SteeredBase:
         """Return the base from a time on, on its way to another attitude.
 
         Before the time [s] it stands as it did then. Angles are in rad; amplitude and frequency [Hz] are of rocking

@@ -1,5 +1,7 @@
 """A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant, and its first joints."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

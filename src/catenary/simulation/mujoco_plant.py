@@ -1,5 +1,7 @@
 """Any robot on any base, simulated: MuJoCo's rigid bodies, catenary's couplings, friction, springs and stops."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal

@@ -6,6 +6,8 @@ paper calls the ranges predefined and prints none; these are its group's: turnin
 and 20 mm of the box's ends, speeds of 1.1 to 3 deg/s, 1.5 to 4 deg/s and 2.5 to 7 mm/s.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -12,6 +12,8 @@ A lone corner where the velocity jumps by dv is passed at a distance of 3/32 |dv
 there reaches 3/2 |dv| / blend.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -73,7 +75,7 @@ class SmoothedPath(SampledTrajectory):
         self.duration = float(max(moving, default=0.0))
 
     @classmethod
-    def through(cls, times: ArrayLike, points: ArrayLike, blend: float) -> "SmoothedPath":
+    def through(cls, times: ArrayLike, points: ArrayLike, blend: float) -> SmoothedPath:
         """Return the path of joints that share their corners: times (K,) [s], points (K, n) [rad|m]."""
         t = as_array("times", times, (None,))
         rows = as_array("points", points, (len(t), None))

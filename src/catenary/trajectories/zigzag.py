@@ -17,6 +17,8 @@ Where the sources are silent or disagree:
 - The path ends on the way to one more layer, 5 % beyond the cube: it is kept, as published.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Literal, get_args
 
