@@ -198,6 +198,7 @@ def gravity(
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
+    from catenary.gravity.mass_doubts import mass_doubts
     from catenary.gravity.torque import gravity_torque, unseen_torque
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
@@ -208,14 +209,14 @@ def gravity(
     if latex:
         from catenary.gravity.compact_regressor import gravity_latex
 
-        print_notes(given.doubts(gravity))
+        print_notes([*given.doubts(gravity), *mass_doubts(model)])
         print(gravity_latex(model, gravity))
         return
     values = joint_values(model, q, q_deg)
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
     open_to = unseen_torque(model, values, gravity)
-    print_notes([*beyond_limits(model, values), *given.doubts(gravity), *_unseen(model, open_to)])
+    print_notes([*beyond_limits(model, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(model, open_to)])
     if as_json:
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()})

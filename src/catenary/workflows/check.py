@@ -18,6 +18,7 @@ from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
 from catenary.errors import ExcitationError, FileFormatError, InputError
 from catenary.files import card_path, card_text, table_ending
+from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
 from catenary.identification.identify_options import IdentifyOptions
@@ -110,7 +111,7 @@ def check_file(
 
 
 def check_robot(model: RobotModel) -> FileReport:
-    """Check a robot: inertia, limits, what its file holds that the model leaves out."""
+    """Check a robot: inertia, masses that cannot be, limits, what its file holds that the model leaves out."""
     joints, limits = [], []
     for name, unit, lower, upper in zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True):
         joints.append({"name": name, "unit": unit, "lower": float(lower), "upper": float(upper)})
@@ -149,7 +150,11 @@ def check_robot(model: RobotModel) -> FileReport:
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, gravity and torques are refused"
         )
     unbound = [name for name, is_so in zip(model.joint_names, model.lower >= model.upper, strict=True) if is_so]
-    found.faults += [*model.doubts, *(f"limits of {name}: the lower one is not below the upper" for name in unbound)]
+    found.faults += [
+        *model.doubts,
+        *mass_doubts(model),
+        *(f"limits of {name}: the lower one is not below the upper" for name in unbound),
+    ]
     found.remarks += model.notes
     return found
 
@@ -287,6 +292,7 @@ def _check_identification(path: Path) -> FileReport:
         ("physically consistent", "yes" if result.phi is not None else "no"),
     ]
     faults = [*_copy_faults(path, card), *(f"fails on {one.log}" for one in result.tests if one.verdict == "fails")]
+    faults += mass_doubts(result.robot(), described=result.model) if result.phi is not None else []
     every_line = [*first, *lines, _version(card)]
     return FileReport("identified dynamics", facts, every_line, faults, list(card["notes"]))
 
