@@ -27,6 +27,7 @@ from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
 from catenary.reports.calibration import shortened
+from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
@@ -127,6 +128,7 @@ def check_robot(model: RobotModel) -> FileReport:
         "frames": list(model.frames),
         "tip": model.tip,
         "moving_mass_kg": mass,
+        "drives": _drives(model),
         "massless_links": model.massless,
         "links_without_inertia": model.missing_inertia,
         "sources": model.sources,
@@ -139,6 +141,7 @@ def check_robot(model: RobotModel) -> FileReport:
         ("tip", model.tip),
         ("moving mass", f"{mass:g} kg"),
         ("massless links", ", ".join(model.massless) or "none"),
+        ("drives", "; ".join(map(_drive_in_words, facts["drives"] or ())) or "nothing known of friction and rotors"),
         ("sources", "; ".join(model.sources) or "none stated"),
     ]
     found = FileReport("robot", facts, lines)
@@ -157,6 +160,21 @@ def check_robot(model: RobotModel) -> FileReport:
     ]
     found.remarks += model.notes
     return found
+
+
+def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
+    """Return friction and rotors of every joint by itself, SI; None where no numbers are known."""
+    found = None if model.actuation is None else joint_drives(model.actuation, model.n)
+    if found is None:
+        return None
+    numbers = zip(model.joint_names, model.joint_units, *map(np.ndarray.tolist, found[:3]), strict=True)
+    return [dict(zip(("joint", "unit", "coulomb", "viscous", "rotor"), each, strict=True)) for each in numbers]
+
+
+def _drive_in_words(drive: Mapping[str, Any]) -> str:
+    force, mass = ("Nm", "kg m2") if drive["unit"] == "rad" else ("N", "kg")
+    friction = f"{drive['coulomb']:.4g} {force} + {drive['viscous']:.4g} {force} s/{drive['unit']}"
+    return f"{drive['joint']} friction {friction}, rotor {drive['rotor']:.4g} {mass}"
 
 
 def check_recording(
