@@ -74,6 +74,13 @@ def test_the_sum_of_identified_masses_is_held_against_the_files(factor, told):
     assert all(told in each for each in found)
 
 
+def test_a_payload_is_a_point_mass_but_loads_the_motors():
+    model = load_robot(two_link())
+    assert mass_doubts(model.with_payload("lower", 2.0, [0.4, 0.0, 0.0])) == ()
+    (doubt,) = mass_doubts(model.with_payload("lower", 20.0, [0.4, 0.0, 0.0]))
+    assert doubt.startswith("gravity asks more than motors give")
+
+
 def test_the_commands_print_the_doubts(tmp_path):
     path = tmp_path / "heavy.urdf"
     path.write_text(two_link(mass=2400))

@@ -27,6 +27,7 @@ from catenary.cli.robot_options import (
     ROBOT,
     SAME_IN_DEG,
     DescriptionOptions,
+    PayloadOptions,
     Q,
     beyond_limits,
     given_joints,
@@ -181,6 +182,7 @@ def _require_finite(option: str, values: Sequence[float]) -> None:
 def gravity(
     given: GivenGravity,
     description: DescriptionOptions,
+    carried: PayloadOptions,
     robot: str = ROBOT,
     q: Numbers | None = Q,
     q_deg: Numbers | None = Q_DEG,
@@ -204,7 +206,7 @@ def gravity(
     from catenary.units import TORQUE_UNIT
 
     gravity = given.told()
-    model = description.load(robot)
+    model = carried.on(description.load(robot))
     model.require_masses()
     if latex:
         from catenary.gravity.compact_regressor import gravity_latex

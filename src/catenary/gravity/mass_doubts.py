@@ -36,7 +36,10 @@ def mass_doubts(model: RobotModel, *, described: RobotModel | None = None) -> tu
     """
     if model.missing_inertia:
         return ()
-    bodies = [doubt for link in range(len(model.link_names)) for doubt in _of_link(model, link)]
+    bare = model  # point masses that it carries are meant as such
+    while bare.without_payload is not None:
+        bare = bare.without_payload
+    bodies = [doubt for link in range(len(bare.link_names)) for doubt in _of_link(bare, link)]
     return (*bodies, *_of_sum(model, described), *_of_efforts(model))
 
 

@@ -120,7 +120,7 @@ def check_robot(model: RobotModel) -> FileReport:
         has_limits = np.isfinite(lower) or np.isfinite(upper)
         told = f"{scale * lower:g} to {scale * upper:g} {shown}" if has_limits else "no limits"
         limits.append(f"{name} [{unit}] {told}")
-    mass = float(model.tree.mass.sum())
+    mass, drives = float(model.tree.mass.sum()), _drives(model)
     facts = {
         "name": model.name,
         "joints": joints,
@@ -128,7 +128,7 @@ def check_robot(model: RobotModel) -> FileReport:
         "frames": list(model.frames),
         "tip": model.tip,
         "moving_mass_kg": mass,
-        "drives": _drives(model),
+        "drives": drives,
         "massless_links": model.massless,
         "links_without_inertia": model.missing_inertia,
         "sources": model.sources,
@@ -141,7 +141,7 @@ def check_robot(model: RobotModel) -> FileReport:
         ("tip", model.tip),
         ("moving mass", f"{mass:g} kg"),
         ("massless links", ", ".join(model.massless) or "none"),
-        ("drives", "; ".join(map(_drive_in_words, facts["drives"] or ())) or "nothing known of friction and rotors"),
+        ("drives", "; ".join(map(_drive_in_words, drives or ())) or "nothing known of friction and rotors"),
         ("sources", "; ".join(model.sources) or "none stated"),
     ]
     found = FileReport("robot", facts, lines)
@@ -167,7 +167,7 @@ def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
     found = None if model.actuation is None else joint_drives(model.actuation, model.n)
     if found is None:
         return None
-    numbers = zip(model.joint_names, model.joint_units, *map(np.ndarray.tolist, found[:3]), strict=True)
+    numbers = zip(model.joint_names, model.joint_units, *(each.tolist() for each in found[:3]), strict=True)
     return [dict(zip(("joint", "unit", "coulomb", "viscous", "rotor"), each, strict=True)) for each in numbers]
 
 
