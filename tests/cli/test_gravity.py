@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import simulated_arm
+from catenary.dynamics.kinematics import jacobian
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf_export import urdf_text
@@ -212,3 +213,41 @@ def test_decks_sensors_and_drives_that_make_no_sense_are_refused(options: tuple[
 
 def test_gains_of_a_controller_that_has_none_of_torques_are_refused() -> None:
     assert "gains of accelerations" in refusal("track", "two_link", "--controller", "inertia", "--kp", "5")
+
+
+LOAD = ("--payload", "2", "--payload-on", "tool0", "--payload-at", "0,0,0.1")
+
+
+def test_gravity_of_a_payload_is_that_of_its_weight() -> None:
+    q = ("ur10e", "--q", "0,-1.2,1.0,-0.5,0.6,0", "--json")
+    with_it, without = (np.array(catenary("gravity", *q, *load).json["tau"]) for load in (LOAD, ()))
+    arm, at = load_robot("ur10e"), np.array([0, -1.2, 1.0, -0.5, 0.6, 0])
+    J = jacobian(arm, at, "tool0", [0, 0, 0.1])
+    assert_allclose(with_it - without, 2.0 * 9.81 * J[2], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--payload-at", "0,0,0.1"), "--payload-at"),
+        (("--payload", "1", "--payload-on", "nose"), 'no frame "nose"'),
+        (("--payload", "1", "--payload-inertia", "1,0,0,0.1,0,0.1"), "no body has"),
+    ],
+)
+def test_a_payload_that_cannot_be_is_refused(options: tuple[str, ...], said: str) -> None:
+    assert said in refusal("gravity", "ur10e", "--q", "0,0,0,0,0,0", *options)
+
+
+def test_every_command_that_takes_a_payload_computes_with_it(tmp_path: Path) -> None:
+    heavy, light = (tmp_path / name for name in ("heavy.h", "light.h"))
+    assert catenary("export", "ur10e", "--c", heavy, *LOAD).code == 0
+    assert catenary("export", "ur10e", "--c", light).code == 0
+    assert heavy.read_text() != light.read_text()
+    assert "--payload is for --c" in refusal("export", "run.parquet", "--mcap", tmp_path / "x.mcap", *LOAD)
+    assert catenary("plot", "ur10e", "--out", tmp_path / "arm.png", *LOAD).code == 0
+    plan = ("excitation", "ur10e", "--no-collision-check", "--trials", "1", "--rate-hz", "30", "--json")
+    shares = [
+        max(catenary(*plan, "--out", tmp_path / f"{k}.npz", *load).json["torque_share"])
+        for k, load in enumerate(((), LOAD))
+    ]
+    assert shares[1] != shares[0]

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import own_base
+from catenary.dynamics.actuation_loads import known_loads
 from catenary.errors import FileFormatError, MissingInertiaError, MissingPackageError, UnsupportedModelError
 from catenary.robots.mjcf import load_mjcf
 from oracles.random_robots import random_mjcf
@@ -233,16 +234,40 @@ def test_what_is_left_out_is_said_by_name(load):
         '<actuator><motor name="m" joint="elbow"/></actuator><option gravity="0 0 -1.6"/>',
     ).replace('<body name="hand"', '<body name="hand" gravcomp="1"')
     assert load(text).notes == (
-        "left out: armature (shoulder)",
-        "left out: joint damping (shoulder)",
-        "left out: joint dry friction (elbow)",
-        "left out: joint springs (elbow)",
         "left out: gravity compensation of bodies (hand)",
         "left out: tendons (t)",
         "left out: actuators with their gears and limits (m)",
         "inertia from the shapes of geoms, not from <inertial> (upper, lower, hand)",
         "left out: the file's gravity [0.0, 0.0, -1.6]; gravity is an argument here",
     )
+
+
+FOLLOWS = '<equality><joint joint1="wrist" joint2="elbow" polycoef="0.2 -1.5 0 0 0"/></equality>'
+
+
+@pytest.mark.parametrize("follower", ["", FOLLOWS])
+def test_friction_rotors_and_springs_of_joints_ask_what_they_ask_in_mujoco(load, rng, follower):
+    first = 'armature="0.3" damping="2" stiffness="5" springref="0.4"'
+    text = arm(first, 'frictionloss="0.7" damping="0.1"', follower)
+    text = text.replace('axis="1 0 0"', 'axis="1 0 0" damping="0.5" armature="0.05" stiffness="3" frictionloss="0.2"')
+    ours, model = load(text), mujoco.MjModel.from_xml_string(text)
+    loads = known_loads(ours)
+    rows = [rng.normal(size=(1, ours.n)) for _ in range(3)]
+    shares = np.eye(3)[:, : ours.n]  # of the coordinates in MuJoCo's joints
+    if follower:
+        shares[2] = [0.0, -1.5]
+    q, qd, qdd = (shares @ row[0] for row in rows)
+    if follower:
+        q[2] += 0.2
+    passive = model.dof_damping * qd + model.jnt_stiffness * (q - model.qpos_spring)
+    expected = passive + model.dof_frictionloss * np.sign(qd) + model.dof_armature * qdd
+    asked = loads.torque(*rows)[0]
+    assert_allclose(asked, shares.T @ expected, atol=1e-12)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = q, qd
+    mujoco.mj_forward(model, data)
+    assert_allclose(data.qfrc_passive, -passive, atol=1e-12)
+    assert f"{'shoulder' if follower else 'wrist'}" in [term.name for term in ours.actuation.motor_inertia]
 
 
 @pytest.mark.parametrize("file", ["main.xml", "main.mjcf"])

@@ -95,6 +95,31 @@ def test_a_payload_adds_its_own_potential_and_kinetic_energy(rng):
     assert_allclose(moving, 0.2 * velocity @ velocity, rtol=1e-7)  # central difference, h = 1e-6
 
 
+def test_a_payload_of_some_extent_is_the_points_that_it_is_made_of(rng):
+    points, shares = rng.normal(scale=0.1, size=(5, 3)), rng.uniform(0.1, 0.5, 5)
+    center = shares @ points / shares.sum()
+    tensor = sum(m * ((p - center) @ (p - center) * np.eye(3) - np.outer(p - center, p - center))
+                 for m, p in zip(shares, points, strict=True))  # fmt: skip
+    arm = load_robot("ur10e")
+    whole = arm.with_payload("tool0", shares.sum(), center, inertia=tensor)
+    six = arm.with_payload("tool0", shares.sum(), center, inertia=tensor[np.triu_indices(3)])
+    pieces = arm
+    for share, point in zip(shares, points, strict=True):
+        pieces = pieces.with_payload("tool0", share, point)
+    q = rng.normal(size=6)
+    assert_allclose(mass_matrix(whole, q), mass_matrix(pieces, q), atol=1e-12)
+    assert_array_equal(six.tree.inertia, whole.tree.inertia)
+
+
+def test_an_inertia_that_no_payload_has_is_refused():
+    with pytest.raises(InputError, match='payload on "wrist": inertia has principal moments'):
+        RAVEN.with_payload("wrist", 1.0, PLACE, inertia=np.diag([0.1, 0.01, 0.01]))
+    with pytest.raises(InputError, match="inertia must be symmetric"):
+        RAVEN.with_payload("wrist", 1.0, PLACE, inertia=np.arange(9.0).reshape(3, 3))
+    with pytest.raises(InputError, match="inertia: expected shape"):
+        RAVEN.with_payload("wrist", 1.0, PLACE, inertia=[1.0, 2.0])
+
+
 def test_a_payload_on_a_massless_link_gives_it_a_mass():
     model = load_robot("raven2_full")
     heavy = model.with_payload("tool", 0.2, [0.0, 0.0, 0.0])

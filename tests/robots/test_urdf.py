@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import own_base
 from catenary.dynamics.kinematics import relative_pose
 from catenary.errors import FileFormatError, InputError, MissingInertiaError, UnsupportedModelError
+from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf, parse_urdf
 from oracles.random_robots import random_urdf
@@ -213,15 +214,13 @@ def test_what_is_left_out_is_said_with_the_joints_names():
         '<transmission name="t"><joint name="p"/></transmission><gazebo/><gazebo/>',
     )  # fmt: skip
     assert parse_urdf(text).notes == (
-        "left out: joint damping (p)",
-        "left out: joint friction (q)",
         "left out: calibration positions (q)",
         "left out: soft limits (q)",
         "velocity limit is 0 in the file (z)",
         "effort limit is 0 in the file (z)",
         "lower and upper limit are equal in the file (z)",
-        "left out: transmissions (p)",
         "left out: elements (<gazebo>)",
+        "left out: transmissions that state no rotor (p)",
     )
 
 
@@ -336,3 +335,57 @@ def test_namespaces_are_passed_over_as_pinocchio_does_and_said(kind, tmp_path):
         assert_allclose(frame_pose(model, "a", [0.7]), theirs, atol=1e-12)
         assert_allclose(model.tree.mass, [peer.inertias[1].mass])
         assert (said is None and not model.notes) or any(said in note for note in model.notes)
+
+
+DYNAMICS = '<dynamics damping="0.5" friction="0.25"/>'
+SRDF = '<robot name="r"><rotor_params><joint name="j" mass="1e-4" gear_ratio="-100"/></rotor_params></robot>'
+
+
+@pytest.mark.parametrize("name", ["arm.srdf", "r.srdf"])
+def test_friction_and_rotors_are_pinocchios(tmp_path, name):
+    folder = tmp_path / "urdf"
+    folder.mkdir()
+    (tmp_path / "srdf").mkdir()
+    path, beside = folder / "arm.urdf", tmp_path / "srdf" / name
+    path.write_text(urdf(joint("j", "root", "a", inside=LIMIT + DYNAMICS), links=("root", "a")))
+    beside.write_text(SRDF)
+    theirs = pin.buildModelFromUrdf(str(path))
+    pin.loadRotorParameters(theirs, str(beside), False)
+    ours = load_urdf(path)
+    drives = joint_drives(ours.actuation, 1)
+    assert drives.friction == theirs.friction == 0.25
+    assert drives.damping == theirs.damping == 0.5
+    assert_allclose(drives.armature, theirs.rotorInertia * theirs.rotorGearRatio**2)
+    assert [source.partition(",")[0] for source in ours.sources] == ["arm.urdf", name]
+
+
+ROS = "<mechanicalReduction>50</mechanicalReduction><motorInertia>2e-4</motorInertia>"
+DRAKE = '<drake:gear_ratio value="50"/><drake:rotor_inertia value="2e-4"/>'
+
+
+@pytest.mark.parametrize(
+    ("inside", "rotor"), [(ROS, 0.5), (DRAKE, 0.5), ("<mechanicalReduction>50</mechanicalReduction>", None)]
+)
+def test_a_rotor_is_reflected_by_the_square_of_its_gear(inside, rotor):
+    transmission = f'<transmission name="t"><joint name="j"/><actuator name="m">{inside}</actuator></transmission>'
+    follower = joint("k", "a", "b", inside=LIMIT + '<mimic joint="j" multiplier="-2"/>')
+    model = parse_urdf(urdf(ONE, follower, transmission, links=("root", "a", "b")))
+    if rotor is None:
+        assert model.actuation is None
+        assert model.notes[-1] == "left out: transmissions that state no rotor (j)"
+    else:
+        assert_allclose(joint_drives(model.actuation, 1).armature, rotor)
+        behind = parse_urdf(urdf(ONE, follower, transmission.replace('"j"', '"k"'), links=("root", "a", "b")))
+        assert_allclose(joint_drives(behind.actuation, 1).armature, 4.0 * rotor)
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        ('<dynamics damping="-1"/>', 'joint "j": <dynamics>: damping -1, expected zero or more'),
+        ('<dynamics friction="much"/>', 'joint "j": <dynamics>: friction="much", expected a number'),
+    ],
+)
+def test_friction_that_cannot_be_is_refused(inside, words):
+    with pytest.raises(FileFormatError, match=re.escape(words)):
+        parse_urdf(urdf(joint("j", "root", "a", inside=LIMIT + inside), links=("root", "a")))

@@ -19,7 +19,7 @@ from catenary.cli.options import (
     robots_beginning,
 )
 from catenary.cli.out_files import EXCITATION, NAMED_AS_TYPED, TRAJECTORY
-from catenary.cli.robot_options import DescriptionOptions
+from catenary.cli.robot_options import DescriptionOptions, PayloadOptions
 from catenary.cli.terminal import print_json, print_notes
 from catenary.errors import InputError
 
@@ -108,6 +108,7 @@ class LimitOptions:
 
 def excitation(
     description: DescriptionOptions,
+    carried: PayloadOptions,
     limits: LimitOptions,
     collisions: CollisionOptions,
     robot: str = argument("ROBOT", "Catalogue name or file; needs no inertia.", completes=robots_beginning),
@@ -146,7 +147,7 @@ def excitation(
     from catenary.identification.motion_limits import room_of
     from catenary.workflows.excitation import comparison_table, design_excitation, write_excitation, write_trajectory
 
-    model = description.load(robot)
+    model = carried.on(description.load(robot))
     given = vars(limits).copy()
     if static is not None and given["velocity"] is None:
         given["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's

@@ -2,15 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one, robots_beginning
 from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, ModelRecordingOptions, RecordingOptions
-from catenary.cli.robot_options import DescriptionOptions, one_or_each
+from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
 from catenary.cli.terminal import print_fact, print_json, print_notes, without_notes
 from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.robots.model import RobotModel
 
 
 def check(
@@ -88,6 +92,7 @@ def recover(
 
 def export(
     description: DescriptionOptions,
+    carried: PayloadOptions,
     recordings: ModelRecordingOptions,
     what: str | None = argument(
         "[WHAT]",
@@ -133,11 +138,14 @@ def export(
         raise InputError(f"export: expected {needed}")
     if what is None and (friction or viscous):
         raise InputError("export: --friction and --viscous are for --c of a robot")
+    if (c is None or what is None) and carried != PayloadOptions():
+        raise InputError("export: --payload is for --c of a robot")
     if mcap is None and recordings != ModelRecordingOptions():
         raise InputError("export: options of a recording go with --mcap")
     if c is not None:
         loads = {"friction": friction, "viscous": viscous}
-        _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, loads, as_json)
+        known = None if what is None else carried.on(description.load(what))
+        _c(known, c, model, 1000.0 if rate_hz is None else rate_hz, loads, as_json)
     elif mcap is not None and what is not None:
         _mcap(Path(what), mcap, robot, model, recordings, as_json)
     elif onnx is not None and what is not None:
@@ -145,8 +153,7 @@ def export(
 
 
 def _c(
-    robot: str | None,
-    description: DescriptionOptions,
+    known: "RobotModel | None",
     out: Path,
     model: Path | None,
     rate_hz: float,
@@ -159,7 +166,6 @@ def _c(
 
     calibration = None if model is None else load_model(model)[0]
     loads = None
-    known = None if robot is None else description.load(robot)
     if known is not None and any(forces.values()):
         friction, viscous = (one_or_each(forces[name] or (0.0,)) for name in ("friction", "viscous"))
         loads = joint_friction(known, friction, viscous)

@@ -27,6 +27,7 @@ from catenary.cli.robot_options import (
     ROBOT,
     SAME_IN_DEG,
     DescriptionOptions,
+    PayloadOptions,
     Q,
     beyond_limits,
     given_joints,
@@ -181,6 +182,7 @@ def _require_finite(option: str, values: Sequence[float]) -> None:
 def gravity(
     given: GivenGravity,
     description: DescriptionOptions,
+    carried: PayloadOptions,
     robot: str = ROBOT,
     q: Numbers | None = Q,
     q_deg: Numbers | None = Q_DEG,
@@ -198,24 +200,25 @@ def gravity(
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
+    from catenary.gravity.mass_doubts import mass_doubts
     from catenary.gravity.torque import gravity_torque, unseen_torque
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
     gravity = given.told()
-    model = description.load(robot)
+    model = carried.on(description.load(robot))
     model.require_masses()
     if latex:
         from catenary.gravity.compact_regressor import gravity_latex
 
-        print_notes(given.doubts(gravity))
+        print_notes([*given.doubts(gravity), *mass_doubts(model)])
         print(gravity_latex(model, gravity))
         return
     values = joint_values(model, q, q_deg)
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
     open_to = unseen_torque(model, values, gravity)
-    print_notes([*beyond_limits(model, values), *given.doubts(gravity), *_unseen(model, open_to)])
+    print_notes([*beyond_limits(model, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(model, open_to)])
     if as_json:
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()})

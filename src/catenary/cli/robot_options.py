@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from catenary.cli.options import Names, Numbers, argument, group, option, robots_beginning
+from catenary.cli.options import Names, Numbers, Triple, argument, group, option, robots_beginning
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,6 +39,30 @@ class DescriptionOptions:
         from catenary.robots.catalog import load_robot
 
         return load_robot(robot, massless=self.declared(), strict=self.strict)
+
+
+@group
+class PayloadOptions:
+    """Options of what a robot carries."""
+
+    payload: float = option("KG", "Mass that the robot carries.", 0.0, least=0.0)
+    payload_on: str | None = option("FRAME", "Frame it is fixed to. [default: the tip]", goes_with="payload")
+    payload_at: Triple | None = option(
+        "X,Y,Z", "Its centre of mass in that frame, in m. [default: 0,0,0]", goes_with="payload"
+    )
+    payload_inertia: tuple[float, float, float, float, float, float] | None = option(
+        "XX,XY,XZ,YY,YZ,ZZ", "Its inertia about there, in kg m2. [default: a point mass]", goes_with="payload"
+    )
+
+    def on(self, model: "RobotModel") -> "RobotModel":
+        """Return the robot with it; the same robot without."""
+        from catenary.gravity.payload import Payload
+
+        if self == PayloadOptions():
+            return model
+        return Payload(self.payload, self.payload_on, self.payload_at or (0.0, 0.0, 0.0), self.payload_inertia).on(
+            model
+        )
 
 
 def one_or_each(values: Numbers) -> float | Numbers:

@@ -13,6 +13,7 @@ from catenary.cli.robot_options import (
     ROBOT,
     SAME_IN_DEG,
     DescriptionOptions,
+    PayloadOptions,
     Q,
     beyond_limits,
     given_joints,
@@ -211,6 +212,7 @@ def _goal(position_mm: Triple, rpy_deg: Triple | None, quaternion: Numbers | Non
 def plot(
     given: GivenGravity,
     description: DescriptionOptions,
+    carried: PayloadOptions,
     robot: str = ROBOT,
     q: Numbers | None = Q,
     q_deg: Numbers | None = Q_DEG,
@@ -232,7 +234,7 @@ def plot(
     from catenary.reports.robot_plot import plot as draw
 
     gravity = given.told()
-    model = description.load(robot)
+    model = carried.on(description.load(robot))
     values = given_joints(model, q, q_deg)
     pose = middle_pose(model) if values is None else values
     notes = beyond_limits(model, pose) if values is not None else []

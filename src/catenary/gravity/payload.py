@@ -15,16 +15,17 @@ PER_LOAD = 4  # mass, and moments about three axes
 
 
 class Payload(NamedTuple):
-    """A point mass on a robot."""
+    """A body on a robot."""
 
     mass: float  # [kg]
     frame: str | None = None  # the tip when None
-    position: ArrayLike = (0.0, 0.0, 0.0)  # (3,) [m] in that frame
+    position: ArrayLike = (0.0, 0.0, 0.0)  # (3,) [m] of its centre of mass in that frame
+    inertia: ArrayLike | None = None  # (3, 3) or (6,) about it [kg m2]; a point mass when None
 
     def on(self, model: RobotModel) -> RobotModel:
         """Return the robot with the payload as part of the link that carries it; see `RobotModel.with_payload`."""
         frame = model.tip if self.frame is None else self.frame
-        return model.with_payload(frame, self.mass, np.asarray(self.position, dtype=float))
+        return model.with_payload(frame, self.mass, self.position, inertia=self.inertia)
 
 
 def load_directions(regressor: CompactRegressor, frame: str) -> Floats:

@@ -7,7 +7,7 @@ of identified parameters.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -220,6 +220,46 @@ def default_actuation(joint_names: Sequence[str]) -> Actuation:
     """Return friction and a constant on every coordinate, as assumed of a robot whose file says nothing."""
     rows = np.eye(len(joint_names))
     return Actuation(friction=tuple(Friction(name, row) for name, row in zip(joint_names, rows, strict=True)))
+
+
+class StatedDrive(NamedTuple):
+    """What a description states of a joint's drive, SI; the joint moves by `factor` times a coordinate."""
+
+    coordinate: str
+    factor: float = 1.0
+    friction: float = 0.0  # Coulomb [Nm or N]
+    damping: float = 0.0  # viscous [Nms/rad or Ns/m]
+    armature: float = 0.0  # rotor, as seen at the joint [kg m2 or kg]
+    stiffness: float = 0.0  # of a spring [Nm/rad or N/m]
+    relaxed: float = 0.0  # the joint's place where the spring asks nothing [rad or m]
+
+
+def stated_actuation(joint_names: Sequence[str], drives: Sequence[StatedDrive]) -> Actuation | None:
+    """Return friction, rotors and springs with the numbers that a description states; None where it states none.
+
+    Coordinates of which nothing is stated have friction of zero, as everywhere to be identified. Joints that move by c
+    times a coordinate load it with |c| of their Coulomb friction and c^2 of their damping, rotor and stiffness.
+    """
+    friction, damping, armature, stiffness, offset = np.zeros((5, len(joint_names)))
+    for drive in drives:
+        k = joint_names.index(drive.coordinate)
+        friction[k] += abs(drive.factor) * drive.friction
+        damping[k] += drive.factor**2 * drive.damping
+        armature[k] += drive.factor**2 * drive.armature
+        stiffness[k] += drive.factor**2 * drive.stiffness
+        offset[k] -= drive.factor * drive.stiffness * drive.relaxed
+    if not np.any([friction, damping, armature, stiffness]):
+        return None
+    rows = list(zip(joint_names, np.eye(len(joint_names)), strict=True))
+    turning, sprung = np.flatnonzero(armature).tolist(), np.flatnonzero(stiffness).tolist()
+    return replace(
+        default_actuation(joint_names),
+        motor_inertia=tuple(MotorInertia(*rows[k]) for k in turning),
+        springs=tuple(Spring(*rows[k]) for k in sprung),
+        values=np.concatenate(
+            [np.column_stack([friction, damping, offset]).ravel(), armature[turning], stiffness[sprung]]
+        ),
+    )
 
 
 def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:

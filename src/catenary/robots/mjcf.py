@@ -12,6 +12,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.documents import MOST_XML, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
+from catenary.robots.actuation import StatedDrive, stated_actuation
 from catenary.robots.assembly import Coordinate, Link, assemble, file_source, left_out, naming_the_file
 from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.mimic_joints import Mimic, resolve_mimics
@@ -171,9 +172,22 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel
         [_coordinate(c, joint, name) for joint, name in joints.items() if name not in following],
         frames=frames,
         root=_WORLD,
+        actuation=stated_actuation([n for n in joints.values() if n not in following], _drives(c, joints, following)),
         sources=sources,
         notes=[*notes, *_notes(c, joints)],
     )
+
+
+def _drives(c: CompiledMjcf, joints: Mapping[int, str], following: Mapping[str, Mimic]) -> list[StatedDrive]:
+    """Return dry friction, damping, armature and springs of the joints; those that nothing moves ask nothing."""
+    m, found = c.model, []
+    for joint, name in joints.items():
+        leader, factor, offset = following.get(name, Mimic(name, 1.0, 0.0))
+        if leader is not None:
+            arrays = m.dof_frictionloss, m.dof_damping, m.dof_armature, m.jnt_stiffness, m.qpos_spring
+            *stated, relaxed = (float(array[joint]) for array in arrays)
+            found.append(StatedDrive(leader, factor, *stated, relaxed - offset))  # type: ignore[call-arg]
+    return found
 
 
 def _joint_names(c: CompiledMjcf) -> dict[int, str]:
@@ -267,14 +281,9 @@ def _notes(c: CompiledMjcf, joints: Mapping[int, str]) -> list[str]:
     """Return notes on what the file holds and the model leaves out."""
     m = c.model
     notes = []
-    for what, array in (
-        ("armature", m.dof_armature),
-        ("joint damping", m.dof_damping),
-        ("joint dry friction", m.dof_frictionloss),
-    ):
-        notes += left_out(what, [name for joint, name in joints.items() if array[joint] != 0.0])
-    springs = [name for joint, name in joints.items() if m.jnt_stiffness[joint] != 0.0]
-    notes += left_out("joint springs", springs)
+    for what, array in (("joint damping", "dof_dampingpoly"), ("joint springs", "jnt_stiffnesspoly")):
+        higher = np.atleast_2d(getattr(m, array, np.zeros((m.njnt, 0))))  # of later versions of MuJoCo
+        notes += left_out(f"terms of {what} beyond the linear one", [n for j, n in joints.items() if higher[j].any()])
     for kind, what, concerned in (
         ("body", "gravity compensation of bodies", np.flatnonzero(m.body_gravcomp)),
         ("tendon", "tendons", range(m.ntendon)),

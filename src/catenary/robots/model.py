@@ -7,11 +7,12 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.actuation import Actuation
+from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric, unphysical
 from catenary.robots.plausible import FAR, payload_doubt
 from catenary.spatial import Pose
 
@@ -179,8 +180,10 @@ class RobotModel:
             massless=tuple(link for link in self.link_names if link in declared),
         )
 
-    def with_payload(self, frame: str, mass: float, position: Sequence[float] | Floats) -> "RobotModel":
-        """Return the robot carrying a point mass; `without_payload` of the result is this robot again.
+    def with_payload(
+        self, frame: str, mass: float, position: ArrayLike, *, inertia: ArrayLike | None = None
+    ) -> "RobotModel":
+        """Return the robot carrying a body; `without_payload` of the result is this robot again.
 
         With a mass of zero it is this robot itself, to the last bit. A load of ten times the arm's own mass, or one
         that lies 10 m from its joint, is logged.
@@ -188,10 +191,12 @@ class RobotModel:
         Args:
             frame: What it is fixed to.
             mass: [kg], zero or more.
-            position: (3,) [m] in that frame.
+            position: (3,) [m] of its centre of mass in that frame.
+            inertia: (3, 3) or (6,) xx, xy, xz, yy, yz, zz about its centre of mass, along that frame's axes [kg m2];
+                a point mass when None.
 
         Raises:
-            InputError: Unknown frame, one that does not move, negative mass, or NaN.
+            InputError: Unknown frame, one that does not move, negative mass, an inertia that no body has, or NaN.
             MissingInertiaError: Links without inertia: what the payload is added to is not known.
         """
         self.require_masses()
@@ -203,6 +208,11 @@ class RobotModel:
             raise InputError(f"{where}: mass {load:g} kg, expected zero or more")
         if link < 0:
             raise InputError(f"{where}: does not move; what hangs there loads no joint")
+        tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=np.float64)
+        tensor = symmetric(tensor) if tensor.shape == (6,) else tensor
+        check_inertia(where, LinkInertia(load, place, tensor))
+        if (fault := unphysical(load, tensor)) is not None:
+            raise InputError(f"{where}: {fault}")
         if load == 0.0:
             return self
         if (doubt := payload_doubt(load, float(self.tree.mass.sum()))) is not None:
@@ -216,6 +226,7 @@ class RobotModel:
         coms[link] += load / (own + load) * apart
         # parallel axes: two bodies about their common centre, reduced mass times the distance between theirs
         tensors[link] += own * load / (own + load) * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+        tensors[link] += pose.rotation @ tensor @ pose.rotation.T
         return replace(
             self,
             tree=self.tree._replace(mass=masses, com=coms, inertia=tensors),

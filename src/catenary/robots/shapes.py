@@ -36,7 +36,8 @@ from catenary.robots.geometry import (
 )
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf, included_files, refuse_too_much
 from catenary.robots.model import RobotModel
-from catenary.robots.urdf import named_elements, number_of, numbers_of, origin_of, urdf_root
+from catenary.robots.urdf import urdf_root
+from catenary.robots.urdf_elements import named_elements, number_of, numbers_of, origin_of
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]

@@ -14,7 +14,9 @@ from catenary.robots.assembly import Coordinate, JointKind, Link, assemble, file
 from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
-from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
+from catenary.robots.urdf_drives import srdf_rotors, stated_drives
+from catenary.robots.urdf_elements import named_elements, number_of, numbers_of, origin_of
+from catenary.spatial import Pose
 
 XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
 # of these a model is made
@@ -37,13 +39,21 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     A mass that the file says is zero is zero, and a doubt where the link is not declared massless.
     """
     content = read_bounded(path, MOST_XML)
-    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)])
+    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
 def parse_urdf(
-    text: str | bytes, where: str = "URDF", *, massless: Massless = (), sources: Sequence[str] = ()
+    text: str | bytes,
+    where: str = "URDF",
+    *,
+    massless: Massless = (),
+    sources: Sequence[str] = (),
+    path: Path | None = None,
 ) -> RobotModel:
-    """Return the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
+    """Return the robot that a URDF text describes, as `load_urdf` does.
+
+    `where` opens error messages; an SRDF with rotors is looked for beside `path`.
+    """
     robot = urdf_root(text, where)
     links = dict(named_elements(where, robot, "link"))
     joints = [_joint(where, name, element, links) for name, element in named_elements(where, robot, "joint")]
@@ -54,6 +64,9 @@ def parse_urdf(
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
         tree_links = [_tree_link(where, joint, links[joint.child], following, stepping) for joint in joints]
+    leaders = {joint.name: following.get(joint.name, Mimic(joint.name, 1.0, 0.0)) for joint in joints if joint.moves}
+    rotors, beside = srdf_rotors(path, str(robot.get("name")))
+    actuation, rotorless = stated_drives(where, robot, leaders, rotors)
     declared = set(links) if massless == "all" else set(massless)
     weightless = [link.name for link in tree_links if _is_weighed(link) and link.name not in declared]
     with naming_the_file(where):
@@ -62,8 +75,9 @@ def parse_urdf(
             tree_links,
             [joint.coordinate for joint in joints if joint.name in free],
             root=root,
-            sources=sources,
-            notes=_notes(robot, joints, following),
+            actuation=actuation,
+            sources=[*sources, *beside],
+            notes=[*_notes(robot, joints, following), *rotorless],
             doubts=[f'link "{name}": has no mass, as the file says' for name in weightless],
         )
     return model.with_massless(massless)
@@ -80,6 +94,10 @@ class _Joint:
     coordinate: Coordinate
     mimic: Mimic | None
     element: Element
+
+    @property
+    def moves(self) -> bool:
+        return self.kind != "fixed"
 
 
 def urdf_root(text: str | bytes, where: str) -> Element:
@@ -98,19 +116,6 @@ def urdf_root(text: str | bytes, where: str) -> Element:
         if prefix and name in _READ:
             raise FileFormatError(f"{where}: <{cut(part.tag)}>, expected <{name}>: with a prefix it is not read")
     return root
-
-
-def named_elements(where: str, robot: Element, tag: str) -> list[tuple[str, Element]]:
-    """Return a robot's links or joints with their names, which must differ."""
-    found: dict[str, Element] = {}
-    for number, element in enumerate(robot.findall(tag), start=1):
-        name = element.get("name")
-        if not name:
-            raise FileFormatError(f"{where}: <{tag}> number {number}: no name")
-        if name in found:
-            raise FileFormatError(f'{where}: two <{tag}> elements are named "{name}"')
-        found[name] = element
-    return list(found.items())
 
 
 def _joint(where: str, name: str, element: Element, links: Mapping[str, Element]) -> _Joint:
@@ -246,53 +251,11 @@ def _inertia(what: str, link: Element) -> LinkInertia | None:
     return about_com.moved(origin_of(what, inertial))
 
 
-def origin_of(what: str, element: Element) -> Pose:
-    """Return the pose that an element's <origin> states."""
-    origin = element.find("origin")
-    if origin is None:
-        return identity_pose()
-    what = f"{what}: <origin>"
-    position = numbers_of(what, origin, "xyz", 3) if "xyz" in origin.attrib else np.zeros(3)
-    if "quat_xyzw" in origin.attrib:  # URDF 1.2
-        if "rpy" in origin.attrib:
-            raise FileFormatError(f"{what}: has rpy and quat_xyzw, expected one of the two")
-        quaternion = numbers_of(what, origin, "quat_xyzw", 4)
-        if not np.linalg.norm(quaternion) > 1e-9:
-            raise FileFormatError(f"{what}: quat_xyzw is zero, expected a rotation")
-        return Pose(rotation_from_quaternion(np.roll(quaternion, 1)), position)
-    rpy = numbers_of(what, origin, "rpy", 3) if "rpy" in origin.attrib else np.zeros(3)
-    return Pose(rotation_from_rpy(rpy), position)
-
-
-def number_of(what: str, element: Element, key: str, *, default: float | None = None) -> float:
-    """Return a number that an attribute holds."""
-    if key not in element.attrib and default is not None:
-        return default
-    return float(numbers_of(what, element, key, 1)[0])
-
-
-def numbers_of(what: str, element: Element, key: str, count: int) -> Floats:
-    """Return the finite numbers (count,) that an attribute holds."""
-    expected = "a number" if count == 1 else f"{count} numbers"
-    text = element.get(key)
-    if text is None:
-        raise FileFormatError(f"{what}: {key} is missing, expected {expected}")
-    try:
-        values = np.array([float(word) for word in text.split()])
-    except ValueError as error:
-        raise FileFormatError(f'{what}: {key}="{cut(text)}", expected {expected}') from error
-    if len(values) != count or not np.isfinite(values).all():
-        raise FileFormatError(f'{what}: {key}="{cut(text)}", expected {expected}, finite')
-    return values
-
-
 def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mimic]) -> list[str]:
     """Return notes on what the file holds and the model leaves out, and which limits look like placeholders."""
     free = [j for j in joints if j.kind != "fixed" and j.name not in following]
     coordinates = {j.name: j.coordinate for j in free}
-    notes = []
-    for key in ("damping", "friction"):
-        notes += left_out(f"joint {key}", [j.name for j in joints if _has_dynamics(j, key)])
+    notes = list[str]()
     for tag, what in (("calibration", "calibration positions"), ("safety_controller", "soft limits")):
         notes += left_out(what, [j.name for j in joints if j.element.find(tag) is not None])
     tighter = [
@@ -304,19 +267,12 @@ def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mim
         notes += [f"{key} limit is 0 in the file ({', '.join(zero)})"] if zero else []
     locked = [j.name for j in free if j.coordinate.lower == j.coordinate.upper]
     notes += [f"lower and upper limit are equal in the file ({', '.join(locked)})"] if locked else []
-    transmitted = [str(j.get("name")) for t in robot.findall("transmission") for j in t.findall("joint")]
-    notes += left_out("transmissions", dict.fromkeys(transmitted))
     others = {e.tag: None for e in robot if e.tag not in ("link", "joint", "material", "transmission")}
     names = {name: None for e in robot.iter() for name in (e.tag, *e.keys()) if ":" in name}
     marked = [name for name in names if name not in others and not name.startswith("xmlns:")]
     spaces = {repr(e.attrib["xmlns"]): None for e in robot.iter() if "xmlns" in e.attrib}
     notes += left_out("elements", (f"<{tag}>" for tag in others))
     return notes + left_out("names with a prefix", marked) + left_out("namespaces", spaces)
-
-
-def _has_dynamics(joint: _Joint, key: str) -> bool:
-    dynamics = joint.element.find("dynamics")
-    return dynamics is not None and dynamics.get(key, "0").strip() not in ("0", "0.0", "")
 
 
 def _is_tighter(own: Coordinate, mimic: Mimic, coordinates: Mapping[str, Coordinate]) -> bool:

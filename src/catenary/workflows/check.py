@@ -18,6 +18,7 @@ from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
 from catenary.errors import ExcitationError, FileFormatError, InputError
 from catenary.files import card_path, card_text, table_ending
+from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
 from catenary.identification.identify_options import IdentifyOptions
@@ -26,6 +27,7 @@ from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
 from catenary.reports.calibration import shortened
+from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
@@ -110,7 +112,7 @@ def check_file(
 
 
 def check_robot(model: RobotModel) -> FileReport:
-    """Check a robot: inertia, limits, what its file holds that the model leaves out."""
+    """Check a robot: inertia, masses that cannot be, limits, what its file holds that the model leaves out."""
     joints, limits = [], []
     for name, unit, lower, upper in zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True):
         joints.append({"name": name, "unit": unit, "lower": float(lower), "upper": float(upper)})
@@ -118,7 +120,7 @@ def check_robot(model: RobotModel) -> FileReport:
         has_limits = np.isfinite(lower) or np.isfinite(upper)
         told = f"{scale * lower:g} to {scale * upper:g} {shown}" if has_limits else "no limits"
         limits.append(f"{name} [{unit}] {told}")
-    mass = float(model.tree.mass.sum())
+    mass, drives = float(model.tree.mass.sum()), _drives(model)
     facts = {
         "name": model.name,
         "joints": joints,
@@ -126,6 +128,7 @@ def check_robot(model: RobotModel) -> FileReport:
         "frames": list(model.frames),
         "tip": model.tip,
         "moving_mass_kg": mass,
+        "drives": drives,
         "massless_links": model.massless,
         "links_without_inertia": model.missing_inertia,
         "sources": model.sources,
@@ -138,6 +141,7 @@ def check_robot(model: RobotModel) -> FileReport:
         ("tip", model.tip),
         ("moving mass", f"{mass:g} kg"),
         ("massless links", ", ".join(model.massless) or "none"),
+        ("drives", "; ".join(map(_drive_in_words, drives or ())) or "nothing known of friction and rotors"),
         ("sources", "; ".join(model.sources) or "none stated"),
     ]
     found = FileReport("robot", facts, lines)
@@ -149,9 +153,28 @@ def check_robot(model: RobotModel) -> FileReport:
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, gravity and torques are refused"
         )
     unbound = [name for name, is_so in zip(model.joint_names, model.lower >= model.upper, strict=True) if is_so]
-    found.faults += [*model.doubts, *(f"limits of {name}: the lower one is not below the upper" for name in unbound)]
+    found.faults += [
+        *model.doubts,
+        *mass_doubts(model),
+        *(f"limits of {name}: the lower one is not below the upper" for name in unbound),
+    ]
     found.remarks += model.notes
     return found
+
+
+def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
+    """Return friction and rotors of every joint by itself, SI; None where no numbers are known."""
+    found = None if model.actuation is None else joint_drives(model.actuation, model.n)
+    if found is None:
+        return None
+    numbers = zip(model.joint_names, model.joint_units, *(each.tolist() for each in found[:3]), strict=True)
+    return [dict(zip(("joint", "unit", "coulomb", "viscous", "rotor"), each, strict=True)) for each in numbers]
+
+
+def _drive_in_words(drive: Mapping[str, Any]) -> str:
+    force, mass = ("Nm", "kg m2") if drive["unit"] == "rad" else ("N", "kg")
+    friction = f"{drive['coulomb']:.4g} {force} + {drive['viscous']:.4g} {force} s/{drive['unit']}"
+    return f"{drive['joint']} friction {friction}, rotor {drive['rotor']:.4g} {mass}"
 
 
 def check_recording(
@@ -287,6 +310,7 @@ def _check_identification(path: Path) -> FileReport:
         ("physically consistent", "yes" if result.phi is not None else "no"),
     ]
     faults = [*_copy_faults(path, card), *(f"fails on {one.log}" for one in result.tests if one.verdict == "fails")]
+    faults += mass_doubts(result.robot(), described=result.model) if result.phi is not None else []
     every_line = [*first, *lines, _version(card)]
     return FileReport("identified dynamics", facts, every_line, faults, list(card["notes"]))
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from catenary.config import plain_data
 from catenary.errors import InputError
+from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.identification import Identification, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of
@@ -99,6 +100,7 @@ def identify_files(
     notes += filter_notes(model, options)
     notes += [f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons]
     notes += _doubts(result, training, held_out)
+    notes += mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     notes += choice_notes(result)
     notes += judge(stamps, accept)
     notes += doubts

@@ -1,0 +1,102 @@
+"""Masses that cannot be: of bodies too dense or too large, centres of mass beyond their links, torques beyond motors.
+
+Doubts, not errors: a Baxter's springs carry what its motors cannot, an arm under water is carried by it. Inertias that
+no body has at all are doubts of the description itself (robots/link_inertia.py).
+"""
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.link_inertia import SMALLEST
+from catenary.robots.model import RobotModel
+from catenary.spatial import LEVEL
+from catenary.units import TORQUE_UNIT
+
+DENSEST = 30_000.0  # [kg/m3]; osmium has 22,600, whole links of arms 500 to 9,000
+LARGEST = 3.0  # [m] semi-axis of a link's ellipsoid
+THINNEST = 0.1  # of an ellipsoid's longest semi-axis: rods and plates without thickness are meant as such
+OFF = 0.4  # [m] from the line between a link's joints and frames to its centre of mass
+HEAVIER = 1.5  # times the moving mass of a robot's file
+LIGHTER = 0.5
+POSES = 300  # at random within the limits
+
+
+def mass_doubts(model: RobotModel, *, described: RobotModel | None = None) -> tuple[str, ...]:
+    """Return in words what masses of a robot cannot be; none where its links have no masses.
+
+    A link's mass and inertia are those of one homogeneous ellipsoid, with semi-axes a_k^2 = 5/2 (tr I - 2 I_k) / m:
+    it is doubted above 30 t/m3 and beyond 3 m. Its centre of mass is doubted farther than 0.4 m, and than the link is
+    long, from the lines between the joints and frames on it. Gravity is doubted where it asks more of a joint than its
+    effort limit on a level base, at one of 300 random poses.
+
+    Args:
+        model: The robot, as it was read or identified.
+        described: The robot of the file, where masses were identified: their sum is held against its.
+    """
+    if model.missing_inertia:
+        return ()
+    bare = model  # point masses that it carries are meant as such
+    while bare.without_payload is not None:
+        bare = bare.without_payload
+    bodies = [doubt for link in range(len(bare.link_names)) for doubt in _of_link(bare, link)]
+    return (*bodies, *_of_sum(model, described), *_of_efforts(model))
+
+
+def _of_link(model: RobotModel, link: int) -> list[str]:
+    mass, com, name = float(model.tree.mass[link]), model.tree.com[link], model.link_names[link]
+    if mass <= 0.0:
+        return []
+    found = []
+    length, off = _beside(model, link, com)
+    if off > max(OFF, length):
+        found.append(f"its centre of mass lies {off:.2g} m off the line of its joints and frames, {length:.2g} m long")
+    if name not in model.missing_tensor:
+        moments = np.linalg.eigvalsh(model.tree.inertia[link])
+        axes = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
+        volume = 4.0 / 3.0 * np.pi * float(np.prod(np.maximum(axes, THINNEST * axes.max())))
+        if mass > DENSEST * volume:
+            density = f"{mass / volume / 1000.0:.3g} t/m3" if axes.max() > SMALLEST else "a point"
+            found.append(f"{mass:.4g} kg with the inertia of {density}; the densest metal has 22.6 t/m3")
+        if axes.max() > LARGEST:
+            found.append(f"{mass:.4g} kg with the inertia of a body of {axes.max():.3g} m to either side")
+    return [f'link "{name}": {doubt}' for doubt in found]
+
+
+def _beside(model: RobotModel, link: int, point: Floats) -> tuple[float, float]:
+    """Return how long a link is, between its joints and frames, and how far a point lies from the lines between [m]."""
+    ends = [np.zeros(3), *model.tree.origin[model.tree.parent == link]]
+    ends += [frame.pose.position for frame in model.frames.values() if frame.link == link]
+    length, off = 0.0, min(float(np.linalg.norm(point - end)) for end in ends)
+    for k, start in enumerate(ends):
+        for end in ends[:k]:
+            along = end - start
+            length = max(length, float(np.linalg.norm(along)))
+            if along.any():
+                share = np.clip((point - start) @ along / (along @ along), 0.0, 1.0)
+                off = min(off, float(np.linalg.norm(point - start - share * along)))
+    return length, off
+
+
+def _of_sum(model: RobotModel, described: RobotModel | None) -> list[str]:
+    own = 0.0 if described is None or described.missing_inertia else float(described.tree.mass.sum())
+    total = float(model.tree.mass.sum())
+    if own == 0.0 or LIGHTER < total / own < HEAVIER:
+        return []
+    return [f"moving mass {total:.4g} kg, {total / own:.2g} times the {own:.4g} kg of the robot's file"]
+
+
+def _of_efforts(model: RobotModel) -> list[str]:
+    """Return which joints gravity asks more of than their motors give; limits of zero are placeholders."""
+    turn = np.where(np.array(model.joint_units) == "rad", np.pi, 0.0)
+    lower = np.where(np.isfinite(model.lower), model.lower, -turn)
+    upper = np.maximum(np.where(np.isfinite(model.upper), model.upper, turn), lower)
+    q = np.random.default_rng(0).uniform(lower, upper, (POSES, model.n))
+    asked = np.abs(gravity_torque(model, q, LEVEL)).max(axis=0)
+    beyond = np.flatnonzero((model.effort_limit > 0.0) & (asked > model.effort_limit))
+    said = [
+        f"{model.joint_names[i]} up to {asked[i]:.4g} {TORQUE_UNIT[model.joint_units[i]]} "
+        f"(its effort limit is {model.effort_limit[i]:.4g})"
+        for i in beyond
+    ]
+    return [f"gravity asks more than motors give: {', '.join(said)}"] if said else []
