@@ -11,10 +11,13 @@ from catenary.calibration.conformal import (
     block_quantile,
     coverage_verdict,
     estimate_intervals,
+    expected,
     fewest_rows,
+    rmse_of_other_minutes,
     time_blocks,
 )
-from catenary.calibration.evaluate import CrossValidation
+from catenary.calibration.evaluate import CrossValidation, Spread
+from catenary.calibration.intervals import Intervals
 from catenary.errors import InputError
 
 BLOCKS, ROWS = 50, 20
@@ -135,3 +138,65 @@ def test_intervals_that_hold_are_seldom_called_too_narrow() -> None:
         held = np.repeat(rng.uniform(size=BLOCKS) < 0.9, ROWS)  # whole blocks, the worst case
         verdicts.append(coverage_verdict(held, np.zeros(len(held), dtype=np.int64), 0.9))
     assert verdicts.count("too narrow") <= 50 + 3 * math.sqrt(50)
+
+
+FOLDS, JOINTS = 5, 3
+
+
+def stretch(rng: np.random.Generator) -> np.ndarray:
+    """Errors (FOLDS, ROWS, JOINTS) of blocks whose sizes differ from each other by a fifth."""
+    return np.exp(0.2 * rng.normal(size=(FOLDS, 1, JOINTS))) * rng.normal(size=(FOLDS, 10 * ROWS, JOINTS))
+
+
+def rmse_of(errors: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(np.square(errors), axis=-2))
+
+
+def test_another_stretch_has_the_error_and_the_share_that_are_stated_nine_times_in_ten() -> None:
+    rng = np.random.default_rng(4)
+    fold, wide = np.repeat(np.arange(FOLDS), 10 * ROWS), np.full(JOINTS, 1.6)
+    errors_held, shares_held = [], []
+    for _ in range(300):
+        seen, other = stretch(rng), stretch(rng)
+        blocks = rmse_of(seen)
+        spread = [Spread("J", "deg", FOLDS, m, 0.0, 9.0, 0.0) for m in blocks.mean(axis=0).tolist()]
+        rows = seen.reshape(-1, JOINTS)
+        left = CrossValidation((), rows, rows, np.ones(rows.shape, dtype=bool), 0 * fold)
+        stated = expected(spread, left, fold, rows, Intervals(0.9, wide, wide))
+        low, high, a, b, margin = (
+            np.array([getattr(each, name) for each in stated], dtype=float)
+            for name in ("rmse_low", "rmse_high", "held_low", "held_high", "rmse_margin")
+        )
+        true, share = rmse_of(other).mean(axis=0), (np.abs(other) <= wide).mean(axis=(0, 1))
+        errors_held.append((low <= true) & (true <= high))
+        shares_held.append((a <= share) & (share <= b))
+        assert (margin == 9.0).all()
+    # three standard deviations of the mean of 900; joints share what they state, and the share's law is no normal one
+    assert 0.87 <= np.mean(errors_held) <= 0.95
+    assert 0.86 <= np.mean(shares_held) <= 0.97
+
+
+def test_a_model_that_saw_more_rows_than_those_of_the_blocks_may_err_less() -> None:
+    fold, rows = np.repeat(np.arange(FOLDS), ROWS), np.ones((FOLDS * ROWS, 1))
+    left = CrossValidation((), rows, rows, np.ones(rows.shape, dtype=bool), 0 * fold)
+    (stated,) = expected([Spread("J", "deg", FOLDS, 1.0, 0.0, 0.5, 0.0)], left, fold, 0.5 * rows, None)
+    assert (stated.rmse_low, stated.rmse_high) == (pytest.approx(0.368 * 0.5 + 0.632), pytest.approx(1.0))
+    assert (stated.rmse_margin, stated.held_low) == (stated.rmse_high, None)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9, 0.98])
+def test_the_promise_for_other_minutes_holds_however_alike_neighbouring_rows_are(memory: float) -> None:
+    rng, held, widths = np.random.default_rng(6), [], []
+    for _ in range(200):
+        noise = np.sqrt(1.0 - memory**2) * rng.normal(size=1500)
+        errors = np.empty(1500)
+        errors[0] = rng.normal()
+        for k in range(1, 1500):
+            errors[k] = memory * errors[k - 1] + noise[k]
+        low, high = rmse_of_other_minutes(errors[:, None])
+        held.append(low[0] <= 1.0 <= high[0])  # the RMSE of endless minutes
+        widths.append(np.log(high[0] / low[0]))
+    assert np.mean(held) >= 0.9
+    # of N independent rows: 2 x 1.96 x sqrt(2) / 2 / sqrt(N); of rows that are alike, N (1 - r^2) / (1 + r^2)
+    independent = 1500.0 * (1.0 - memory**2) / (1.0 + memory**2)
+    assert np.median(widths) == pytest.approx(2.77 / math.sqrt(independent), rel=0.3)

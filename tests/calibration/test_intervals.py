@@ -12,6 +12,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import FARTHEST, Intervals
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import JointState
 from oracles.calibration_models import random_model
@@ -32,15 +33,28 @@ def half_widths(at: CalibrationModel, X: np.ndarray) -> np.ndarray:
     return at.correct(X, X[:, :3])[2]
 
 
-def test_half_widths_are_constant_inside_and_grow_outside_to_a_bound() -> None:
+def test_half_widths_are_constant_where_rows_lay_and_grow_from_there_to_a_bound() -> None:
     made = model()
     box = made.groups[0].valid_range
     middle, reach = 0.5 * (box.upper + box.lower), 0.5 * (box.upper - box.lower)
-    times = np.array([0.0, 1.5, 3.0, 9.0, 100.0])
-    X = np.tile(box.mean, (5, 1))
-    X[1:, 0] = (middle + reach * times[:, None])[1:, 0]
-    expected = [WIDTHS.inside, *(np.minimum(t, FARTHEST) * WIDTHS.outside for t in times[1:])]
-    assert_allclose(half_widths(made, X), expected, rtol=1e-12)
+    seen = SIGNALS[:150, :5]
+    assert_array_equal(half_widths(made, seen), np.tile(WIDTHS.inside, (150, 1)))
+    lone = replace(made, groups=(replace(made.groups[0], valid_range=replace(box, axes=0.0 * box.axes)),))
+    times = np.array([0.0, 0.8, 0.85, 0.9, 0.95, 1.0, 1.5, 3.0, 9.0, 100.0])
+    X = np.tile(box.mean, (len(times), 1))
+    X[:, 0] = (middle + reach * times[:, None])[:, 0]
+    share = np.clip((times - box.seen) / (0.5 * (1.0 - box.seen)), 0.0, 1.0)[:, None]
+    expected = (1.0 - share) * WIDTHS.inside + share * WIDTHS.outside * np.clip(times, 1.0, FARTHEST)[:, None]
+    assert_allclose(half_widths(lone, X), expected, rtol=1e-12)
+
+
+def test_a_combination_that_never_occurred_is_far_within_the_box_too() -> None:
+    rng = np.random.default_rng(5)
+    rows = np.column_stack([rng.uniform(-1.0, 1.0, 400)] * 2) + 0.02 * rng.normal(size=(400, 2))
+    far = np.empty((2, 1))
+    for step in fit_valid_range(rows, 0.5).steps(np.array([[0.5, 0.5], [0.5, 0.4]]), np.ones(2, dtype=bool), far):
+        step.function(*step.inputs, *step.outputs)
+    assert far[0] < 0.5 < far[1] <= 1.0
 
 
 @given(st.integers(0, 4), st.floats(1.0, 1e6), st.floats(1.0, 1e6))

@@ -135,6 +135,23 @@ def test_the_command_says_what_moved_since_when_and_the_card_of_what_it_was_made
     assert [joint["change"] for joint in entry["joints"]] == ["nothing", "zero"]
 
 
+def test_a_page_shows_what_is_promised_of_the_rest_of_the_day(days: tuple[Path, Path]) -> None:
+    model, tuesday = days
+    page = model.with_name("refresh.html")
+    result = catenary("refresh", model, tuesday, "--out", model.with_name("new.npz"), "--report", page, "--json")
+    stated = json.loads(result.out)["joints"]
+    rest = a_day(7, 0.00098)
+    assert rest.q_encoder is not None
+    new = load_model(model.with_name("new.npz"))[0]
+    rmse = np.sqrt(np.mean((rest.q_encoder - new.calibrate(rest)) ** 2, axis=0)) * [np.rad2deg(1.0), 1e3]
+    for joint, true in zip(stated, rmse, strict=True):
+        assert 0.9 * joint["rmse_low"] <= true <= 1.1 * joint["rmse_high"]
+    text = page.read_text()
+    assert "Moved: J2 +0.98 mm since 14 May 2026" in text
+    assert "data:image/png" in text
+    assert "19 times of 20" in text
+
+
 def test_a_refreshed_model_runs_in_a_loop_and_is_exported(days: tuple[Path, Path]) -> None:
     model, tuesday = days
     out = model.with_name("new.npz")

@@ -1,12 +1,14 @@
 import io
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from catenary.cli.robot_choice import TerminalGuide
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.logs import read_log
 from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
+from catenary.workflows.robot.followed_file import read_followed_file
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback
 
@@ -115,6 +117,28 @@ def test_excite_begins_the_project_of_another_robot(tmp_path: Path) -> None:
     assert (settings.robot, settings.namespace) == ("dvrk_psm", "/PSM2")
     assert open_recording(project / "recordings" / "train").about.robot == "dvrk_psm"
     assert "nothing to do" in catenary("excite", project, *minutes).out
+
+
+@pytest.mark.parametrize("robot", ["raven2", "dvrk_psm"])
+def test_a_minute_of_full_reversals_is_a_file_that_follow_takes(tmp_path: Path, robot: str) -> None:
+    out = tmp_path / "motion.csv"
+    said = catenary("excite", "--refresh", "--robot", robot, "--out", out, "--json").json
+    found = read_followed_file(out)
+    assert list(found.joint_names or ()) == said["joints"]
+    assert 50.0 < found.time[-1] < 80.0
+    for q in found.q.T:
+        middle, reach = 0.5 * (q.max() + q.min()), 0.5 * np.ptp(q)
+        side = np.sign(q - middle)[np.abs(q - middle) > 0.9 * reach]
+        assert np.count_nonzero(np.diff(side)) >= 4  # sweeps of nearly all of the range
+    assert list(tmp_path.iterdir()) == [out]  # no project was begun
+    assert "PROJECT: is missing" in refusal("excite", "--refresh")
+
+
+def test_a_minute_of_full_reversals_is_recorded_anew_each_day(tmp_path: Path) -> None:
+    for name in ("refresh", "refresh_2"):
+        assert catenary("excite", tmp_path / "arm", "--refresh", "--json").json["recording"] == name
+    found = catenary("extract", tmp_path / "arm", "--json").json
+    assert found.keys() == {"refresh", "refresh_2"}
 
 
 def test_record_makes_further_recordings(project_folder: Path) -> None:

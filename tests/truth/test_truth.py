@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.truth.bench import FAILS, HOLDS, NAMED, REFUSED, checked, evaluated, fitted, judged
+from tests.truth.bench import FAILS, HOLDS, NAMED, REFUSED, Claims, checked, evaluated, fitted, judged
 from tests.truth.recordings import raven
 from tests.truth.spoilings import SPOILINGS
 
@@ -13,18 +13,22 @@ OF = {spoiling.name: spoiling for spoiling in SPOILINGS}
 
 
 @pytest.mark.parametrize(
-    ("claimed", "true", "coverage", "holds"),
+    ("low", "high", "true", "coverage", "holds"),
     [
-        ([1.0, 0.5], [1.1, 0.5], None, True),
-        ([1.0, 0.5], [1.3, 0.5], None, False),
-        ([0.001, 0.5], [0.003, 0.5], None, True),  # nobody cares
-        ([1.0, 0.5], [1.0, 0.5], (0.9, [0.86, 0.94]), True),
-        ([1.0, 0.5], [1.0, 0.5], (0.9, [0.80, 0.94]), False),
+        ([1.0, 0.5], [1.0, 0.5], [1.1, 0.5], None, True),
+        ([1.0, 0.5], [1.0, 0.5], [1.3, 0.5], None, False),
+        ([1.0, 0.5], [1.3, 0.5], [1.3, 0.5], None, True),
+        ([1.0, 0.5], [2.6, 0.5], [1.3, 0.5], None, False),  # says nothing
+        ([0.001, 0.5], [0.001, 0.5], [0.003, 0.5], None, True),  # nobody cares
+        ([1.0], [1.0], [1.0], (0.9, 0.9, 0.86), True),
+        ([1.0], [1.0], [1.0], (0.9, 0.9, 0.80), False),
+        ([1.0], [1.0], [1.0], (0.8, 1.0, 0.80), True),
+        ([1.0], [1.0], [1.0], (0.6, 1.0, 0.80), False),  # says nothing
     ],
 )
-def test_a_claim_holds_within_a_share_of_the_truth(claimed, true, coverage, holds):
-    told = None if coverage is None else (coverage[0], np.array(coverage[1]))
-    assert judged(np.array(claimed), np.array(true), told)[2] is holds
+def test_a_claim_holds_near_the_truth_and_where_it_says_something(low, high, true, coverage, holds):
+    shares = [None] * 3 if coverage is None else [np.array([each]) for each in coverage]
+    assert judged(Claims(np.array(low), np.array(high), *shares[:2]), np.array(true), shares[2])[2] is holds
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Stuck encoders and slack, over every container that a recording may come in."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +131,30 @@ def test_the_error_claimed_behind_slack_is_the_error_on_motion_to_come(tmp_path:
     for claimed, joint in zip(found.spread, seen.joints, strict=True):
         assert claimed.rmse_mean == pytest.approx(joint.rmse, rel=0.15)
         assert joint.coverage > 0.85
+
+
+def way_points(rng: np.random.Generator, rows: int = 3000) -> MotionLog:
+    """Three joints at way-points that have nothing to do with each other, so that motion says nothing of errors."""
+    q = rng.uniform(-1.0, 1.0, size=(rows, 3))
+    return MotionLog(
+        "w", ("a", "b", "c"), ("rad",) * 3, q, np.ones(rows, dtype=bool), q + 0.01 * rng.normal(size=q.shape)
+    )
+
+
+@pytest.mark.parametrize(
+    ("lost", "named"),
+    [
+        (lambda away, rng: (away > np.quantile(away, 0.85, axis=0)).any(axis=1), True),
+        (lambda away, rng: rng.uniform(size=len(away)) < 0.4, False),
+        (lambda away, rng: np.zeros(len(away), dtype=bool), False),
+    ],
+    ids=["cut out by their errors", "lost by chance", "none"],
+)
+def test_rows_that_were_cut_out_by_their_errors_are_told_by_how_sharply_the_others_end(lost, named) -> None:
+    rng = np.random.default_rng(8)
+    log = way_points(rng)
+    assert log.q_encoder is not None
+    away = np.abs(log.q_encoder - log.q_nominal)
+    found = [each for each in findings_of(replace(log, ok=~lost(away, rng))) if each.name == "missing"]
+    assert bool(found) is named
+    assert all("errors of the others end sharply" in each.says for each in found)

@@ -65,7 +65,6 @@ for (k = 0; k < joints_size; ++k) {
 }""",
     "distance": """\
 int k;
-far[0] = 1.0;
 for (k = 0; k < lower_size; ++k) {
   const double reach = 0.5 * (upper[k] - lower[k]);
   const double away = fabs(X[k] - (lower[k] + reach));
@@ -75,8 +74,14 @@ for (k = 0; k < lower_size; ++k) {
 int k;
 for (k = 0; k < joints_size; ++k) {
   const int joint = joints[k];
-  const int known = PREFIX_is_finite(q[joint]);
-  interval[joint] = inside[joint] && !leaping[0] ? near[joint] : known ? edge[joint] * far[0] : NAN;
+  if (!inside[joint] || leaping[0])
+    interval[joint] = PREFIX_is_finite(q[joint]) ? edge[joint] * (far[0] > 1.0 ? far[0] : 1.0) : NAN;
+  else if (far[0] <= reach[0])
+    interval[joint] = near[joint];
+  else if (far[0] >= reach[1])
+    interval[joint] = edge[joint];
+  else
+    interval[joint] = near[joint] + (edge[joint] - near[joint]) * ((far[0] - reach[0]) / (reach[1] - reach[0]));
 }""",
     "find_leaps": """\
 double fast = 0.0;

@@ -14,9 +14,14 @@ block. What it does not: blocks of one recording are exchangeable only as far as
 long beside its memory (Oliveira et al., JMLR 25, 2024, bound what dependence costs); the final model is fitted to all
 blocks, the scores are of models of fewer, whose errors are rather larger; and it is a statement on all rows together,
 not on each pose.
+
+That holds in the mean of stretches; one of them holds more or less. How much its error and its share vary is seen from
+one block of the cross-validation to another: `expected` states between what they lie.
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -24,13 +29,17 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Integers
-from catenary.calibration.evaluate import CrossValidation, Evaluation
+from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
 
 BEYOND = 5  # blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
 FEWEST_BLOCKS = 10
 FEWEST_ROWS = 4  # of a block
 CHANCE = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
+SURE = 0.9  # share of stretches whose error and coverage lie between what is stated
+PROMISED = 0.95  # of other minutes, whose RMSE lies in what is stated; a day varies more than some minutes of it show
+LARGEST_OFF = math.log(10.0)  # of a promise: nothing is known
+SEEN = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
 LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
 
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
@@ -58,6 +67,85 @@ def estimate_intervals(errors: CrossValidation, *, level: float = 0.9) -> Interv
         inside.append(near)
         outside.append(max(near, far))
     return Intervals(level, np.array(inside), np.array(outside))
+
+
+def expected(
+    spread: Sequence[Spread], errors: CrossValidation, fold: Integers, fitted: Floats, intervals: Intervals | None
+) -> tuple[Spread, ...]:
+    """Return the spread over blocks with what it lets expect of another stretch as long as the data.
+
+    The mean of as many blocks of that stretch differs from the mean of these as two means of K blocks do, by Student's
+    distribution. The variance of a block, of the logarithm of its RMSE or of the share held, is the mean of the
+    joints', as one joint's of five blocks is hardly known. Models of the blocks saw fewer rows than the model itself,
+    whose error may be as low as the .632 estimate, between theirs and its own on the rows that it was fitted to
+    (Efron, JASA 78, 1983). In the margin of the valid range it is at most that of the fixed offset, which intervals
+    suppose too.
+
+    Args:
+        fold: (N,) block of the cross-validation that each row was left out with.
+        fitted: (N, n) errors of the model on the rows that it was fitted to [rad|m].
+        intervals: Whose coverage is to be stated; none without.
+    """
+    from scipy.stats import t
+
+    parts = [fold == k for k in np.unique(fold)]
+    rmse = np.array([np.sqrt(np.mean(np.square(errors.after_model[part]), axis=0)) for part in parts])
+    rmse = np.log(np.maximum(rmse, 1e-12))
+    apart = float(t.ppf(0.5 + 0.5 * SURE, (len(parts) - 1) * rmse.shape[1]) * math.sqrt(2.0 / len(parts)))
+
+    def about(blocks: Floats) -> tuple[Floats, Floats]:
+        off = apart * math.sqrt(blocks.var(axis=0, ddof=1).mean())
+        return blocks.mean(axis=0) - off, blocks.mean(axis=0) + off
+
+    low, high = (np.exp(each - rmse.mean(axis=0)) for each in about(rmse))
+    known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
+    low = np.minimum(low, SEEN * np.minimum(known, 1.0) + 1.0 - SEEN)
+    found = []
+    for j, joint in enumerate(spread):
+        most = joint.rmse_mean * float(high[j])
+        found.append(
+            replace(
+                joint,
+                rmse_low=joint.rmse_mean * float(low[j]),
+                rmse_high=most,
+                rmse_margin=max(most, joint.offset_rmse_mean),
+            )
+        )
+    if intervals is None:
+        return tuple(found)
+    near = np.where(errors.inside, intervals.inside, intervals.outside)
+    held = np.abs(errors.after_model) <= near
+    least, most_held = about(np.array([held[part].mean(axis=0) for part in parts]))
+    shares = zip(found, np.maximum(least, 0.0).tolist(), np.minimum(most_held, 1.0).tolist(), strict=True)
+    return tuple(replace(joint, held_low=a, held_high=b) for joint, a, b in shares)
+
+
+def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
+    """Return between what RMSE (n,) errors of other minutes of a day lie, from those left on rows that no fit saw.
+
+    Neighbouring rows say nearly the same: N rows count as N / T independent ones, T the sum of the autocorrelations of
+    the squared errors until the first that is not positive (Geyer, Statistical Science 7, 1992). The logarithm of the
+    mean square lies about its estimate by Student's distribution of as many, with PROMISED probability.
+
+    Args:
+        left: (N, n) errors in the order of time [rad|m].
+    """
+    from scipy.stats import t
+
+    squares = np.square(left)
+    mean = np.maximum(squares.mean(axis=0), 1e-24)
+    off = np.empty(left.shape[1])
+    for j, column in enumerate((squares - squares.mean(axis=0)).T):
+        spectrum = np.abs(np.fft.rfft(column, 2 * len(column))) ** 2
+        correlation = np.fft.irfft(spectrum)[: len(column)]
+        alike = correlation / max(float(correlation[0]), 1e-300)
+        ends = np.flatnonzero(alike[1:] <= 0.0)
+        independent = len(column) / (1.0 + 2.0 * alike[1 : 1 + ends[0]].sum()) if len(ends) else 1.0
+        independent = max(independent, 2.0)
+        times = float(t.ppf(0.5 + 0.5 * PROMISED, independent - 1.0)) / math.sqrt(independent)
+        off[j] = min(0.5 * times * float(column.std()) / mean[j], LARGEST_OFF)
+    rmse = np.sqrt(squares.mean(axis=0))
+    return rmse * np.exp(-off), rmse * np.exp(off)
 
 
 def block_quantile(scores: Floats, block: Integers, level: float) -> float:

@@ -127,7 +127,10 @@ def rms(values: Floats) -> float:
 
 @dataclass(frozen=True)
 class Spread:
-    """Errors over blocks of time, each predicted by a model that did not see it; deg or mm."""
+    """Errors over blocks of time, each predicted by a model that did not see it; deg or mm.
+
+    What they let expect of another stretch as long as the data (conformal.py) is None where it is not known.
+    """
 
     joint: str
     unit: str
@@ -136,6 +139,11 @@ class Spread:
     rmse_sd: float
     offset_rmse_mean: float
     offset_rmse_sd: float
+    rmse_low: float | None = None  # the model's RMSE lies between these where training rows lay
+    rmse_high: float | None = None
+    rmse_margin: float | None = None  # at most, from there to the edge of the valid range
+    held_low: float | None = None  # the share of errors that intervals hold lies between these
+    held_high: float | None = None
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
-from catenary.calibration.conformal import estimate_intervals, fewest_rows
+from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.feature_prior import load_prior
@@ -129,7 +129,10 @@ def _concluded(
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
-    spread = () if validation is None else validation.spread
+    spread: tuple[Spread, ...] = ()
+    if validation is not None:
+        left = data.error - model.correction(data.X, data.q_nominal)
+        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals)
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
     card["delays"] = [

@@ -1,9 +1,18 @@
-"""How far off a calibrated position may be: half-widths that hold a stated share of the errors, wider outside.
+"""How far off a calibrated position may be: half-widths that hold a stated share of the errors, wider where none was.
 
-A model carries two numbers a joint. Inside its valid range the half-width is one constant, outside it is at least that
-of the fixed offset, which is what the model then gives, and grows with the distance from what it has seen: in
-proportion to how many times farther a watched feature is from the middle of its range than the edge is, as if the
-offset's error went on growing as it does from the middle to the edge. Beyond FARTHEST times it grows no more.
+A model carries two numbers a joint. Where training rows lay, the half-width is one constant. In the margin of the valid
+range no block of training shows how the error grows: a correction that is extrapolated is worth ever less, until it is
+worth no more than the fixed offset. So the half-width grows in proportion to the distance from the rows, to that of the
+offset halfway through the margin. These are errors normalised by a measure of difficulty, known before the measurement
+(Papadopoulos, Gammerman and Vovk, Normalized nonconformity measures for regression conformal prediction, 2008), which
+is the distance to the training data (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021). Halfway was chosen
+by measurement: of simulated arms that learn zig-zags and are asked at random, nearly half of the rows lie in the
+margin, where the constant holds 3 to 100 % of errors of which it is to hold 90, and this 86 to 100. Models that are
+fitted without the rows at the edge show a growth that is too small by half; the distance from the nearest of the rows
+tells less.
+
+Outside the valid range the fixed offset is what the model gives. The half-width there grows as if the offset's error
+went on as it does from the middle to the edge: in proportion to the distance from the middle, to FARTHEST times.
 Where the numbers come from, and what they promise: conformal.py.
 """
 
@@ -27,8 +36,8 @@ class Intervals:
     """Half-widths of intervals about calibrated positions."""
 
     level: Annotated[float, Field(gt=0.0, lt=1.0)]  # share of errors that they are to hold, 0 to 1
-    inside: StoredFloats  # (n,) half-width in the valid range [rad|m]
-    outside: StoredFloats  # (n,) at its edge, about the fixed offset [rad|m]
+    inside: StoredFloats  # (n,) half-width where training rows lay [rad|m]
+    outside: StoredFloats  # (n,) at the edge of the valid range, about the fixed offset [rad|m]
 
     def __post_init__(self) -> None:
         check_level(self.level)
@@ -49,22 +58,21 @@ def check_level(level: float) -> None:
 
 @compiled
 def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Floats) -> None:
-    """Write how many times farther from the middle of a box rows are than its edge is: from 1, inside, to `farthest`.
+    """Raise how far rows are from the middle of a box, as a share of the way to its edge, to at most `farthest`.
 
     Args:
-        X: (N, F) watched features; one that is NaN is not known to be outside.
+        X: (N, F) watched features, or their projections; one that is NaN is not known to be far.
         lower: (F,) edges of the box.
         upper: (F,)
         farthest: (1,) the largest number that is given.
-        far: (N,) receives the largest over the features.
+        far: (N, 1) holds what other boxes gave, receives the largest over the features.
     """
     for row in range(len(X)):
-        far[row] = 1.0
         for k in range(len(lower)):
             reach = 0.5 * (upper[k] - lower[k])
             away = abs(X[row, k] - (lower[k] + reach))
-            if away > far[row] * reach:
-                far[row] = away / reach if away < farthest[0] * reach else farthest[0]
+            if away > far[row, 0] * reach:
+                far[row, 0] = away / reach if away < farthest[0] * reach else farthest[0]
 
 
 @compiled
@@ -76,26 +84,34 @@ def widen(
     joints: Integers,
     near: Floats,
     edge: Floats,
+    reach: Floats,
     interval: Floats,
 ) -> None:
     """Write the half-widths of some joints.
 
     Args:
-        far: (N,) from `distance`.
+        far: (N, 1) from `distance`.
         leaping: (N,) rows whose motion is none of training's: the half-width is that of the edge.
         inside: (N, n) whether each correction comes from a predictor, inside its valid range.
         q: (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN.
         joints: (m,) which of the n joints.
-        near: (n,) half-widths inside.
+        near: (n,) half-widths where training rows lay.
         edge: (n,) half-widths at the edge.
+        reach: (2,) how far training rows reach, and where in the margin the half-width is that of the edge.
         interval: (N, n) receives them.
     """
     for row in range(len(q)):
         for k in range(len(joints)):
             joint = joints[k]
             if inside[row, joint] and not leaping[row]:
-                interval[row, joint] = near[joint]
+                if far[row, 0] <= reach[0]:
+                    interval[row, joint] = near[joint]
+                elif far[row, 0] >= reach[1]:
+                    interval[row, joint] = edge[joint]
+                else:
+                    share = (far[row, 0] - reach[0]) / (reach[1] - reach[0])
+                    interval[row, joint] = near[joint] + (edge[joint] - near[joint]) * share
             elif np.isfinite(q[row, joint]):
-                interval[row, joint] = edge[joint] * far[row]
+                interval[row, joint] = edge[joint] * (far[row, 0] if far[row, 0] > 1.0 else 1.0)
             else:
                 interval[row, joint] = np.nan

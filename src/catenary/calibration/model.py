@@ -11,7 +11,7 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration import arithmetic
 from catenary.calibration.arithmetic import Flags, Step
 from catenary.calibration.features import FeatureSet, Many, Memory, Positive
-from catenary.calibration.intervals import FARTHEST, Intervals, distance, widen
+from catenary.calibration.intervals import Intervals, widen
 from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.spike_filter import ANY
 from catenary.calibration.valid_range import ValidRange
@@ -59,16 +59,14 @@ class JointGroup:
             X: (N, F) features.
             known: (N,) receives whether rows are complete and in the valid range.
             prediction: (N, m) receives the predictor's outputs.
-            far: (N,) receives how far outside the valid range rows are; see intervals.py.
+            far: (N, 1) receives how far from the middle of the valid range rows are; see intervals.py.
         """
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
-        limits = (self.valid_range.lower, self.valid_range.upper, np.array([FARTHEST]))
         return [
             Step(arithmetic.take, (X, self.columns), (taken,)),
             Step(arithmetic.finite, (taken,), (known,)),
             Step(arithmetic.take, (X, self.watched), (watched,)),
-            *self.valid_range.steps(watched, known),
-            *([] if far is None else [Step(distance, (watched, *limits), (far,))]),
+            *self.valid_range.steps(watched, known, far),
             *self.predictor.steps(taken, prediction),
         ]
 
@@ -192,14 +190,16 @@ class CalibrationModel:
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
-            far = None if interval is None or self.intervals is None else np.empty(len(X))
+            far = None if interval is None or self.intervals is None else np.empty((len(X), 1))
             steps += group.steps(X, known, prediction, far)
             if self.target == "position":
                 steps.append(Step(arithmetic.errors_of_positions, (q, joints), (prediction,)))
             chosen_from = (prediction, known, q, joints, self.offset, *bounds)
             steps.append(Step(arithmetic.choose, chosen_from, (correction, inside)))
             if far is not None and interval is not None and self.intervals is not None:
-                widths = (self.intervals.inside, self.intervals.outside)
+                seen = group.valid_range.seen
+                reach = np.array([seen, 0.5 * (seen + 1.0)])
+                widths = (self.intervals.inside, self.intervals.outside, reach)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
         return steps
 

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Flags
-from catenary.calibration.conformal import estimate_intervals
+from catenary.calibration.conformal import estimate_intervals, rmse_of_other_minutes
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
-from catenary.calibration.fit_rows import EXTRAPOLATION, largest_shown
+from catenary.calibration.fit_rows import largest_shown
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Network, Quadratic
@@ -59,6 +59,8 @@ class JointChange:
     moved: float  # mean change of the correction over the new rows
     rmse_before: float  # of the old model on the new rows
     rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
+    rmse_low: float  # between these the RMSE of other minutes of the day lies, of motion like these
+    rmse_high: float
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,8 @@ class Refreshed:
     model: CalibrationModel
     changes: tuple[JointChange, ...]
     notes: tuple[str, ...]
+    before: Floats  # (N, n) errors of the old model on the new rows [rad|m]
+    left: Floats  # (N, n) on blocks that the refreshed model's candidates were not fitted to [rad|m]
 
 
 def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
@@ -115,12 +119,13 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
         refreshed = replace(refreshed, intervals=intervals)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
-    numbers = (scale * np.array([change.mean(axis=0), before, after])).T.tolist()
+    promise = rmse_of_other_minutes(left)
+    numbers = (scale * np.array([change.mean(axis=0), before, after, *promise])).T.tolist()
     changes = tuple(
         JointChange(name, DISPLAY[unit][0], found[j], *numbers[j])
         for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
     )
-    return Refreshed(refreshed, changes, tuple(notes))
+    return Refreshed(refreshed, changes, tuple(notes), data.error - old, left)
 
 
 def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:
@@ -270,7 +275,7 @@ def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationD
     if name not in watched:
         return 1.0, len(q)  # the model asks nothing of it: nothing is known of its training
     place = watched.index(name)
-    box = float(group.valid_range.upper[place] - group.valid_range.lower[place]) / (1.0 + 2.0 * EXTRAPOLATION)
+    box = float(group.valid_range.upper[place] - group.valid_range.lower[place]) * group.valid_range.seen
     sweeps, low, high, up = 0, q[0], q[0], None
     for value in q.tolist():
         if up is not True and value - low >= SWEPT * box:
@@ -293,7 +298,7 @@ def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
     share, sweeps = SHOWN[wanted]
     return (
         f"{name}: these minutes are too local for a change of {wanted}: they show {seen[0]:.0%} of the trained range "
-        f"in {seen[1]} sweeps, expected {share:.0%} and {sweeps}; record minutes in which it sweeps its range"
+        f"in {seen[1]} sweeps, expected {share:.0%} and {sweeps}; drive `catenary excite --refresh`"
     )
 
 
@@ -336,7 +341,7 @@ def trained_motion(group: JointGroup, X: Floats) -> Floats:
     known, spread = group.valid_range, X[rng.integers(len(X), size=SAMPLES)].copy()
     if not len(group.watched):
         return spread
-    share = 0.5 / (1.0 + 2.0 * EXTRAPOLATION)  # of a box's width with margins: half of one without
+    share = 0.5 * known.seen  # of a box's width with margins: half of one without
     inner = rng.uniform(-share, share, (SAMPLES, len(known.lower)))
     projection = 0.5 * (known.axis_lower + known.axis_upper) + inner * (known.axis_upper - known.axis_lower)
     features = known.mean + projection @ np.linalg.pinv(known.axes)

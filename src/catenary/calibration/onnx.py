@@ -238,7 +238,7 @@ def _written(graph: _Graph, step: Step) -> str:
             above, below = add("GreaterOrEqual", *given[:2]), add("LessOrEqual", given[0], given[2])
             return add("And", before, graph.all(add("And", above, below)))
         case "distance":
-            return _distance(graph, step)
+            return _distance(graph, step, before)
         case "errors_of_positions":
             return add("Sub", before, add("Gather", *given, axis=1))
         case name:
@@ -260,22 +260,29 @@ def _choice(graph: _Graph, step: Step, model: CalibrationModel) -> tuple[str, st
     return add("Where", inside, error, graph.constant(offset[joints])), inside
 
 
-def _distance(graph: _Graph, step: Step) -> str:
-    """Write how far outside its box each row is, (rows, 1); see intervals.py."""
+def _distance(graph: _Graph, step: Step, before: str) -> str:
+    """Write how far from the middle of a box each row is, (rows, 1), or of the boxes before; see intervals.py."""
     X, lower, upper, farthest = step.inputs
     if not len(lower):
-        return graph.constant(np.ones((1, 1)))
+        return before
     reach, add = 0.5 * (upper - lower), graph.add
     away = add("Abs", add("Sub", graph.tensor(X), graph.constant(lower + reach)))
     times = add("Div", away, graph.constant(reach))
-    one = graph.constant(np.ones(1))
-    known = add("Where", add("IsNaN", times), one, times)
-    bounded = add("Min", add("Max", known, one), graph.constant(farthest))
-    return add("ReduceMax", bounded, axes=[1], keepdims=1)
+    known = add("Where", add("IsNaN", times), graph.constant(np.zeros(1)), times)
+    largest = add("ReduceMax", add("Min", known, graph.constant(farthest)), axes=[1], keepdims=1)
+    return add("Max", before, largest)
 
 
 def _half_widths(graph: _Graph, step: Step, inside: str) -> str:
     """Write the half-widths of a group's joints, (rows, m), from its flags."""
-    far, _, _, _, joints, near, edge = step.inputs
-    wider = graph.add("Mul", graph.tensor(far), graph.constant(edge[None, joints]))
-    return graph.add("Where", inside, graph.constant(near[None, joints]), wider)
+    far, _, _, _, joints, near, edge, reach = step.inputs
+    add, at, at_edge = graph.add, graph.tensor(far), graph.constant(edge[None, joints])
+    seen, full = (graph.constant(np.array([[each]])) for each in reach.tolist())
+    share = add("Div", add("Sub", at, seen), graph.constant(np.array([[max(reach[1] - reach[0], 1e-300)]])))
+    grown = add("Mul", graph.constant((edge - near)[None, joints]), share)
+    margin = add(
+        "Where", add("GreaterOrEqual", at, full), at_edge, add("Add", graph.constant(near[None, joints]), grown)
+    )
+    within = add("Where", add("LessOrEqual", at, seen), graph.constant(near[None, joints]), margin)
+    beyond = add("Mul", at_edge, add("Max", at, graph.constant(np.ones((1, 1)))))
+    return add("Where", inside, within, beyond)

@@ -1,11 +1,14 @@
 """Where a model has seen data, and whether it is being asked outside of that."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.arithmetic import Flags, Step, between, dense, standardise
+from catenary.calibration.arithmetic import Flags, Step, between, dense, repeat, standardise
+from catenary.calibration.intervals import FARTHEST, distance
 from catenary.cards import StoredFloats
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
@@ -25,22 +28,37 @@ class ValidRange:
     axes: StoredFloats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
     axis_lower: StoredFloats  # (F,)
     axis_upper: StoredFloats  # (F,)
+    seen: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0  # how far training rows reach, of the way to the edges
 
     def __post_init__(self) -> None:
         width = len(self.lower)
         for name, values in list(vars(self).items()):
-            shape = (width, width) if name == "axes" else (width,)
-            object.__setattr__(self, name, as_array(name, values, shape))
+            if name != "seen":
+                shape = (width, width) if name == "axes" else (width,)
+                object.__setattr__(self, name, as_array(name, values, shape))
 
-    def steps(self, X: Floats, inside: Flags) -> list[Step]:
-        """Return the compiled steps that clear the flags (N,) of rows of X (N, F) outside either box; NaN is."""
+    def steps(self, X: Floats, inside: Flags, far: Floats | None = None) -> list[Step]:
+        """Return the compiled steps that clear the flags (N,) of rows of X (N, F) outside either box; NaN is.
+
+        Args:
+            far: (N, 1) receives how far from the middle of the boxes rows are; see intervals.py.
+        """
         centred, projection = np.empty_like(X), np.empty_like(X)
         ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
+        distances: list[Step] = []
+        if far is not None:
+            distances = [
+                Step(repeat, (np.zeros(1),), (far,)),
+                # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
+                Step(distance, (projection, self.axis_lower, self.axis_upper, np.ones(1)), (far,)),
+                Step(distance, (X, self.lower, self.upper, np.array([FARTHEST])), (far,)),
+            ]
         return [
             Step(between, (X, self.lower, self.upper), (inside,)),
             Step(standardise, (X, self.mean, ones), (centred,)),
             Step(dense, (centred, self.axes, zeros), (projection,)),
             Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
+            *distances,
         ]
 
 
@@ -63,6 +81,7 @@ def fit_valid_range(X: Floats, margin: float) -> ValidRange:
         axes=axes,
         axis_lower=axis_lower - axis_margin,
         axis_upper=axis_upper + axis_margin,
+        seen=1.0 / (1.0 + 2.0 * margin),
     )
 
 

@@ -210,37 +210,35 @@ def refresh(
     out: Path = option("MODEL", f"Refreshed model to write. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
     max_error: Numbers | None = MAX_ERROR,
     accept: Sequence[str] = ACCEPT,
+    report: Path | None = REPORT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Bring a model up to date with minutes of a new day.
 
     Each joint gets what blocks of time of the new data show to pay, the least that does: nothing, a new zero, zero
     and scale, or a new last layer. The card says from which model it comes, what moved, and since when.
+    `catenary excite --refresh` drives minutes that show enough.
 
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz
     """
     from catenary.calibration.model_file import save_model
-    from catenary.reports.page import Table, TableColumn
+    from catenary.reports.refresh import PROMISE, refresh_table, write_refresh_report
     from catenary.workflows.calibration_model import held_against
 
     result = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error).refresh()
     save_model(result.model, result.card, out)
-    shown = result.as_data()
     if as_json:
-        print_json({"model": str(out), "card": str(card_path(out)), **shown})
-        return
-    print_notes(result.notes)
-    columns = [
-        TableColumn("joint", "name"),
-        TableColumn("unit", "unit"),
-        TableColumn("change", "change"),
-        TableColumn("moved", "moved", "+.3f"),
-        TableColumn("RMSE before", "rmse_before", ".3f"),
-        TableColumn("on blocks after", "rmse_after", ".3f"),
-    ]
-    title = f"What became of each joint, on {shown['rows']:,} new rows"
-    print(Table(columns, shown["joints"], title).text())
-    print(f"moved: {result.moved}\nmodel: {out}\ncard:  {card_path(out)}")
+        print_json({"model": str(out), "card": str(card_path(out)), **result.as_data()})
+    else:
+        print_notes(result.notes)
+        print(refresh_table(result.refreshed.changes, len(result.data)).text())
+        print(f"{PROMISE}\nmoved: {result.moved}\nmodel: {out}\ncard:  {card_path(out)}")
+    if report is not None:
+        write_refresh_report(
+            report, result.refreshed, result.data, model=model.name, moved=result.moved, notes=result.notes
+        )
+        if not as_json:
+            print(f"page:  {report}")
 
 
 def drift(

@@ -16,7 +16,7 @@ from catenary.crtk.dds.arguments import said_ros_arguments
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.project.folder import Project
+    from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.robot import ProjectRobot
 
 FOLDER = argument("PROJECT", "Folder of the project; made if it is not there.")
@@ -85,7 +85,7 @@ def open_project(
     namespace: str | None = None,
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
-    from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
+    from catenary.workflows.project.folder import Project
 
     typed = {
         "connection": None if ros is None else f"ros{ros}",
@@ -93,10 +93,18 @@ def open_project(
         "namespace": namespace,
         "columns": columns,
         "test_minutes": None if hours is None else 60.0 * hours,
-        **({} if arm is None else vars(arm)),
     }
-    changes: dict[str, Any] = {key: value for key, value in typed.items() if value is not None}
-    return Project(folder, replace(project_settings(folder) or ProjectSettings(), **changes))
+    return Project(folder, settings_of(folder, arm, **typed))
+
+
+def settings_of(folder: Path | None, arm: ArmOptions | None = None, **typed: Any) -> "ProjectSettings":
+    """Return the settings that a project has, those of a new one where there is none, changed by what was typed."""
+    from catenary.workflows.project.folder import ProjectSettings, project_settings
+
+    given = {**typed, **({} if arm is None else vars(arm))}
+    changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    found = None if folder is None else project_settings(folder)
+    return replace(found or ProjectSettings(), **changes)
 
 
 def require_project(folder: Path) -> None:

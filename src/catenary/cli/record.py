@@ -2,13 +2,14 @@
 
 import time
 from dataclasses import replace
-from itertools import zip_longest
+from itertools import chain, count, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from catenary.cli.options import AS_JSON, argument, option, robots_beginning
+from catenary.cli.out_files import EXCITATION
 from catenary.cli.projects import (
     ARM_KIND,
     ARM_NAMESPACE,
@@ -21,6 +22,7 @@ from catenary.cli.projects import (
     require_project,
     robot_of,
     say_step,
+    settings_of,
     step_progress,
 )
 from catenary.cli.robot_choice import PacedRobot, TerminalGuide, chosen_robot, ros_transport
@@ -31,8 +33,11 @@ from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.workflows.project.folder import Project
+    from catenary.workflows.project.kinds import ProjectKind
     from catenary.workflows.robot.homing import Homing
     from catenary.workflows.robot.topic_recorder import RecordedTopics
+
+MOTION_ROWS_PER_SECOND = 20.0  # of a file, between which catenary follow goes straight
 
 
 def home(
@@ -122,26 +127,65 @@ def _say(found: "Homing", as_json: bool) -> None:
 def excite(
     arm: ExcitationOptions,
     access: RobotAccess,
-    project: Path = FOLDER,
+    project: Path | None = argument("PROJECT", "Folder of the project; made if it is not there.", None),
     robot: str | None = ARM_KIND,
     namespace: str | None = ARM_NAMESPACE,
+    refresh: bool = option(None, "A minute of full reversals of each joint, which catenary refresh takes.", False),
+    out: Path | None = option(
+        "FILE",
+        "With --refresh: write that minute for catenary follow, and move nothing.",
+        writes=EXCITATION,
+        goes_with="refresh",
+    ),
     as_json: bool = AS_JSON,
 ) -> None:
     """Record a project's robot along its calibration motion.
 
-    A RAVEN-II's is a zig-zag. Writes recordings/train; homes first if needed.
+    A RAVEN-II's is a zig-zag. Writes recordings/train, with --refresh recordings/refresh; homes first if needed.
     """
     from catenary.workflows.project.calibrate import TRAIN, excitation
+    from catenary.workflows.project.kinds import kind_of
 
+    if out is not None:
+        _write_refresh_motion(kind_of(settings_of(project, arm, robot=robot, namespace=namespace)), out, as_json)
+        return
+    if project is None:
+        raise InputError("PROJECT: is missing; it may be left out where --refresh --out writes a file")
     opened = open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
-    motion, what = excitation(opened)
+    motion, what = kind_of(opened.settings).refresh_motion() if refresh else excitation(opened)
+    name = _free_name(opened, "refresh") if refresh else TRAIN
     with opened, robot_of(opened, access, "excite") as moved:
         with step_progress("homing", opened):
             moved.home(opened)
         with step_progress("excite", opened) as progress:
-            was_run = moved.record(opened, TRAIN, motion, what, after="home", progress=progress)
-    said = f"recorded {motion.duration:.0f} s as {TRAIN}"
-    say_step(opened, said, was_run, as_json, {"seconds": motion.duration})
+            was_run = moved.record(opened, name, motion, what, after="home", progress=progress)
+    said = f"recorded {motion.duration:.0f} s as {name}"
+    say_step(opened, said, was_run, as_json, {"seconds": motion.duration, "recording": name})
+
+
+def _free_name(project: "Project", name: str) -> str:
+    """Return a name that no recording has: each day's minute is another one."""
+    there = {path.name for path in (project.folder / "recordings").glob("*")}
+    return next(each for each in chain([name], (f"{name}_{k}" for k in count(2))) if each not in there)
+
+
+def _write_refresh_motion(kind: "ProjectKind", out: Path, as_json: bool) -> None:
+    """Write the minute of full reversals of a kind of robot."""
+    import numpy as np
+
+    from catenary.plant import Joints
+    from catenary.robots.catalog import load_robot
+    from catenary.workflows.excitation import write_motion
+
+    motion, _ = kind.refresh_motion()
+    model, n = load_robot(kind.model), len(kind.joints)
+    time = np.linspace(0.0, motion.duration, 1 + round(MOTION_ROWS_PER_SECOND * motion.duration))
+    q, qd, qdd = (np.array(each) for each in zip(*map(motion, time.tolist()), strict=True))
+    write_motion(out, Joints(kind.joints, model.joint_units[:n]), time, q, qd, qdd)
+    if as_json:
+        print_json({"file": str(out), "seconds": motion.duration, "joints": kind.joints})
+    else:
+        print(f"{motion.duration:.0f} s of full reversals of {', '.join(kind.joints)}\nfile: {out}")
 
 
 def record(

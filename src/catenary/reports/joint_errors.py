@@ -128,7 +128,7 @@ def _windows(evaluation: Evaluation, joints: Sequence[int], windows: Sequence[Wi
 
 
 def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
-    """Return mean and standard deviation of the RMSE over the blocks of a cross-validation."""
+    """Return mean and standard deviation of the RMSE over blocks of a cross-validation, and what they let expect."""
     unit = in_units(s.unit for s in spread)
     columns = [
         TableColumn("joint", "joint"),
@@ -137,7 +137,14 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
         TableColumn(f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
         TableColumn(f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
     ]
-    return Table(columns, spread, "RMSE on blocks of time that the fit did not see")
+    if all(s.rmse_low is not None for s in spread):
+        columns += [
+            TableColumn("as trained", lambda s: f"{s.rmse_low:.3f} to {s.rmse_high:.3f}"),
+            TableColumn("in the margin", lambda s: f"at most {s.rmse_margin:.3f}"),
+        ]
+    if all(s.held_low is not None for s in spread):
+        columns.append(TableColumn("in intervals", lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
+    return Table(columns, spread, "RMSE on blocks of time that the fit did not see, and on a stretch to come")
 
 
 def coverage_table(evaluation: Evaluation) -> Table:

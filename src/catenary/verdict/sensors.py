@@ -29,6 +29,7 @@ HELD, AS_FAST = 0.1, 0.5
 MOST_LEVELS = 0.2  # different numbers over rows, from which on a measurement is on no grid
 COARSE = 0.05  # [deg, mm] RMS of rounding that is worth a word
 MISSING = 0.03  # of the rows without a measurement: fewer hide little
+SHARP = 1.2  # times what 95 % lie below, the largest errors, mean of joints: 1.01 to 1.2 where cut, else 1.22 and more
 TOLD_APART = 0.75  # of pairs of a row with a measurement and one without, that motion tells apart; chance is half
 TINY = 1e-6  # [rad, m] of a command that is not zero
 CATCHES_UP = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack
@@ -163,7 +164,11 @@ def coarse_findings(pairs: Pairs) -> list[Finding]:
 
 
 def missing_findings(log: MotionLog) -> list[Finding]:
-    """Note rows without a measurement that the motion tells from the others: nobody knows the errors there."""
+    """Note rows without a measurement that are not like the others: nobody knows the errors there.
+
+    The motion tells them apart; or errors of the others end sharply on all joints, as where rows were cut out by their
+    errors. Of one joint or two that is not told from slack, whose errors end as sharply.
+    """
     missing = ~log.ok
     if not MISSING < missing.mean() < 1.0 - MISSING:
         return []
@@ -177,11 +182,19 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     score = X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0]
     order = np.argsort(np.argsort(score))
     told = float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share
-    if told < TOLD_APART:
+    how = [f"motion tells them apart in {told:.0%} of pairs"] if told >= TOLD_APART else []
+    if log.q_encoder is not None and log.q_nominal.shape[1] > 2:
+        errors = (log.q_encoder - log.q_nominal)[log.ok]
+        away = np.abs(errors - np.median(errors, axis=0))
+        usual = np.maximum(np.quantile(away, 0.95, axis=0), 1e-12)
+        times = float(np.exp(np.mean(np.log(np.maximum(away.max(axis=0) / usual, 1.0)))))
+        if times < SHARP:
+            how.append(f"errors of the others end sharply, {times:.2f} times beyond where 95% lie")
+    if not how:
         return []
     says = (
-        f"the {missing.mean():.0%} of rows without a measurement are not like the others (motion tells them apart in "
-        f"{told:.0%} of pairs): errors printed here are those of the rows measured"
+        f"the {missing.mean():.0%} of rows without a measurement are not like the others ({'; '.join(how)}): errors "
+        "printed here are those of the rows measured"
     )
     return [Finding("missing", (), says, "a sensor that fails in some motions, or rows cut out", refuses=False)]
 

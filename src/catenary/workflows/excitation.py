@@ -23,6 +23,7 @@ from catenary.identification.excitation import (
     torque_noise,
 )
 from catenary.identification.motion_limits import MotionLimits, Room
+from catenary.plant import Jointed
 from catenary.reports.page import Table
 from catenary.robots.geometry import Geometry, Shape
 from catenary.robots.model import RobotModel
@@ -197,18 +198,22 @@ def comparison_table(comparison: Comparison, title: str = "") -> Table:
 
 def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
     """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv by its name."""
-    ending = path.suffix.lower()
-    if ending == ".csv":
-        named = list(zip(model.joint_names, model.joint_units, strict=True))
+    write_motion(path, model, design.time, design.q, design.qd, design.qdd)
+
+
+def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Floats, qdd: Floats) -> None:
+    """Write N rows of a motion as `write_excitation` does."""
+    if path.suffix.lower() == ".csv":
+        named = list(zip(joints.joint_names, joints.joint_units, strict=True))
         kinds = (("q", ""), ("dq", "/s"), ("ddq", "/s2"))
         header = ["t [s]", *(f"{kind}:{name} [{unit}{per}]" for kind, per in kinds for name, unit in named)]
-        rows = np.column_stack([design.time, design.q, design.qd, design.qdd])
+        rows = np.column_stack([time, q, qd, qdd])
         lines = [",".join(header), *(",".join(repr(float(v)) for v in row) for row in rows)]
         write_atomically(path, ("\n".join(lines) + "\n").encode())
     else:
         buffer = io.BytesIO()
-        motion = {"t": design.time, "q": design.q, "dq": design.qd, "ddq": design.qdd}
-        np.savez(buffer, allow_pickle=False, joint_names=model.joint_names, units=model.joint_units, **motion)
+        motion = {"t": time, "q": q, "dq": qd, "ddq": qdd}
+        np.savez(buffer, allow_pickle=False, joint_names=joints.joint_names, units=joints.joint_units, **motion)
         write_atomically(path, buffer.getvalue())
 
 

@@ -24,11 +24,12 @@ from catenary.simulation.psm_parameters import load_psm
 from catenary.simulation.psm_plant import PSM_COLUMNS, psm_telemetry
 from catenary.topics import Topic
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.zigzag import zigzag
+from catenary.trajectories.sinusoids import FASTEST, TURN_TIME, random_sinusoids
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, zigzag
 from catenary.workflows.project.folder import ProjectSettings
 
 Motion = tuple[Trajectory, Any]  # and what it is, as plain data
+SWEEPS = 4  # of a joint, that show a refresh its zero and scale: model_refresh.SHOWN
 
 # box of a PSM's random motion, turning bands and speeds [rad, rad, m, rad, rad, rad], ours: the range of the public
 # recordings about the middle, with the wrist outside the cannula
@@ -58,6 +59,7 @@ class ProjectKind:
     numbers: Callable[[], Any]  # all that makes the simulated robot another one, as plain data
     excitation: Callable[[], Motion]  # what is trained on
     random_motion: Callable[[float, Sequence[int]], Motion]  # of so many seconds, by a seed
+    refresh_motion: Callable[[], Motion]  # a minute that shows enough to bring a model up to date
     synchronise: Callable[[Path], Synchronisation]  # the motion log of an extracted recording
 
     def plant(self) -> FirmwarePlant[Any]:
@@ -81,6 +83,17 @@ def arm_of(settings: ProjectSettings) -> Arm:
 def kind_of(settings: ProjectSettings) -> ProjectKind:
     """Return the kind of robot that a project is about."""
     return _psm(settings) if settings.robot == "dvrk_psm" else _raven(settings)
+
+
+def _full_reversals(lower: Floats, upper: Floats, fastest: Floats) -> Motion:
+    """Return a motion in which each joint sweeps its whole range, SWEEPS times at least, at speeds of its own."""
+    slowest = 0.85 * fastest  # so that joints fall out of step
+    seconds = (SWEEPS + 0.5) * (TURN_TIME + float(np.max((upper - lower) / slowest)))
+    motion = random_sinusoids(
+        np.random.default_rng(0), seconds, lower=lower, upper=upper,
+        turning_band=np.zeros_like(lower), slowest=slowest, fastest=fastest,
+    )  # fmt: skip
+    return motion, {"full reversals": SWEEPS}
 
 
 def _raven(settings: ProjectSettings) -> ProjectKind:
@@ -119,6 +132,7 @@ def _raven(settings: ProjectSettings) -> ProjectKind:
             random_sinusoids(np.random.default_rng(seed), seconds),
             {"random": seconds, "rng": list(seed)},
         ),
+        refresh_motion=lambda: _full_reversals(CALIBRATION_LOWER, CALIBRATION_UPPER, FASTEST),
         synchronise=lambda folder: read_raven([folder], arm=arm, columns=settings.columns),
     )
 
@@ -152,5 +166,6 @@ def _psm(settings: ProjectSettings) -> ProjectKind:
         # a zig-zag of six joints would take days
         excitation=lambda: random_motion(60.0 * settings.train_minutes, [settings.seed or 0, 2]),
         random_motion=random_motion,
+        refresh_motion=lambda: _full_reversals(_PSM_LOWER, _PSM_UPPER, _PSM_FASTEST),
         synchronise=lambda folder: read_psm([folder], settings.namespace),
     )
