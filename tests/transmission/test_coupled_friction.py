@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -31,7 +33,7 @@ def path(rng, rows=40, n=2, size=1.0):
 def finer(x, times):
     """The same path in smaller steps."""
     shares = np.arange(1, times + 1)[:, None] / times
-    return np.vstack([x[:1], *[a + shares * (b - a) for a, b in zip(x, x[1:], strict=False)]])
+    return np.vstack([x[:1], *[a + shares * (b - a) for a, b in pairwise(x)]])
 
 
 @repeatable

@@ -64,11 +64,14 @@ def drag(
 
 @inlined
 def parts_of(moved: Numbers, longest: Numbers) -> int:
-    """Return into how many equal steps a motion (n,) is split, so that none is longer than `longest` (n,)."""
-    share = 1.0
+    """Return into how many equal steps a motion (n,) is split, so that none is longer than `longest` (n,).
+
+    None where nothing moves: waiting leaves every bit as it is.
+    """
+    share = 0.0
     for j in range(len(moved)):
         share = max(share, abs(moved[j]) / longest[j])
-    return int(min(share, 1e6) + 0.999999)
+    return int(min(max(share, 1.0), 1e6) + 0.999999) if share > 0.0 else 0
 
 
 @compiled
