@@ -305,6 +305,15 @@ class MotionLog:
     def __len__(self) -> int:
         return len(self.q_nominal)
 
+    def part(self, first: int, last: int) -> "MotionLog":
+        """Return the rows from `first` on, and before `last`."""
+        if not 0 <= first < last <= len(self):
+            raise InputError(f'recording "{self.name}": has rows 0 to {len(self)}, got {first}:{last}')
+        arrays = {key: getattr(self, key) for key in ("ok", "time", *JOINT_ARRAYS)}
+        chosen: dict[str, Any] = {key: None if each is None else each[first:last] for key, each in arrays.items()}
+        signals = {key: values[first:last] for key, values in self.signals.items()}
+        return replace(self, **chosen, signals=signals)
+
     def in_order_of(self, wanted: Jointed, *, of: str) -> "MotionLog":
         """Return it with its joints in the order of others, the same ones by `places_of`; a note says what changed.
 

@@ -32,8 +32,8 @@ def state(q: Floats, tau: Floats) -> JointState:
 
 @pytest.mark.parametrize(
     ("options", "slow", "ticks"),
-    [({"history": 3, "rate_hz": 50.0}, 50.0, 20), ({"plays": 2}, 1000.0, 7)],
-    ids=["history counts in time", "play states need no rate"],
+    [({"history": 3, "rate_hz": 50.0}, 50.0, 20), ({"plays": 2}, 1000.0, 7), ({"coupled": 2}, 1000.0, 7)],
+    ids=["history counts in time", "play states need no rate", "friction states need none"],
 )
 def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(options, slow, ticks) -> None:
     calibrated, flags = Corrector(model(**options), rate_hz=slow).run(SIGNALS[:, :3], SIGNALS)

@@ -10,9 +10,10 @@ import onnxruntime
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
+from catenary.calibration import arithmetic
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
@@ -40,7 +41,7 @@ def step_through(session: onnxruntime.InferenceSession, signals: Floats, q: Floa
     memory = {
         name: np.full((1, *tensor.shape[1:]), np.nan)
         for tensor in session.get_inputs()
-        if (name := tensor.name) in ("previous", "play")
+        if (name := tensor.name) in ("previous", "play", "friction")
     }
     wants_q = any(tensor.name == "q_nominal" for tensor in session.get_inputs())
     corrections, flags = [], []
@@ -78,18 +79,20 @@ def test_graph_gives_the_correction_of_every_kind_of_model(kind: str, per_joint:
     kind=st.sampled_from([*PREDICTORS, MIXED]),
     history=st.integers(0, 3),
     plays=st.integers(0, 2),
+    coupled=st.sampled_from([0, 2]),
     decimation=st.integers(1, 3),
     target=st.sampled_from(["error", "position"]),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_a_graph_stepped_through_a_motion_is_the_corrector(
-    kind: str, history: int, plays: int, decimation: int, target: Any, seed: int
+    kind: str, history: int, plays: int, coupled: int, decimation: int, target: Any, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
     motion = np.cumsum(0.2 * rng.normal(size=(60, 3)), axis=0)
     model = random_model(
-        kind, motion, rng, joints=2, torques=1, history=history, plays=plays, target=target, rate_hz=100.0
-    )
+        kind, motion, rng, joints=2, torques=1, history=history, plays=plays, coupled=coupled, target=target,
+        rate_hz=100.0,
+    )  # fmt: skip
     # history at another spacing than in training: a box alone, so that rows inside remain
     model = replace(model, groups=tuple(replace(g, valid_range=_box(g.valid_range)) for g in model.groups))
     motion[rng.random(motion.shape) < 0.02] = np.nan  # a signal that is missing for a moment
@@ -109,9 +112,10 @@ def _box(valid: Any) -> Any:
 def test_rows_of_a_batch_keep_their_own_memory() -> None:
     rng = np.random.default_rng(3)
     motions = np.cumsum(0.2 * rng.normal(size=(2, 40, 3)), axis=1)
-    model = random_model("tanh", motions[0], rng, joints=3, history=1, plays=2, rate_hz=100.0)
+    model = random_model("tanh", motions[0], rng, joints=3, history=1, plays=2, coupled=3, rate_hz=100.0)
     session = session_of(model)
     together = {"previous": np.full((2, 1, 3), np.nan), "play": np.full((2, 6), np.nan)}
+    together["friction"] = np.full((2, 3 + 3 * 3), np.nan)
     corrections = []
     for k in range(40):
         out = run(session, signals=motions[:, k], **together)
@@ -120,6 +124,20 @@ def test_rows_of_a_batch_keep_their_own_memory() -> None:
     for i in range(2):
         alone, _ = step_through(session, motions[i], motions[i])
         assert_allclose(np.array(corrections)[:, i], alone, **CLOSE)
+
+
+def test_a_graph_carries_friction_states_bit_for_bit() -> None:
+    rng = np.random.default_rng(8)
+    model = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3, coupled=3)
+    motion = np.cumsum(rng.choice([0.01, 0.3, 2.0], (80, 1)) * rng.normal(size=(80, 3)), axis=0)
+    motion[40, 1] = np.nan
+    session, state = session_of(model), np.full((1, 12), np.nan)
+    memory = model.features.memory()
+    for row in motion:
+        arrays = (memory, np.empty((1, len(model.features.names))), np.ones(1), np.zeros(1, dtype=bool))
+        arithmetic.run(model.features.row_steps(row[None], *arrays))
+        state = run(session, signals=row[None], friction=state)["friction_next"]
+        assert_array_equal(state[0], memory.friction[0])
 
 
 def test_metadata_say_what_goes_in_and_hold_the_card() -> None:

@@ -6,10 +6,12 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.predictors import Activation, Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.plant import MotionLog
+from catenary.transmission.coupled_friction import coupled_friction
 
 PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "tanh, skip", "logistic, skip")
 MIXED = "each joint its own"  # as model auto's are
@@ -76,6 +78,7 @@ def random_model(
     torques: int = 0,
     history: int = 0,
     plays: int = 0,
+    coupled: int = 0,
     target: Target = "error",
     per_joint: bool = False,
     rate_hz: float | None = None,
@@ -90,6 +93,7 @@ def random_model(
         torques: Number of torques among the inputs.
         history: Previous positions.
         plays: Play states of every position.
+        coupled: How many joints, the first, have friction states.
         target: What the predictors give.
         per_joint: Every joint takes its own signals only.
         rate_hz: Rate of the training data.
@@ -102,6 +106,7 @@ def random_model(
         (*units, *(force[unit] for unit in units[:torques])),
         history,
         tuple((f"q:{name}", 0.1 * (k + 1)) for name in names for k in range(plays)),
+        random_friction(names[:coupled], rng) if coupled else None,
     )
     X = features.matrix(log_of(names, units, signals, torques))
     X = X[np.isfinite(X).all(axis=1)]
@@ -127,6 +132,19 @@ def random_model(
         groups=tuple(groups),
         rate_hz=rate_hz,
     )
+
+
+def random_friction(joints: tuple[str, ...], rng: np.random.Generator) -> FrictionStates:
+    """Draw three systems of springs and friction elements between joints."""
+    n = len(joints)
+    root = rng.normal(size=(n, n))
+    friction = coupled_friction(
+        np.linalg.inv(root @ root.T + np.eye(n)),
+        np.eye(n) + 0.3 * rng.normal(size=(n, n)),
+        rng.uniform(0.02, 0.6, (3, n)),
+        np.full(n, 0.1),
+    )
+    return FrictionStates.of(tuple(f"q:{joint}" for joint in joints), friction)
 
 
 def log_of(names: tuple[str, ...], units: tuple[str, ...], signals: Floats, torques: int = 0) -> MotionLog:

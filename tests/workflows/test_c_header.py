@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Step
+from catenary.calibration.arithmetic import Step, run
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.intervals import Intervals
@@ -343,12 +343,12 @@ def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: st
 CASES: dict[str, dict] = {
     "constant": {},
     "linear": {"torques": 2},
-    "quadratic": {"plays": 2},
+    "quadratic": {"plays": 2, "coupled": 2},
     "tanh": {"history": 3},
     "logistic": {"history": 2, "plays": 1, "torques": 1, "target": "position"},
     "tanh, skip": {"per_joint": True, "history": 1, "plays": 1},
     "logistic, skip": {"torques": 3},
-    MIXED: {"history": 1, "plays": 2, "torques": 1},
+    MIXED: {"history": 1, "plays": 2, "torques": 1, "coupled": 3},
 }
 
 
@@ -396,6 +396,26 @@ def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_pat
     assert_allclose(given[:, 6:], half_widths(model, q, signals), rtol=1e-14)  # division before or after a product
     # networks of random weights: outputs of order ten
     assert_allclose(given[:, :3], expected, rtol=1e-12, atol=1e-12)
+
+
+def test_c_carries_friction_states_bit_for_bit(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    made = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3, coupled=3)
+    made = replace(made, features=replace(made.features, steps=tuple((f"q:j{k}", 5.0) for k in range(3))))
+    rows = np.cumsum(rng.choice([0.01, 0.3, 2.0], (200, 1)) * rng.normal(size=(200, 3)), axis=0)
+    rows[[50, 120], [0, 2]] += 9.0  # leaps that return
+    rows[80, 1] = np.nan
+    header, memory, expected = c_correction("arm", made, 1), made.features.memory(), []
+    for row in rows:
+        arrays = (memory, np.empty((1, len(made.features.names))), np.ones(1), np.zeros(1, dtype=bool))
+        run(made.features.row_steps(row[None], *arrays))
+        expected.append(memory.friction.ravel().copy())
+    body = (
+        "  double out[3];\n  int inside[3];\n  arm_state state;\n  arm_reset(&state);\n"
+        "LOOP  arm_correct(&state, r, r, out, inside);\n  for (i = 0; i < 36; ++i) PUT(state.friction[i]);\n"
+    )
+    header = f"#include <math.h>\n{header}"
+    assert_array_equal(output_of(header, body, rows, tmp_path, "C99"), np.array(expected))
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -15,6 +15,7 @@ from catenary.calibration.arithmetic import Step
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.spike_filter import CONFIRM, FADE, FAST, SEVERAL
 from catenary.errors import InputError
+from catenary.transmission.coupled_friction import SWEEPS
 
 
 def _each(array: str, statement: str) -> str:
@@ -146,6 +147,46 @@ for (k = 0; k < owners_size; ++k) {
   }
   X[at++] = play[k] - position;
 }""",
+    "rub": """\
+const int n = places_size, m = slip_size, systems = thresholds_size / slip_size, size = n + systems * m;
+int finite = 1, away = 0, back = 0, another = 0, c, j, k, version;
+for (j = 0; j < n; ++j) {
+  const int what = course[owners[j]];
+  position[j] = signals[places[j]];
+  if (!PREFIX_is_finite(position[j])) finite = 0;
+  if (what == PREFIX_AWAY) away = 1;
+  if (what == PREFIX_BACK) back = 1;
+  if (what == PREFIX_ANOTHER) another = 1;
+}
+for (version = 2; finite && version >= 0; version -= 2) {
+  double *const state = friction + version * size;
+  int parts;
+  double share = 0.0;
+  if (version == 0 && another) {
+    for (k = 0; k < size; ++k) state[k] = friction[2 * size + k];
+    break;
+  }
+  if (version == 0 && back)
+    for (k = 0; k < size; ++k) state[k] = friction[size + k];
+  if (state[0] != state[0])
+    for (k = 0; k < size; ++k) state[k] = k < n ? position[k] : 0.0;
+  for (j = 0; j < n; ++j) {
+    moved[j] = position[j] - state[j];
+    state[j] = position[j];
+    if (fabs(moved[j]) / longest[j] > share) share = fabs(moved[j]) / longest[j];
+  }
+  parts = share > 0.0 ? (int)((share < 1.0 ? 1.0 : share < 1e6 ? share : 1e6) + 0.999999) : 0;
+  for (c = 0; c < systems; ++c)
+    PREFIX_drag(n, m, parts, moved, directions, mutual, hold, thresholds + c * m, state + n + c * m, slip);
+}
+if (finite && !away)
+  for (k = 0; k < size; ++k) friction[size + k] = friction[k];
+for (c = 0; c < systems; ++c)
+  for (j = 0; j < n; ++j) {
+    double lag = finite ? 0.0 : NAN;
+    for (k = 0; k < m; ++k) lag -= lever[j * m + k] * friction[n + c * m + k];
+    X[at[0] + c * n + j] = lag;
+  }""",
 }
 HELPERS = """\
 static inline int PREFIX_is_finite(double x) {
@@ -161,6 +202,38 @@ static inline double PREFIX_after(double state, double position, double width) {
   return y < low ? low : y > high ? high : y;
 }
 
+/* Friction forces after motors moved along a line: coupled_friction.py's drag, cable_friction.py's coulomb_coupled. */
+static inline void PREFIX_drag(int n, int m, int parts, const double *moved, const double *directions,
+                               const double *mutual, const double *hold, const double *most, double *forces,
+                               double *slip) {
+  int part, sweep, settled, i, j, k;
+  for (part = 0; part < parts; ++part) {
+    for (k = 0; k < m; ++k) {
+      slip[k] = 0.0;
+      for (j = 0; j < n; ++j) slip[k] = slip[k] + directions[k * n + j] * moved[j] / parts;
+      for (i = 0; i < m; ++i) slip[k] = slip[k] + mutual[k * m + i] * forces[i];
+    }
+    for (k = 0; k < m; ++k)
+      for (j = 0; j < n; ++j) forces[k] = forces[k] + hold[k * n + j] * moved[j] / parts;
+    for (k = 0; k < m; ++k) {
+      forces[k] = forces[k] < -most[k] ? -most[k] : forces[k] > most[k] ? most[k] : forces[k];
+      for (i = 0; i < m; ++i) slip[i] = slip[i] - mutual[i * m + k] * forces[k];
+    }
+    for (sweep = 0, settled = 0; sweep < SWEEPS && !settled; ++sweep) {
+      settled = 1;
+      for (k = 0; k < m; ++k) {
+        const double wanted = forces[k] + slip[k] / mutual[k * m + k];
+        const double allowed = wanted < -most[k] ? -most[k] : wanted > most[k] ? most[k] : wanted;
+        const double change = allowed - forces[k];
+        if (change == 0.0) continue;
+        settled = 0;
+        forces[k] = allowed;
+        for (i = 0; i < m; ++i) slip[i] = slip[i] - mutual[i * m + k] * change;
+      }
+    }
+  }
+}
+
 /* exp(v) - 1 for |v| <= 40 */
 static inline double PREFIX_expm1(double v) {
   const double t = v * 0.015625;
@@ -172,7 +245,7 @@ static inline double PREFIX_expm1(double v) {
   for (i = 0; i < 6; ++i) e = e * (2.0 + e);
   return e;
 }
-"""
+""".replace("SWEEPS", str(SWEEPS))
 STATE = """\
 /* What the correction remembers of earlier ticks. */
 typedef struct {{
@@ -181,6 +254,7 @@ typedef struct {{
   double play[{play}];
   double kept[{kept}]; /* play states before a leap */
   double followed[{followed}]; /* play states that followed every position */
+  double friction[{friction}]; /* friction states: now, before a leap, and of every position */
   double seen[{seen}];
   double strange[1]; /* steps of another motion than that of training, as far as they are remembered */
   double rejected[{rejected}]; /* rows that were spikes, of the joints that play states follow */
@@ -193,6 +267,7 @@ static inline void PREFIX_reset(PREFIX_state *state) {{
   state->now[0] = 0;
   for (i = 0; i < {ring}; ++i) state->ring[i] = NAN;
   for (i = 0; i < {play}; ++i) state->play[i] = state->kept[i] = state->followed[i] = NAN;
+  for (i = 0; i < {friction}; ++i) state->friction[i] = NAN;
   for (i = 0; i < {seen}; ++i) state->seen[i] = i % 3 ? 0.0 : NAN;
   state->strange[0] = 0.0;
   for (i = 0; i < {rejected}; ++i) state->rejected[i] = 0.0;

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Flags, Integers, Step, run
+from catenary.calibration.friction_states import FrictionStates, rub
 from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
 from catenary.config import IN_FILES
 from catenary.errors import InputError
@@ -24,13 +25,14 @@ GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
 class Memory(NamedTuple):
-    """Earlier positions and play states of a motion, which features depend on; every row updates them."""
+    """Earlier positions, play and friction states of a motion, which features depend on; every row updates them."""
 
     now: Integers  # (1,) row of `ring` that is to be written next
     ring: Floats  # (rows, P) previous positions; NaN where there is none yet
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
     kept: Floats  # (K,) those before a leap, which count again when it returns
     followed: Floats  # (K,) those that followed every position
+    friction: Floats  # (3, L) friction states likewise, NaN until the first position: now, kept, followed
     seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
     strange: Floats  # (1,) see find_leaps
     rejected: Floats  # (J,) rows of these joints that were spikes
@@ -39,7 +41,8 @@ class Memory(NamedTuple):
         """Forget all earlier rows: another motion begins; what was counted stays."""
         self.now[:] = 0
         self.ring[:] = np.nan
-        self.play[:], self.kept[:], self.followed[:] = np.nan, np.nan, np.nan
+        for states in (self.play, self.kept, self.followed, self.friction):
+            states[:] = np.nan
         self.seen[:], self.strange[:] = [np.nan, 0.0, 0.0], 0.0
 
 
@@ -56,9 +59,9 @@ class FeatureSet:
     """Which features a model takes.
 
     Order: the signals as they are; then, oldest last, the `history` previous rows of every position; then
-    the play states. A play state of half-width r follows its position only after it has moved by r:
-    y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable lies, whatever the
-    speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
+    the play states; then the friction states of coupled joints. A play state of half-width r follows its position
+    only after it has moved by r: y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable
+    lies, whatever the speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
     The feature is y - x, which stays within -r and r.
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
@@ -72,10 +75,14 @@ class FeatureSet:
     units: Many[str]  # one per signal
     history: Annotated[int, Field(ge=0, le=1_000)] = 0
     play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
+    friction: FrictionStates | None = None  # of coupled joints
     steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit)
     period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
 
     def __post_init__(self) -> None:
+        coupled = () if self.friction is None else self.friction.positions
+        if not set(coupled) <= set(self.positions):
+            raise InputError(f"friction states of {', '.join(coupled)}: expected positions among the inputs")
         if not self.signals:
             raise InputError("inputs: expected at least one signal, got none")
         if not all(0.0 < step < np.inf for step in [*dict(self.steps).values(), self.period or 1.0]):
@@ -95,8 +102,9 @@ class FeatureSet:
 
     @property
     def played(self) -> tuple[str, ...]:
-        """The positions that play states follow, J."""
-        return tuple(dict.fromkeys(name for name, _ in self.play))
+        """The positions that play and friction states follow, J."""
+        coupled = () if self.friction is None else self.friction.positions
+        return tuple(dict.fromkeys([*(name for name, _ in self.play), *coupled]))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,9 +122,10 @@ class FeatureSet:
 
     @property
     def bounded(self) -> Flags:
-        """Features that cannot leave their range whatever the robot does: the play states, (F,)."""
+        """Features that cannot leave their range whatever the robot does: play and friction states, (F,)."""
         names = self.names
-        return np.arange(len(names)) >= len(names) - len(self.play)
+        lags = 0 if self.friction is None else len(self.friction.columns)
+        return np.arange(len(names)) >= len(names) - len(self.play) - lags
 
     def _columns(self) -> list[tuple[str, str, str]]:
         unit = dict(zip(self.signals, self.units, strict=True))
@@ -124,6 +133,7 @@ class FeatureSet:
             *((signal, unit[signal], signal) for signal in self.signals),
             *((f"{p}[-{k}]", unit[p], p) for k in range(1, self.history + 1) for p in self.positions),
             *((f"play({p}, {width:.4g})", unit[p], p) for p, width in self.play),
+            *((name, unit[p], p) for name, p in (self.friction.columns if self.friction is not None else ())),
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
@@ -172,8 +182,9 @@ class FeatureSet:
         ring = np.empty((self.history * decimation, len(self.positions)))
         joints = len(self.played)
         play, kept, followed = np.empty((3, len(self.play)))
+        friction = np.empty((3, 0 if self.friction is None else self.friction.size))
         places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
-        memory = Memory(np.zeros(1, dtype=np.int64), ring, play, kept, followed, *places)
+        memory = Memory(np.zeros(1, dtype=np.int64), ring, play, kept, followed, friction, *places)
         memory.clear()
         return memory
 
@@ -194,7 +205,17 @@ class FeatureSet:
             (signals, self._places(self.positions), lags, played, owners, widths, course),
             (memory.now, memory.ring, memory.play, memory.kept, memory.followed, X),
         )
-        return [leaps, features] if self.steps else [features]
+        steps = [leaps, features] if self.steps else [features]
+        if self.friction is not None:
+            constants, coupled = self.friction.constants, self.friction.positions
+            at = np.array([X.shape[1] - len(self.friction.columns)], dtype=np.int64)
+            owner = np.array([self.played.index(name) for name in coupled], dtype=np.int64)
+            n, m = constants.lever.shape
+            work = (np.empty(n), np.empty(n), np.empty(m))
+            steps.append(
+                Step(rub, (signals, self._places(coupled), owner, course, at, *constants), (*work, memory.friction, X))
+            )
+        return steps
 
     def _places(self, signals: Sequence[str]) -> Integers:
         return np.array([self.signals.index(name) for name in signals], dtype=np.int64)

@@ -6,21 +6,24 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from catenary.calibration.feature_prior import PRIORS
+from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import Target
 from catenary.errors import InputError
 
 Progress = Callable[[float], None]  # called with the share done, 0 to 1
-Kind = Literal["auto", "offset", "linear", "polynomial", "neural"]
+Kind = Literal["auto", "offset", "linear", "polynomial", "hysteretic", "neural"]
 Preset = Literal["paper", "best"]
 KINDS: tuple[str, ...] = get_args(Kind)
 PRESETS: tuple[str, ...] = get_args(Preset)
 # half-widths of the play states, as shares of each joint's range of motion: from a cable's slack to its stretch
-PLAY_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+PLAY_SHARES = (0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 FOLDS = 5
 COVERAGE = 0.9
 TAKE_PRIOR = ("auto", "linear", "neural")
+TAKE_RIDGE = ("auto", "linear", "polynomial", "hysteretic")
+TAKE_FRICTION = ("auto", "hysteretic", "neural")
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,9 @@ class FitOptions:
     preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
     then play states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions on features
     with memory. A fixed offset is one of the error, whatever the target. `prior` names what a linear model, or
-    the linear part of preset `best`, begins at (feature_prior.py): for few minutes of data.
+    the linear part of preset `best`, begins at (feature_prior.py): for few minutes of data. `coupled` names joints that
+    friction couples, for the kinds that take friction states; None finds them in recordings (friction_fit.py), and
+    `friction` is what was found.
     """
 
     kind: Kind = "auto"
@@ -45,6 +50,8 @@ class FitOptions:
     ridge: float | None = None
     seed: int = 0
     prior: str | None = None
+    coupled: tuple[str, ...] | None = None
+    friction: FoundFriction | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -61,8 +68,12 @@ class FitOptions:
             raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
         if self.ridge is not None and not 0.0 <= self.ridge < math.inf:
             raise InputError(f"ridge: expected a number of zero or more, got {self.ridge}")
-        if self.ridge is not None and self.kind not in ("auto", "linear", "polynomial"):
-            raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
+        if self.ridge is not None and self.kind not in TAKE_RIDGE:
+            raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(TAKE_RIDGE[1:])} take one")
+        if self.coupled and not self.takes_friction:
+            raise InputError(
+                f"coupled joints of model {self.kind}: only hysteretic and best take any"
+            )
         if self.kind == "auto" and self.target != "error":
             raise InputError(f'target "{self.target}": models of it are not chosen; give a kind in place of auto')
 
@@ -75,16 +86,22 @@ class FitOptions:
 
     def of_kind(self, kind: Kind, preset: Preset | None = None) -> "FitOptions":
         """Return the options of a kind of model, without those that it does not take."""
-        ridge = self.ridge if kind in ("auto", "linear", "polynomial") else None
+        ridge = self.ridge if kind in TAKE_RIDGE else None
         prior = self.prior if kind in TAKE_PRIOR and preset != "paper" else None
-        return replace(self, kind=kind, preset=preset, ridge=ridge, prior=prior)
+        coupled = self.coupled if kind in TAKE_FRICTION and preset != "paper" else ()
+        return replace(self, kind=kind, preset=preset, ridge=ridge, prior=prior, coupled=coupled)
 
     def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
         """Return shares of each joint's range of motion that the play states take beside the given signals."""
         if self.play is not None:
             return self.play
         torque = any(name.startswith("tau:") for name in signals)
-        return PLAY_SHARES if self.network == "best" and not torque else ()
+        return PLAY_SHARES if self.kind == "hysteretic" or (self.network == "best" and not torque) else ()
+
+    @property
+    def takes_friction(self) -> bool:
+        """Whether the model may take friction states of coupled joints."""
+        return self.kind in TAKE_FRICTION and self.network != "paper" and self.target == "error"
 
     @property
     def network(self) -> Preset | None:
@@ -94,9 +111,9 @@ class FitOptions:
     @property
     def ridge_used(self) -> float | None:
         """Weight on the squared coefficients of a regression; None for other kinds."""
-        if self.kind not in ("linear", "polynomial") or self.ridge is not None:
+        if self.kind not in ("linear", "polynomial", "hysteretic") or self.ridge is not None:
             return self.ridge
-        memory = bool(self.play) or (self.kind == "polynomial" and self.history > 0)
+        memory = self.kind == "hysteretic" or bool(self.play) or (self.kind == "polynomial" and self.history > 0)
         return MEMORY_RIDGE if memory else 0.0
 
 

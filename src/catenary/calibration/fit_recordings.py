@@ -16,6 +16,7 @@ from catenary.calibration.feature_prior import load_prior
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
 from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
+from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError
@@ -55,6 +56,7 @@ def fit_logs(
     if options.history >= longest:
         raise InputError(f"history: {options.history} previous commands, but the longest recording has {longest} rows")
     require_folds(options, run)
+    options = with_friction(logs, options, run)
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
     data, _, _ = _rows(logs, inputs.features, run)
     limits = error_limits(run.max_error, logs[0])
@@ -76,6 +78,15 @@ def fit_logs(
         choices, attempt = (), attempts[options.kind]
         model, validation = attempt.fitted(progress), attempt.validation
     return _concluded(logs, options, run, model, validation, choices, found)
+
+
+def with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
+    """Return options with the friction of coupled joints, where the model may take it and joints are coupled."""
+    if not options.takes_friction or options.friction is not None:
+        return options
+    limits = error_limits(run.max_error, logs[0])
+    found = find_friction(logs, options, held_out=run.held_out or 0.0, max_error=limits)
+    return replace(options, friction=found)
 
 
 class _Attempt(NamedTuple):

@@ -14,7 +14,7 @@ from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
-from catenary.calibration.predictors import AnyPredictor, Linear, fit_linear, fit_offset, fit_polynomial
+from catenary.calibration.predictors import AnyPredictor, Linear, fit_linear, fit_offset, fit_polynomial, fit_smooth
 from catenary.calibration.spike_filter import ANY, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
@@ -53,13 +53,21 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
     default = ("q",) if log.tau is None else ("q", "tau")
     per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
+    friction = options.friction.states if options.friction is not None and options.takes_friction else None
+    if options.friction is not None and friction is not None:
+        found = options.friction
+        per_joint = tuple(
+            found.signals if joint in found.joints else taken
+            for joint, taken in zip(log.joint_names, per_joint, strict=True)
+        )
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
+    coupled = () if friction is None else friction.positions
     shares = options.play_shares(signals)
     rates = [sampling_rate(each) for each in logs]
     period = None if None in rates else 1.0 / max(rate for rate in rates if rate is not None)
     play: list[tuple[str, float]] = []
     steps: list[tuple[str, float]] = []
-    for name in signals if shares else ():
+    for name in signals if shares else coupled:
         joint = name.removeprefix("q:")
         if name.startswith("q:") and joint in log.joint_names:
             column = log.joint_names.index(joint)
@@ -73,13 +81,22 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
             low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
             step = largest_step(motions)
             if high > low:
-                play += [(name, share * (high - low)) for share in shares]
+                play += [(name, share * (high - low)) for share in shares if name not in coupled]
                 steps += [(name, step)] if step > 0.0 else []
-    if options.play and not play:
+    if options.play and not (play or coupled):
         raise InputError(f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved")
     units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
     return Inputs(
-        FeatureSet(signals, units, options.history, tuple(play), tuple(steps), period if steps else None), per_joint
+        FeatureSet(
+            signals,
+            units,
+            options.history,
+            play=tuple(play),
+            friction=friction,
+            steps=tuple(steps),
+            period=period if steps else None,
+        ),
+        per_joint,
     )
 
 
@@ -174,6 +191,8 @@ def _fit_predictor(
         return fit_neural(X, Y, settings, seed=options.seed, late=late, linear=linear, progress=progress)
     if options.kind == "linear" and linear is not None:
         return linear(X, Y)
+    if options.kind == "hysteretic":
+        return fit_smooth(X, Y, ridge=options.ridge_used or 0.0, seed=options.seed)
     regression = fit_linear if options.kind == "linear" else fit_polynomial
     return regression(X, Y, ridge=options.ridge_used or 0.0)
 

@@ -22,7 +22,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.errors import InputError
 
-SIMPLEST_FIRST = ("offset", "linear", "polynomial", "neural")
+SIMPLEST_FIRST = ("offset", "linear", "polynomial", "hysteretic", "neural")
 CLOSE = 1.03  # times the best kind's error
 BLOCKS_OF_LEVEL = 0.9  # the blocks of time are those of intervals that hold this share: fifty, where rows suffice
 ROWS_PER_TERM = 2  # below which a polynomial is not tried: left without a fold, its least squares would hardly be
@@ -147,6 +147,7 @@ def _union(sets: Sequence[FeatureSet]) -> FeatureSet:
         tuple(units.values()),
         max(each.history for each in sets),
         tuple(dict.fromkeys(play for each in sets for play in each.play)),
+        next((each.friction for each in sets if each.friction is not None), None),
         tuple(dict.fromkeys(step for each in sets for step in each.steps)),
         periods[0] if periods else None,
     )

@@ -5,6 +5,8 @@ which float32 cannot resolve. Corrections equal the model's to rounding; rows on
 its other side.
 """
 
+from collections.abc import Callable, Sequence
+from functools import reduce
 from importlib import import_module
 from math import inf
 from pathlib import Path
@@ -15,11 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary import __version__
+from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Step
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, MissingPackageError
 from catenary.files import json_text, write_atomically
+from catenary.transmission.coupled_friction import SWEEPS
 
 FORMAT = "catenary.onnx.1"
 OPSET = 17  # all operators that occur have float64 kernels in runtimes since 2022
@@ -35,14 +40,15 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
             joint limits.
         previous (rows, H * decimation, P): positions of earlier steps, the latest first; only with history.
         play (rows, K): play states; only where the model has some.
+        friction (rows, L): friction states of coupled joints; only where the model has some.
     Outputs:
         correction (rows, n): what to add to q_nominal [rad|m]; outside the valid range the fixed offset.
         inside (rows, n): bool, whether each joint is in its valid range.
         interval (rows, n): half-width about the calibrated position [rad|m]; only where the model has intervals.
-        previous_next, play_next: what to give as `previous` and `play` at the next step.
+        previous_next, play_next, friction_next: what to give as `previous`, `play` and `friction` at the next step.
 
-    Before the first step `previous` and `play` are NaN: rows are outside the valid range until the history is full, and
-    play states begin centred. So the graph, stepped, gives what `Corrector` gives, but for leaps
+    Before the first step these are NaN: rows are outside the valid range until the history is full, and play and
+    friction states begin centred. So the graph, stepped, gives what `Corrector` gives, but for leaps
     of a joint, which its play states follow: keep them out (spike_filter.py). The metadata `catenary` names
     signals, units and joints as JSON; `card` is the model card.
 
@@ -92,6 +98,7 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         if features.history
         else None,
         "play": [{"position": name, "half_width": width} for name, width in features.play],
+        "friction": None if features.friction is None else {"positions": features.friction.positions},
         "rate_hz": None if model.rate_hz is None else model.rate_hz * decimation,
     }
     return graph.model({"catenary": json_text(about), "card": json_text(card)})
@@ -120,20 +127,54 @@ class _Graph:
     def __init__(self, onnx: ModuleType) -> None:
         self.onnx = onnx
         self.nodes: list[Any] = []
+        self.count = 0  # of names
         self.constants: list[Any] = []
         self.inputs: list[Any] = []
         self.outputs: list[Any] = []
         self.names: dict[int, str] = {}  # of tensors, by the id of the array that stands for it in a step
 
     def add(self, operator: str, *inputs: str, name: str | None = None, **attributes: Any) -> str:
-        output = name or f"{operator.lower()}_{len(self.nodes)}"
+        output = name or self.name(operator.lower())
         node = self.onnx.helper.make_node(operator, list(inputs), [output], name=output, **attributes)
         self.nodes.append(node)
         return output
 
+    def name(self, what: str) -> str:
+        self.count += 1
+        return f"{what}_{self.count - 1}"
+
+    def loop(
+        self, times: str, carried: Sequence[str], body: Callable[[str, list[str]], tuple[str | None, list[str]]]
+    ) -> list[str]:
+        """Return what `body` makes of carried float64 tensors, `times` times or until its claim "go on" is false.
+
+        Args:
+            times: int64 scalar.
+            carried: Tensors.
+            body: Takes the number of the step and the tensors; returns the claim, None for always, and them anew.
+        """
+        helper, kinds = self.onnx.helper, self.onnx.TensorProto
+        outside, self.nodes = self.nodes, []
+        step, go = self.name("step"), self.name("go")
+        inside = [self.name("carried") for _ in carried]
+        claim, made = body(step, inside)
+        made = [self.add("Identity", each) for each in made]
+        claim = self.add("Identity", go) if claim is None else claim
+        scalars = [
+            helper.make_tensor_value_info(name, kind, [])
+            for name, kind in ((step, kinds.INT64), (go, kinds.BOOL), (claim, kinds.BOOL))
+        ]
+        given, left = ([helper.make_tensor_value_info(n, kinds.DOUBLE, None) for n in each] for each in (inside, made))
+        graph = helper.make_graph(self.nodes, self.name("body"), [*scalars[:2], *given], [scalars[2], *left])
+        self.nodes = outside
+        results = [self.name("looped") for _ in carried]
+        always = self.constant(np.array(True))
+        self.nodes.append(helper.make_node("Loop", [times, always, *carried], results, name=results[0], body=graph))
+        return results
+
     def constant(self, values: Any) -> str:
         name = f"constant_{len(self.constants)}"
-        self.constants.append(self.onnx.numpy_helper.from_array(np.ascontiguousarray(values), name))
+        self.constants.append(self.onnx.numpy_helper.from_array(np.asarray(values, order="C"), name))
         return name
 
     def input(self, name: str, *shape: int, text: str) -> str:
@@ -204,7 +245,81 @@ def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
         graph.add("Where", graph.finite(x), moved, "play", name="play_next")
         graph.output("play_next", len(width), text="to be given as `play` at the next step")
         parts.append(graph.add("Sub", "play_next", x))
+    if features.friction is not None:
+        parts.append(_lags(graph, features, features.friction))
     return graph.add("Concat", *parts, axis=1)
+
+
+def _lags(graph: _Graph, features: FeatureSet, states: FrictionStates) -> str:
+    """Return the friction states as features (rows, C n), and carry them on: `rub`, operation by operation."""
+    known, add = states.constants, graph.add
+    (n, m), systems = known.lever.shape, len(known.thresholds)
+    number = graph.constant
+    text = f"positions before, then forces, of {', '.join(states.positions)}; NaN before the first step"
+    graph.input("friction", states.size, text=text)
+    x = graph.take("signals", [features.signals.index(name) for name in states.positions])
+    finite = graph.all(graph.finite(x))
+    fresh = add("IsNaN", graph.take("friction", [0]))
+    zero, one = number(np.array(0.0)), number(np.array(1.0))
+    moved = add("Sub", x, add("Where", fresh, x, graph.take("friction", np.arange(n))))
+    moved = add("Where", finite, moved, zero)
+    share = add("ReduceMax", add("Div", add("Abs", moved), number(known.longest)), axes=[1], keepdims=1)
+    whole = add("Min", add("Max", share, one), number(np.array(1e6)))
+    whole = add("Floor", add("Add", whole, number(np.array(0.999999))))
+    parts = add("Where", add("Greater", share, zero), whole, zero)
+    steps = add("Reshape", add("ReduceMax", parts, keepdims=0), number(np.zeros(0, dtype=np.int64)))
+
+    def along(matrix: Floats) -> list[list[str]]:
+        own = [graph.take(moved, [j]) for j in range(n)]
+        return [[add("Div", add("Mul", own[j], number(row[j])), parts) for j in range(n)] for row in matrix]
+
+    def in_turn(operator: str, first: str, others: Sequence[str]) -> str:
+        return reduce(lambda left, right: add(operator, left, right), others, first)
+
+    drive, hold = along(known.directions), along(known.hold)
+    mutual = [[number(each) for each in row] for row in known.mutual]
+    most = [number(known.thresholds[:, k]) for k in range(m)]
+    least = [number(-known.thresholds[:, k]) for k in range(m)]
+
+    def bounded(k: int, force: str) -> str:
+        return add("Min", add("Max", force, least[k]), most[k])
+
+    def part(step: str, forces: list[str]) -> tuple[None, list[str]]:
+        slip = [
+            in_turn("Add", drive[k][0], [*drive[k][1:], *(add("Mul", mutual[k][i], forces[i]) for i in range(m))])
+            for k in range(m)
+        ]
+        s = [bounded(k, in_turn("Add", forces[k], hold[k])) for k in range(m)]
+        for k in range(m):
+            slip = [add("Sub", slip[i], add("Mul", mutual[i][k], s[k])) for i in range(m)]
+        settled = graph.loop(number(np.array(SWEEPS)), [*s, *slip], sweep)
+        unfinished = add("Less", add("Cast", step, to=graph.onnx.TensorProto.DOUBLE), parts)
+        return None, [add("Where", unfinished, settled[k], forces[k]) for k in range(m)]
+
+    def sweep(_: str, state: list[str]) -> tuple[str, list[str]]:
+        s, slip, moving = state[:m], state[m:], []
+        for k in range(m):
+            allowed = bounded(k, add("Add", s[k], add("Div", slip[k], mutual[k][k])))
+            change = add("Sub", allowed, s[k])
+            moving.append(add("ReduceMax", add("Abs", change), keepdims=0))
+            s = [*s[:k], allowed, *s[k + 1 :]]
+            slip = [add("Sub", slip[i], add("Mul", mutual[i][k], change)) for i in range(m)]
+        return add("Greater", in_turn("Max", moving[0], moving[1:]), zero), [*s, *slip]
+
+    begun = add("Where", fresh, zero, graph.take("friction", np.arange(n, states.size)))
+    by_element = [graph.take(begun, np.arange(systems) * m + k) for k in range(m)]
+    forces = graph.loop(add("Cast", steps, to=graph.onnx.TensorProto.INT64), by_element, part)
+    axis = number(np.array([2]))
+    flat = number(np.array([-1, systems * m]))
+    together = add("Reshape", add("Concat", *(add("Unsqueeze", each, axis) for each in forces), axis=2), flat)
+    add("Where", finite, add("Concat", x, together, axis=1), "friction", name="friction_next")
+    graph.output("friction_next", states.size, text="to be given as `friction` at the next step")
+    lags = [
+        in_turn("Sub", zero, [add("Mul", number(known.lever[j, k]), forces[k]) for k in range(m)]) for j in range(n)
+    ]
+    flat = number(np.array([-1, systems * n]))
+    together = add("Reshape", add("Concat", *(add("Unsqueeze", each, axis) for each in lags), axis=2), flat)
+    return add("Where", finite, together, number(np.array(np.nan)))
 
 
 def _written(graph: _Graph, step: Step) -> str:

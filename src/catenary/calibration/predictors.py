@@ -231,6 +231,38 @@ def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:
     return Quadratic(mean, scale, weights[:n], weights[n:], bias - middle @ weights)
 
 
+SMOOTH_UNITS, SMOOTH_ROWS = 300, 10_000
+SMOOTH_WEIGHT, SMOOTH_BIAS = 0.4, 0.2  # spread of a unit's argument, and of its bias: little bent over the data
+
+
+def fit_smooth(X: Floats, Y: Floats, *, ridge: float, seed: int) -> Network:
+    """Fit Y (N, m) as a smooth function of features X (N, F): ridge regression on random units beside the features.
+
+    The units tanh(w . z + b), drawn once, bend so little over the data that functions of low order cost least
+    [random features; Rahimi and Recht 2007]. Sums are taken over blocks of rows: time and memory grow with N alone.
+    """
+    mean, scale = standardisation(X)
+    middle, spread = standardisation(Y)
+    rng, inputs, m = np.random.default_rng(seed), X.shape[1], Y.shape[1]
+    W = rng.normal(0.0, SMOOTH_WEIGHT / np.sqrt(inputs), (inputs, SMOOTH_UNITS))
+    b = rng.normal(0.0, SMOOTH_BIAS, SMOOTH_UNITS)
+    size = SMOOTH_UNITS + inputs
+    sums = np.zeros((size + 1 + m, size + 1 + m))
+    for first in range(0, len(X), SMOOTH_ROWS):
+        Z = (X[first : first + SMOOTH_ROWS] - mean) / scale
+        y = (Y[first : first + SMOOTH_ROWS] - middle) / spread
+        columns = np.hstack([np.tanh(Z @ W + b), Z, np.ones((len(Z), 1)), y])
+        sums += columns.T @ columns
+    centre = sums[size, :size] / len(X)
+    gram = sums[:size, :size] - len(X) * np.outer(centre, centre) + max(ridge, 1e-9) * np.eye(size)
+    weights = np.linalg.solve(gram, sums[:size, size + 1 :] - np.outer(centre, sums[size, size + 1 :]))
+    of_units, of_features = weights[:SMOOTH_UNITS], weights[SMOOTH_UNITS:]
+    skip = spread * of_features / scale[:, None]
+    return Network(
+        mean, scale, (W, of_units), (b, -centre @ weights), "tanh", middle, spread, Linear(skip, -mean @ skip)
+    )
+
+
 def _least_squares(Z: Floats, Y: Floats, ridge: float) -> tuple[Floats, Floats]:
     """Return weights (F, m) and bias (m,) of a regression on standardised features."""
     from sklearn.linear_model import LinearRegression, Ridge

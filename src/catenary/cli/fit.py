@@ -64,7 +64,7 @@ class ModelOptions:
 
     kind: str = option(
         "KIND",
-        "offset, linear, polynomial, neural, or auto: for every joint the simplest of them that will do.",
+        "offset, linear, polynomial, hysteretic, neural, or auto: for every joint the simplest that will do.",
         "auto",
         flag="--model",
     )
@@ -87,10 +87,15 @@ class ModelOptions:
     target: str = option(
         "WHAT", "What to learn: error, the joint error, or position, the joint position end to end.", "error"
     )
+    coupled: Names | None = option(
+        "JOINTS",
+        "Joints that friction couples, such as J5,J6, or 'off'. [default: found in the recordings]",
+        read=lambda text: () if text == "off" else words(text),
+    )
     ridge: float | None = option(
         "R",
-        "Ridge penalty of linear and polynomial models: weight on their squared coefficients, of inputs "
-        "that vary by 1. [default: 0; 10 with --play, and for polynomials with --history]",
+        "Ridge penalty of linear, polynomial and hysteretic models: weight on their squared coefficients, of inputs "
+        "that vary by 1. [default: 0; 10 for hysteretic, with --play, and for polynomials with --history]",
         least=0.0,
         shows_default=False,
     )
@@ -108,7 +113,7 @@ class ModelOptions:
         """Return the options of the model, its training by this seed."""
         from catenary.calibration.fit_options import FitOptions
 
-        names = ("kind", "preset", "inputs", "history", "play", "target", "ridge", "prior")
+        names = ("kind", "preset", "inputs", "history", "play", "target", "ridge", "prior", "coupled")
         return FitOptions(seed=seed, **values_of(self, *names))
 
     def run(self, accept: Sequence[str], robot: str | None = None) -> "FitRun":

@@ -30,11 +30,15 @@ def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Number
         for i in range(n):
             velocity[i] = velocity[i] - inverse_inertia[i, j] * start
     for _ in range(sweeps):
+        settled = True
         for j in range(n):
             wanted = given[j] + velocity[j] / inverse_inertia[j, j]
             allowed = min(max(wanted, -impulse[j]), impulse[j])
             change = allowed - given[j]
             if change != 0.0:
+                settled = False
                 given[j] = allowed
                 for i in range(n):
                     velocity[i] = velocity[i] - inverse_inertia[i, j] * change
+        if settled:
+            break

@@ -124,15 +124,7 @@ def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
 def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
     """Return some rows of a recording."""
     first, last = rows
-    if not 0 <= first < last <= len(log):
-        raise InputError(f'recording "{log.name}": has rows 0 to {len(log)}, got {first}:{last}')
-    chosen: dict[str, Any] = {
-        key: None if getattr(log, key) is None else getattr(log, key)[first:last]
-        for key in ("q_nominal", "ok", "q_encoder", "time", "qd", "tau")
-    }
-    signals = {key: values[first:last] for key, values in log.signals.items()}
-    notes = (*log.notes, f"rows {first} to {last} of {len(log)}")
-    return replace(log, **chosen, signals=signals, notes=notes)
+    return replace(log.part(first, last), notes=(*log.notes, f"rows {first} to {last} of {len(log)}"))
 
 
 def choice_notes(result: Identification) -> list[str]:

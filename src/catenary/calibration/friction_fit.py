@@ -1,0 +1,273 @@
+"""Finds which joints a cable's friction couples, the springs and friction between them, and the inputs they need.
+
+Six numbers describe two coupled joints: of the springs K, of which the first's stiffness is the unit, two, and a
+threshold for an element along each joint. They are searched for (Nelder and Mead 1965) so that a ridge regression on
+positions, play states and friction states predicts contiguous blocks of time that it was not fitted to; systems with
+thresholds from a tenth to 2.5 times these stand beside each other, as play states of several widths do. Long recordings
+are searched by a sample of blocks, each with rows before it in which the states find their places.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from threadpoolctl import threadpool_limits
+
+from catenary.arrays import Floats
+from catenary.calibration.dataset import in_one_order
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
+from catenary.calibration.fit_rows import choose_inputs
+from catenary.calibration.friction_states import FoundFriction, FrictionStates
+from catenary.calibration.valid_range import standardisation
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.transmission.coupled_friction import CoupledFriction, coupled_friction
+
+SCALES = np.array([0.1, 0.25, 0.5, 1.0, 1.6, 2.5])  # of the thresholds
+THRESHOLD = 0.035  # of each joint's range: where the search begins; 5 deg of a wrist
+COUPLING = 0.5  # of the springs, where the search begins
+LONGEST = 0.015  # of each joint's range: a longer step is split; 2 deg of a wrist
+FIRST_STEP = 0.35  # of the search, in logarithms and couplings
+SEARCH = 80  # steps
+HELD = 1e-4  # weight on squared couplings
+BLOCKS = 5
+LEAST_GAIN = 0.03  # in the logarithm of the error, from play states of each joint
+MANY, WINDOWS, WARMING = 12_000, 10, 0.2  # rows that are searched whole; else this many parts, and rows before each
+FEWEST = 200  # rows
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows that the search sees, and the paths that lead to them."""
+
+    signals: FeatureSet  # of `fixed`
+    fixed: Floats  # (N, F) positions and play states, and what else the model takes
+    error: Floats  # (N, n)
+    block: NDArray[np.int64]  # (N,)
+    paths: list[tuple[Floats, NDArray[np.int64]]]  # positions (L, n) of a motion as shares of ranges, and its rows of N
+    ranges: Floats  # (n,)
+    joint_names: tuple[str, ...]
+
+    def columns(self, joints: Sequence[int]) -> NDArray[np.int64]:
+        """Return the columns of `fixed` without play states of the given joints."""
+        own = {f"q:{self.joint_names[j]}" for j in joints}
+        names = self.signals.names
+        return np.array([i for i, n in enumerate(names) if not (n.startswith("play(") and n[5:].split(",")[0] in own)])
+
+    def lags(self, joints: Sequence[int], friction: CoupledFriction) -> Floats:
+        """Return friction states of joints at the rows, (N, S n)."""
+        parts = [friction.lag(path[:, list(joints)])[rows] for path, rows in self.paths]
+        return np.concatenate(parts).reshape(len(self.fixed), -1)
+
+
+def find_friction(
+    logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0, max_error: Floats | None = None
+) -> FoundFriction | None:
+    """Return the friction of coupled joints, looking only at what comes before the held-out part; None without.
+
+    Args:
+        logs: Recordings with measured positions.
+        options: `coupled` names the joints; where it is None, the pair of joints whose errors friction states explain
+            best is taken, if these explain more than play states do.
+        held_out: Share at the end of each recording.
+        max_error: (n,) [rad|m]; rows with larger errors are left out.
+    """
+    if options.coupled == ():
+        return None
+    with threadpool_limits(limits=1):
+        rows = _rows_of(in_one_order(logs), options, held_out, max_error)
+        if options.coupled is not None:
+            joints = _told(rows, options.coupled)
+        elif len(rows.fixed) < FEWEST:
+            return None
+        else:
+            joints = _best_pair(rows)
+        if not joints:
+            return None
+        found = _searched(rows, joints)
+        before, after = (_errors(rows, joints, each) for each in (None, found))
+        gain = np.log(before / after).mean(axis=1)  # of each block
+        shown = gain.mean() > max(LEAST_GAIN, gain.std(ddof=1) / np.sqrt(len(gain)))
+        if options.coupled is None and not shown:
+            return None
+        kept, also = _inputs_needed(rows, joints, found)
+    unit = rows.ranges[list(joints)]
+    states = coupled_friction(
+        unit[:, None] * found.lever * unit, found.directions / unit, found.thresholds, found.longest * unit
+    )
+    names = tuple(rows.joint_names[j] for j in joints)
+    return FoundFriction(
+        FrictionStates.of(tuple(f"q:{name}" for name in names), states),
+        kept,
+        tuple(name for j, name in enumerate(rows.joint_names) if j in joints or j in also),
+        float(1.0 - np.exp(-gain.mean())),
+    )
+
+
+def _rows_of(logs: Sequence[MotionLog], options: FitOptions, held_out: float, max_error: Floats | None) -> _Rows:
+    plain = replace(options, kind="hysteretic", preset=None, friction=None, coupled=(), history=0)
+    inputs = choose_inputs(logs, plain, held_out=held_out)
+    fixed, errors, blocks, paths = [], [], [], []
+    ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)
+    scale = np.where(ranges > 0.0, ranges, 1.0)
+    for log in logs:
+        if log.q_encoder is None:
+            raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
+        for number, (start, first, last) in enumerate(_windows(_seen(log, held_out), len(logs))):
+            part = log.part(start, last)
+            X = inputs.features.matrix(part)
+            error = log.q_encoder[start:last] - log.q_nominal[start:last]
+            usable = part.ok & np.isfinite(X).all(axis=1)
+            usable[: first - start] = False
+            if max_error is not None:
+                usable[usable] = (np.abs(error[usable]) <= max_error).all(axis=1)
+            at = np.flatnonzero(usable)
+            ends = [*part.starts[1:], len(part)]
+            for begin, end in zip(part.starts, ends, strict=True):
+                paths.append((part.q_nominal[begin:end] / scale, at[(at >= begin) & (at < end)] - begin))
+            fixed.append(X[at])
+            errors.append(error[at])
+            whole = first == 0 and last == _seen(log, held_out)
+            blocks.append(
+                np.arange(len(at)) * BLOCKS // max(1, len(at)) if whole else np.full(len(at), number % BLOCKS)
+            )
+    return _Rows(
+        inputs.features, np.vstack(fixed), np.vstack(errors), np.concatenate(blocks), paths, scale, logs[0].joint_names
+    )
+
+
+def _seen(log: MotionLog, held_out: float) -> int:
+    return max(1, round((1.0 - held_out) * len(log)))
+
+
+def _windows(rows: int, recordings: int) -> list[tuple[int, int, int]]:
+    """Return parts of a recording: where its path begins, and the rows of it that count."""
+    most = MANY // recordings
+    if rows <= most:
+        return [(0, 0, rows)]
+    length, spacing = most // WINDOWS, rows // WINDOWS
+    warming = int(WARMING * length)
+    starts = [k * spacing for k in range(WINDOWS)]
+    return [(start, start + warming, start + length) for start in starts]
+
+
+def _told(rows: _Rows, names: Sequence[str]) -> tuple[int, ...]:
+    for name in names:
+        if name not in rows.joint_names:
+            raise InputError(f'coupled joint "{name}": no such joint; joints: {", ".join(rows.joint_names)}')
+        if f"q:{name}" not in rows.signals.signals:
+            raise InputError(f'coupled joint "{name}": expected its position among the inputs')
+    if len(set(names)) != len(names) or len(names) < 2:
+        raise InputError(f"coupled joints: expected two or more different ones, got {', '.join(names)}")
+    return tuple(rows.joint_names.index(name) for name in names)
+
+
+def _friction(parameters: Floats, n: int) -> CoupledFriction:
+    """Return friction in shares of the joints' ranges: of a triangular root of K, whose first is 1, and thresholds."""
+    root = np.zeros((n, n))
+    root[np.tril_indices(n)] = np.append(0.0, parameters[: n * (n + 1) // 2 - 1])
+    root[np.diag_indices(n)] = np.exp(np.diag(root))
+    thresholds = np.outer(SCALES, np.exp(parameters[-n:]))
+    K = root @ root.T
+    compliance = np.linalg.inv(K)
+    return coupled_friction(0.5 * (compliance + compliance.T), np.eye(n), thresholds, np.full(n, LONGEST))
+
+
+def _start(n: int, coupling: float) -> Floats:
+    """Return where the search begins: springs alike, each coupled to those before it."""
+    root = np.linalg.cholesky(np.full((n, n), coupling) + (1.0 - coupling) * np.eye(n)) if coupling > 0 else np.eye(n)
+    if coupling < 0:
+        root[1, 0], root[1, 1] = coupling, np.sqrt(1.0 - coupling**2)
+    root[np.diag_indices(n)] = np.log(np.diag(root))
+    return np.append(root[np.tril_indices(n)][1:], np.full(n, np.log(THRESHOLD)))
+
+
+def _best_pair(rows: _Rows) -> tuple[int, ...]:
+    """Return the two joints whose errors friction states explain most beyond play states; none where none do."""
+    best, pair = 0.0, tuple[int, ...]()
+    moving = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in {p for p, _ in rows.signals.play}]
+    for joints in combinations(moving, 2):
+        before = np.log(_errors(rows, joints, None)).mean()
+        for coupling in (COUPLING, -COUPLING):
+            gain = before - np.log(_errors(rows, joints, _friction(_start(2, coupling), 2))).mean()
+            if gain > best:
+                best, pair = gain, joints
+    return pair
+
+
+def _searched(rows: _Rows, joints: Sequence[int]) -> CoupledFriction:
+    n = len(joints)
+    springs = n * (n + 1) // 2 - 1
+
+    def loss(parameters: Floats) -> float:
+        errors = _errors(rows, joints, _friction(np.clip(parameters, -5.0, 5.0), n))
+        return float(0.5 * np.log(np.square(errors).mean(axis=0)).mean() + HELD * np.square(parameters[:springs]).sum())
+
+    start = min((_start(n, coupling) for coupling in (COUPLING, 0.0, -COUPLING)), key=loss)
+    simplex = np.vstack([start, start + FIRST_STEP * np.eye(len(start))])
+    options = {"maxiter": SEARCH, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5}
+    return _friction(np.clip(minimize(loss, start, method="Nelder-Mead", options=options).x, -5.0, 5.0), n)
+
+
+def _errors(rows: _Rows, joints: Sequence[int], friction: CoupledFriction | None) -> Floats:
+    """Return RMSE of joints on each block by a ridge regression on the others, (K, n); with friction or without."""
+    X = rows.fixed
+    if friction is not None:
+        X = np.hstack([X[:, rows.columns(joints)], rows.lags(joints, friction)])
+    return _ridge_errors(*_sums(X, rows.error[:, list(joints)], rows.block))
+
+
+def _sums(X: Floats, Y: Floats, block: NDArray[np.int64]) -> tuple[Floats, int]:
+    """Return sums of products of standardised columns, a one and Y over each block, (K, F + 1 + m, ...), and m."""
+    mean, scale = standardisation(X)
+    all_columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
+    parts = [all_columns[block == k] for k in np.unique(block)]
+    return np.array([each.T @ each for each in parts]), Y.shape[1]
+
+
+def _ridge_errors(sums: Floats, m: int, columns: NDArray[np.int64] | None = None) -> Floats:
+    """Return RMSE on each block of a regression on all others, (K, m), from `_sums`; of some columns."""
+    size = sums.shape[1] - m
+    taken = np.arange(size) if columns is None else np.append(columns, size - 1)
+    penalty = np.full(len(taken), MEMORY_RIDGE)
+    penalty[-1] = 1e-9
+    G, M = sums[:, taken[:, None], taken], sums[:, taken, size:]
+    squares = np.array([np.diag(each[size:, size:]) for each in sums])
+    errors = []
+    for g, moment, square, rows in zip(G, M, squares, sums[:, size - 1, size - 1], strict=True):
+        W = np.linalg.solve(G.sum(axis=0) - g + np.diag(penalty), M.sum(axis=0) - moment)
+        left = square - 2.0 * np.einsum("fm,fm->m", W, moment) + np.einsum("fm,fg,gm->m", W, g, W)
+        errors.append(np.sqrt(np.maximum(left, 1e-30) / rows))
+    return np.array(errors)
+
+
+def _inputs_needed(
+    rows: _Rows, joints: Sequence[int], friction: CoupledFriction
+) -> tuple[tuple[str, ...], frozenset[int]]:
+    """Return the signals without which coupled joints are predicted worse, and the other joints that need no more."""
+    columns, lags = rows.columns(joints), rows.lags(joints, friction)
+    features = rows.signals
+    X = np.hstack([rows.fixed[:, columns], lags])
+    sums, m = _sums(X, rows.error, rows.block)
+
+    def errors(kept: Sequence[str]) -> Floats:
+        of_kept = np.flatnonzero(np.isin(columns, features.columns_of(kept)))
+        taken = np.append(of_kept, np.arange(len(columns), X.shape[1]))
+        return np.log(np.square(_ridge_errors(sums, m, taken)).mean(axis=0))
+
+    own = {f"q:{rows.joint_names[j]}" for j in joints}
+    kept = features.signals
+    everything = errors(kept)
+    least = everything[list(joints)].mean()
+    while True:
+        fewer = [tuple(k for k in kept if k != left_out) for left_out in kept if left_out not in own]
+        trials = [errors(each)[list(joints)].mean() for each in fewer]
+        if not trials or min(trials) > least:
+            break
+        least, kept = min(trials), fewer[int(np.argmin(trials))]
+    also = errors(kept) <= everything
+    return kept, frozenset(np.flatnonzero(also).tolist())

@@ -1,0 +1,175 @@
+"""Friction states of coupled joints as features: how far dry friction and springs make joints lag, row by row."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Integers
+from catenary.calibration.spike_filter import ANOTHER, AWAY, BACK
+from catenary.config import IN_FILES
+from catenary.errors import InputError
+from catenary.kernels.compiled import compiled, inlined
+from catenary.transmission.coupled_friction import CoupledFriction, drag, parts_of
+
+Row = Annotated[tuple[Annotated[float, Field(ge=-1e100, le=1e100)], ...], Field(max_length=100)]
+Matrix = Annotated[tuple[Row, ...], Field(max_length=100)]
+
+
+@dataclass(frozen=True)
+class FrictionStates:
+    """Systems of springs and friction elements that positions of n joints move; see transmission/coupled_friction.py.
+
+    The numbers are those of `CoupledFriction`, computed once: a loop must find the bits that were evaluated.
+    """
+
+    __pydantic_config__ = IN_FILES
+
+    positions: Annotated[tuple[str, ...], Field(max_length=100)]  # (n,) "q:<joint>"
+    longest: Row
+    directions: Matrix
+    mutual: Matrix
+    hold: Matrix
+    lever: Matrix
+    thresholds: Matrix
+
+    def __post_init__(self) -> None:
+        n, m, systems = len(self.positions), len(self.directions), len(self.thresholds)
+        shapes = {"longest": (n,), "directions": (m, n), "mutual": (m, m), "hold": (m, n), "lever": (n, m)}
+        found = {name: np.shape(getattr(self, name)) for name in shapes}
+        fits = found == shapes and np.shape(self.thresholds) == (systems, m) and min(n, m, systems) > 0
+        if not fits or len(set(self.positions)) != n or not min(self.longest) > 0.0:
+            raise InputError(f"friction states of {', '.join(self.positions)}: matrices do not fit together, {found}")
+        if not all(self.mutual[k][k] > 0.0 for k in range(m)) or min(map(min, self.thresholds)) < 0.0:
+            raise InputError("friction states: expected compliances above zero and thresholds of zero or more")
+
+    @staticmethod
+    def of(positions: tuple[str, ...], friction: CoupledFriction) -> "FrictionStates":
+        """Return the friction states of positions."""
+        longest, *matrices = (each.tolist() for each in friction)
+        return FrictionStates(positions, tuple(longest), *(tuple(map(tuple, each)) for each in matrices))
+
+    @property
+    def constants(self) -> CoupledFriction:
+        """Springs and friction as arrays."""
+        return CoupledFriction(*(np.array(getattr(self, name)) for name in CoupledFriction._fields))
+
+    def at_level(self, scales: Floats) -> "FrictionStates":
+        """Return the states of a day on which each element's friction is `scales` (m,) times as large."""
+        levels = np.array(self.thresholds) * scales
+        return replace(self, thresholds=tuple(map(tuple, levels.tolist())))
+
+    @property
+    def columns(self) -> list[tuple[str, str]]:
+        """Name of each feature, and the position whose lag it is."""
+        systems = range(1, len(self.thresholds) + 1)
+        return [(f"friction({position}, {c})", position) for c in systems for position in self.positions]
+
+    @property
+    def size(self) -> int:
+        """How many numbers a state has: the positions before, and every system's forces."""
+        return len(self.positions) + len(self.thresholds) * len(self.directions)
+
+
+@dataclass(frozen=True)
+class FoundFriction:
+    """What was found of joints that friction couples."""
+
+    states: FrictionStates
+    signals: tuple[str, ...]  # inputs of the coupled joints: without one of them they are predicted worse
+    joints: tuple[str, ...]  # that take only these: the coupled ones, and others that need no more
+    gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'
+
+
+@inlined
+def drag_state(
+    position: Floats,
+    longest: Floats,
+    directions: Floats,
+    mutual: Floats,
+    hold: Floats,
+    thresholds: Floats,
+    state: Floats,
+    moved: Floats,
+    slip: Floats,
+) -> None:
+    """Carry a state on to new positions (n,); one that is NaN begins there without forces."""
+    n, m = len(moved), len(slip)
+    if np.isnan(state[0]):
+        for i in range(len(state)):
+            state[i] = position[i] if i < n else 0.0
+    for j in range(n):
+        moved[j] = position[j] - state[j]
+        state[j] = position[j]
+    parts = parts_of(moved, longest)
+    for c in range(len(thresholds)):
+        drag(moved, parts, directions, mutual, hold, thresholds[c], state[n + c * m : n + c * m + m], slip)
+
+
+@compiled
+def rub(
+    signals: Floats,
+    places: Integers,
+    owners: Integers,
+    course: Integers,
+    at: Integers,
+    longest: Floats,
+    directions: Floats,
+    mutual: Floats,
+    hold: Floats,
+    lever: Floats,
+    thresholds: Floats,
+    position: Floats,
+    moved: Floats,
+    slip: Floats,
+    friction: Floats,
+    X: Floats,
+) -> None:
+    """Write the friction states of rows of one motion, and remember what later rows take.
+
+    A row on which a position is not finite leaves the states as they are. A leap is dealt with as for play states.
+
+    Args:
+        signals: (N, S) what the robot reports, row after row.
+        places: (n,) which signals the positions are.
+        owners: (n,) which columns of `course` these have.
+        course: (N, J) see `find_leaps`.
+        at: (1,) first column to write.
+        longest: (n,); this and the following are those of CoupledFriction.
+        directions: (m, n)
+        mutual: (m, m)
+        hold: (m, n)
+        lever: (n, m)
+        thresholds: (C, m)
+        position: (n,) working memory; also the two that follow.
+        moved: (n,)
+        slip: (m,)
+        friction: (3, n + C m) states: now, before a leap, and of every position; NaN before the first.
+        X: (N, F) receives lags, system by system.
+    """
+    n, m = len(places), len(slip)
+    for row in range(len(signals)):
+        finite, away, back, another = True, False, False, False
+        for j in range(n):
+            position[j] = signals[row, places[j]]
+            finite = finite and np.isfinite(position[j])
+            what = course[row, owners[j]]
+            away, back, another = away or what == AWAY, back or what == BACK, another or what == ANOTHER
+        if finite:
+            drag_state(position, longest, directions, mutual, hold, thresholds, friction[2], moved, slip)
+            if another:
+                friction[0] = friction[2]
+            else:
+                if back:
+                    friction[0] = friction[1]
+                drag_state(position, longest, directions, mutual, hold, thresholds, friction[0], moved, slip)
+            if not away:
+                friction[1] = friction[0]
+        for c in range(len(thresholds)):
+            for j in range(n):
+                lag = 0.0 if finite else np.nan
+                for k in range(m):
+                    lag -= lever[j, k] * friction[0, n + c * m + k]
+                X[row, at[0] + c * n + j] = lag

@@ -1,0 +1,162 @@
+"""Springs and dry friction between motors and coupled joints: the one law of friction, without speed or time.
+
+x are motors' positions (n,), z the joints', and K the springs between them. At every step z minimises
+
+    1/2 (x - z)' K (x - z) + sum_k mu_k |a_k . (z - z_before)|
+
+The friction elements k have directions a_k in the joints' coordinates and thresholds mu_k. Their forces s_k stay within
+-mu_k and mu_k, and z = x - C A' s with the compliance C = K^-1: a joint lags by what its forces stretch. Where one
+joint's element is all there is, z is a play operator of half-width mu C [Brokate and Sprekels 1996]; an element that
+several joints share, or springs that couple them, let one joint drag another. What slips is found by projected
+Gauss-Seidel on the elements, whose mutual compliance is G = A C A' [the maximum dissipation principle; Moreau 1988].
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.dynamics.vectors import Numbers
+from catenary.errors import InputError
+from catenary.kernels.compiled import compiled, inlined
+from catenary.transmission.cable_friction import coulomb_coupled
+
+SWEEPS = 100  # at most, over the elements; where all stick or all slip, the first one settles them
+
+
+@inlined
+def drag(
+    moved: Numbers,
+    parts: int,
+    directions: Numbers,
+    mutual: Numbers,
+    hold: Numbers,
+    thresholds: Numbers,
+    forces: Numbers,
+    slip: Numbers,
+) -> None:
+    """Let motors move along a straight line, and friction forces (m,) follow.
+
+    Args:
+        moved: (n,) by how much the motors move.
+        parts: Steps that the line is split into.
+        directions: A (m, n).
+        mutual: G (m, m).
+        hold: (m, n) forces per motion of the motors while nothing slips, G^-1 A.
+        thresholds: (m,) largest forces.
+        forces: (m,) s, overwritten.
+        slip: (m,) working memory.
+    """
+    m = len(forces)
+    for _ in range(parts):
+        for k in range(m):
+            slip[k] = 0.0
+            for j in range(len(moved)):
+                slip[k] = slip[k] + directions[k, j] * moved[j] / parts
+            for i in range(m):
+                slip[k] = slip[k] + mutual[k, i] * forces[i]
+        for k in range(m):  # the search starts where nothing slips
+            for j in range(len(moved)):
+                forces[k] = forces[k] + hold[k, j] * moved[j] / parts
+        coulomb_coupled(mutual, thresholds, slip, forces, SWEEPS)
+
+
+@inlined
+def parts_of(moved: Numbers, longest: Numbers) -> int:
+    """Return into how many equal steps a motion (n,) is split, so that none is longer than `longest` (n,).
+
+    None where nothing moves: waiting leaves every bit as it is.
+    """
+    share = 0.0
+    for j in range(len(moved)):
+        share = max(share, abs(moved[j]) / longest[j])
+    return int(min(max(share, 1.0), 1e6) + 0.999999) if share > 0.0 else 0
+
+
+@compiled
+def drag_along(
+    x: Floats,
+    longest: Floats,
+    directions: Floats,
+    mutual: Floats,
+    hold: Floats,
+    lever: Floats,
+    thresholds: Floats,
+    before: Floats,
+    forces: Floats,
+    lag: Floats,
+) -> None:
+    """Write how far joints lag behind their motors along a path, and carry the state on.
+
+    Args:
+        x: (N, n) motors' positions.
+        longest: (n,) a longer step is split.
+        directions: (m, n)
+        mutual: (m, m)
+        hold: (m, n)
+        lever: C A' (n, m).
+        thresholds: (S, m) of S systems that differ in nothing else.
+        before: (n,) last motors' positions, overwritten; NaN before the first, where no force acts.
+        forces: (S, m) overwritten.
+        lag: (N, S n) receives z - x, system by system.
+    """
+    n = x.shape[1]
+    moved, slip = np.zeros(n), np.zeros(forces.shape[1])
+    for row in range(len(x)):
+        for j in range(n):
+            moved[j] = 0.0 if np.isnan(before[j]) else x[row, j] - before[j]
+            before[j] = x[row, j]
+        parts = parts_of(moved, longest)
+        for c in range(len(forces)):
+            drag(moved, parts, directions, mutual, hold, thresholds[c], forces[c], slip)
+            for j in range(n):
+                lagging = 0.0
+                for k in range(len(slip)):
+                    lagging -= lever[j, k] * forces[c, k]
+                lag[row, c * n + j] = lagging
+
+
+class CoupledFriction(NamedTuple):
+    """Springs and friction elements of n joints, in units that fit together; see `coupled_friction`."""
+
+    longest: Floats  # (n,) a longer step is split
+    directions: Floats  # A (m, n)
+    mutual: Floats  # G = A C A' (m, m)
+    hold: Floats  # (m, n) forces per motion of the motors while nothing slips: G^+ A
+    lever: Floats  # C A' (n, m) how far forces stretch the springs
+    thresholds: Floats  # (S, m) of S systems that differ in nothing else
+
+    def lag(self, x: Floats) -> Floats:
+        """Return z - x along a path x (N, n) that begins without forces, (N, S, n)."""
+        x = as_array("positions", x, (None, len(self.longest)))
+        systems, elements = self.thresholds.shape
+        lag, before = np.empty((len(x), systems * x.shape[1])), np.full(x.shape[1], np.nan)
+        drag_along(x, *self, before, np.zeros((systems, elements)), lag)
+        return lag.reshape(len(x), systems, x.shape[1])
+
+
+def coupled_friction(
+    compliance: ArrayLike, directions: ArrayLike, thresholds: ArrayLike, longest: ArrayLike
+) -> CoupledFriction:
+    """Return springs and friction elements, their constants computed.
+
+    Args:
+        compliance: C = K^-1 (n, n), symmetric and positive definite.
+        directions: A (m, n), a row for each element; several may share one.
+        thresholds: (S, m) largest forces of S systems, zero or more.
+        longest: (n,) longest step of each motor that is taken at once.
+    """
+    longest = as_array("longest", longest, (None,))
+    n = len(longest)
+    C, A = as_array("compliance", compliance, (n, n)), as_array("directions", directions, (None, n))
+    thresholds = as_array("thresholds", thresholds, (None, len(A)))
+    if not np.allclose(C, C.T, rtol=1e-9, atol=0.0) or np.linalg.eigvalsh(C).min() <= 0.0:
+        raise InputError(f"compliance: expected a symmetric, positive definite matrix, got {C.tolist()}")
+    if not A.any(axis=1).all() or not (thresholds >= 0.0).all() or not (longest > 0.0).all():
+        raise InputError(
+            "friction: expected directions other than zero, thresholds of zero or more and longest steps above zero, "
+            f"got {A.tolist()}, {thresholds.tolist()} and {longest.tolist()}"
+        )
+    mutual, lever = A @ C @ A.T, np.ascontiguousarray(C @ A.T)
+    return CoupledFriction(longest, A, mutual, np.ascontiguousarray(np.linalg.pinv(mutual) @ A), lever, thresholds)

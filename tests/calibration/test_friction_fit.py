@@ -1,0 +1,97 @@
+"""Friction that is found in recordings of simulated arms, whose law is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.friction_fit import find_friction
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.transmission.coupled_friction import coupled_friction
+
+COMPLIANCE, THRESHOLDS = np.array([[1.4, -0.6], [-0.6, 0.95]]), np.array([0.07, 0.19])  # [rad] as on a da Vinci wrist
+OPTIONS = FitOptions(kind="hysteretic")
+
+
+def coupled_arm(seed: int = 0, rows: int = 1500, level: float = 1.0) -> MotionLog:
+    """A stiff base, a roll with a little play and a wrist of which one joint drags the other."""
+    rng = np.random.default_rng(seed)
+    reach = np.array([0.3, 1.5, 1.2, 1.2])
+    via = rng.uniform(-1.0, 1.0, (rows // 4 + 2, 4)) * reach
+    q = np.column_stack([np.interp(np.arange(rows), 4 * np.arange(len(via)), column) for column in via.T])
+    wrist = coupled_friction(COMPLIANCE, np.eye(2), [level * THRESHOLDS], [0.02, 0.02])
+    error = 2e-3 * rng.normal(size=q.shape)
+    error[:, 2:] += 0.9 * wrist.lag(q[:, 2:])[:, 0] + 0.01 * q[:, [1]]
+    error += [0.01, 0.02, -0.1, 0.05]
+    names = ("J1", "J4", "J5", "J6")
+    return MotionLog("wrist", names, ("rad",) * 4, q, np.ones(rows, dtype=bool), q + error, np.arange(rows) * 0.4)
+
+
+@pytest.fixture(scope="module")
+def log() -> MotionLog:
+    return coupled_arm()
+
+
+@pytest.fixture(scope="module")
+def found(log):
+    return find_friction([log], OPTIONS)
+
+
+def test_the_coupled_pair_and_its_law_are_found(found) -> None:
+    assert found.states.positions == ("q:J5", "q:J6")
+    compliance = np.array(found.states.lever) @ np.linalg.inv(np.array(found.states.directions)).T
+    # the readout has every scale; what is found is the springs' ratio and what the middle threshold is near
+    assert_allclose(compliance / compliance[0, 0], COMPLIANCE / COMPLIANCE[0, 0], atol=0.12)
+    lag_at_threshold = (
+        compliance[0, 0] * np.array(found.states.directions)[0, 0] * np.array(found.states.thresholds)[3, 0]
+    )
+    assert 0.3 < lag_at_threshold / (COMPLIANCE[0, 0] * THRESHOLDS[0]) < 3.0
+    assert found.gain > 0.3
+    assert set(found.joints) >= {"J5", "J6"}
+
+
+def test_another_recording_of_the_arm_is_predicted_where_play_states_cannot(log, found) -> None:
+    later, errors = coupled_arm(seed=1), {}
+    for name, friction in (("play", None), ("friction", found)):
+        options = replace(OPTIONS, friction=friction)
+        inputs = choose_inputs([log], options)
+        model = fit(calibration_data([log], inputs.features), inputs, options)
+        errors[name] = [joint.rmse for joint in evaluate(model, calibration_data([later], inputs.features)).joints][2:]
+    assert max(errors["friction"]) < 0.35  # [deg]; noise is 0.11
+    assert min(errors["play"]) > 2.0 * max(errors["friction"])
+
+
+def test_without_coupling_nothing_is_found() -> None:
+    log = coupled_arm()
+    alone = coupled_friction(np.eye(2), np.eye(2), [THRESHOLDS], [0.02, 0.02])
+    q_encoder = np.array(log.q_encoder)
+    q_encoder[:, 2:] = log.q_nominal[:, 2:] + alone.lag(log.q_nominal[:, 2:])[:, 0]
+    q_encoder[:, 2:] += 2e-3 * np.random.default_rng(0).normal(size=(len(log), 2))
+    assert find_friction([replace(log, q_encoder=q_encoder)], OPTIONS) is None
+
+
+def test_what_is_held_out_does_not_matter(log) -> None:
+    broken = np.array(log.q_encoder)
+    broken[1200:] += 1.0
+    short = FitOptions(kind="hysteretic", coupled=("J5", "J6"))
+    first, second = (find_friction([each], short, held_out=0.2) for each in (log, replace(log, q_encoder=broken)))
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("coupled", "message"),
+    [(("J5", "J9"), '"J9": no such joint'), (("J5",), "two or more"), (("J5", "J5"), "two or more")],
+)
+def test_joints_that_cannot_be_coupled_are_refused(log, coupled, message) -> None:
+    with pytest.raises(InputError, match=message):
+        find_friction([log], replace(OPTIONS, coupled=coupled))
+
+
+def test_joints_told_to_be_uncoupled_are(log) -> None:
+    assert find_friction([log], replace(OPTIONS, coupled=())) is None
