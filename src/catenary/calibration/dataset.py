@@ -62,11 +62,7 @@ class CalibrationData:
         if not self.has_time or not len(self):
             return None, None
         clock = self.time + np.array(self.began)[self.recording]
-        first, last = (
-            datetime.fromtimestamp(time, UTC).date().isoformat() if FIRST_DATE < time < LAST_DATE else None
-            for time in (float(clock[0]), float(clock.max()))
-        )
-        return first, last
+        return date_of(float(clock[0])), date_of(float(clock.max()))
 
     def require_joints_of(self, model: Jointed) -> None:
         """Refuse rows of other joints than a model's, or in another order."""
@@ -94,6 +90,11 @@ class CalibrationData:
             rows = np.flatnonzero(self.recording == number)
             block[rows] = np.arange(len(rows)) * count // max(1, len(rows))
         return block
+
+
+def date_of(seconds: float) -> str | None:
+    """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None where it is no calendar's."""
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE < seconds < LAST_DATE else None
 
 
 def calibration_data(

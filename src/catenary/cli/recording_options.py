@@ -102,6 +102,16 @@ class RecordingOptions(MappingOptions, MendOptions):
         units = si_units(given) or own_units
         return Reading(units=units, joint_names=names, mend=self.mend(), as_trained=as_trained)
 
+    def typed(self, robot: str | None) -> tuple[str, ...]:
+        """Return the words that say how recordings are read, beside their mends."""
+        from catenary.recording.mend import units_of
+
+        mapped = [word for text in self.map for word in ("--map", text)]
+        mapped += [] if self.mapping is None else ["--mapping", str(self.mapping)]
+        if mapped and self.units and units_of(self.units)[0] is None:
+            mapped += ["--units", self.units]
+        return (*mapped, *(() if robot is None else ("--robot", robot)))
+
 
 @group
 class ModelRecordingOptions(RecordingOptions):

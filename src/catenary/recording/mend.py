@@ -57,13 +57,7 @@ class Mend:
             log: The recording.
             trained: `settled` of the recordings that a model was fitted to, whose like this one is.
         """
-        given = {step: getattr(self, step) for step in _STEPS}
-        given |= {
-            "delay": (f"{self.delay:g}",) * bool(self.delay),
-            "shift": (str(self.shift),) * bool(self.shift),
-            "time_unit": (self.time_unit,) * (self.time_unit != "s"),
-        }
-        own = [(step, text, False) for step, texts in given.items() for text in texts]
+        own = [(step, text, False) for step, text in self._steps()]
         taken = {_settled(log, step, text)[0] for step, text, _ in own} | set(log.settled)
         for key in [key for key in trained or () if key not in taken]:
             step, _, array = key.partition(":")
@@ -81,6 +75,36 @@ class Mend:
         said = [f"mended by {' '.join(notes[0])}"] * bool(notes[0])
         said += [f"{AS_TRAINED}: {' '.join(notes[1])}; --no-mend takes it as it is"] * bool(notes[1])
         return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
+
+    def _steps(self) -> list[tuple[str, str]]:
+        """Return every step that it takes, and its text."""
+        given = {step: getattr(self, step) for step in _STEPS}
+        given |= {
+            "delay": (f"{self.delay:g}",) * bool(self.delay),
+            "shift": (str(self.shift),) * bool(self.shift),
+            "time_unit": (self.time_unit,) * (self.time_unit != "s"),
+        }
+        return [(step, text) for step, texts in given.items() for text in texts]
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The words of a command line that ask for it."""
+        return tuple(word for step, text in self._steps() for word in (f"--{step.replace('_', '-')}", text))
+
+    def and_then(self, remedy: str) -> "Mend | None":
+        """Return a mend that also does what an option such as "--delay 0.12" asks; None where that is none of ours."""
+        option, _, text = remedy.removeprefix("--").partition(" ")
+        step = option.replace("-", "_")
+        if step not in _STEPS or not text:
+            return None
+        had = getattr(self, step)
+        if step in ("delay", "shift"):
+            return replace(self, **{step: type(had)(had + float(text))})
+        if step == "time_unit" or (step == "units" and had):
+            return replace(self, time_unit=text) if had == "s" else None
+        undone = step in ("swap", "sign") and text in had
+        texts = tuple(t for t in had if t != text) if undone else (*had, text)
+        return replace(self, **{step: texts})  # type: ignore[arg-type]  # a field by its name
 
 
 NOTHING = Mend()
