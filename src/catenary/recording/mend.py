@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
@@ -278,7 +279,20 @@ def _leave_out(log: MotionLog, text: str) -> MotionLog:
         if not 0 <= rows.start < rows.stop <= len(log):
             raise InputError(f'recording "{log.name}": --leave-out: has rows 0 to {len(log)}, got {part}')
         ok[rows] = False
-    return replace(log, ok=ok)
+    if log.q_encoder is None:
+        return replace(log, ok=ok)
+    measured = log.q_encoder.copy()
+    measured[~log.ok] = np.nan  # so that what was left out stays known from what was not measured
+    return replace(log, ok=ok, q_encoder=measured)
+
+
+def left_out_rows(log: MotionLog) -> NDArray[np.bool_]:
+    """Return rows that were measured, and left out as asked, (N,)."""
+    rows = np.zeros(len(log), dtype=bool)
+    for part in (part for text in log.settled.get("leave_out", ()) for part in text.split(",")):
+        first, _, last = part.partition(":")
+        rows[int(first) : int(last)] = True
+    return rows & ~log.ok & (False if log.q_encoder is None else np.isfinite(log.q_encoder).all(axis=1))
 
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps

@@ -28,6 +28,7 @@ NAMES = {
     "constant": "columns that never change",
     "offset": "a measurement far from the command everywhere",
     "outliers": "single measurements far from all others",
+    "dropped": "rows left out that carry more than their share of the error",
     "short": "too little to learn from",
     "torques": "torques of another unit, such as motor currents",
     "tested": "recordings both fitted to and tested on",

@@ -90,7 +90,7 @@ def check_recording(
             else source.command("fit", [*mended.options, *([MAX_ERROR, limits] if limits else [])], "_model.npz")
         )
         found.remarks += [f"{lost} rows without a trusted measurement serve as history only"] * (0 < lost < len(log))
-    found.remarks += [note for note in log.notes if not note.endswith("rows have no q_encoder")]
+    found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
     found.faults += [f"{each.name}: {each}" for each in findings if each.refuses]
     _tell(found, findings)
     return found
