@@ -31,7 +31,7 @@ class MappingOptions:
 
     map: Sequence[str] = _of_recordings(
         "QUANTITY=COLUMNS",
-        "Of a recording of another make: q_nominal, q_encoder, qd, tau, ok, time or signal:NAME; may be "
+        "Of a recording of another make: q_nominal, q_encoder, q_reported, qd, tau, ok, time or signal:NAME; may be "
         "repeated. Example: q_encoder=/optitrack/joints.position[0:6]@deg",
     )
     mapping: Path | None = _of_recordings("TOML", "The same from a file; catenary import proposes one.")

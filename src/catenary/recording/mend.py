@@ -14,10 +14,10 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import TO_SI
 
-ARRAYS = ("q_nominal", "q_encoder", "qd", "tau")  # that an option may name: "tau:J2,J3"
+ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
 _NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
-MENDS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|qd|tau))?)$"
+MENDS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
 AS_TRAINED = "mended as the model's training data"  # how a note on them opens
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
@@ -181,7 +181,7 @@ def _units(log: MotionLog, text: str) -> MotionLog:
     factor = np.array([TO_SI[unit][1] for unit in units])
     if (factor == 1.0).all():
         return log
-    keys = [array] if array else [key for key in ("q_nominal", "q_encoder", "qd") if getattr(log, key) is not None]
+    keys = [array] if array else [key for key in ARRAYS[:4] if getattr(log, key) is not None]
     changed: dict[str, Any] = {key: _array(log, key, "--units")[1] * factor for key in keys}
     return replace(log, **changed)
 

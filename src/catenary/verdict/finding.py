@@ -19,6 +19,7 @@ NAMES = {
     "turns": "measurements whole or half turns from the others",
     "jump": "an error that leaps and stays",
     "delay": "measurements that lie a time behind their commands, or before them",
+    "lag": "a controller's lag between setpoints and what the robot reports",
     "clock": "two clocks that run apart, or rows that one of the two lost",
     "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
     "stuck": "a measurement that stands still while its joint is moved",

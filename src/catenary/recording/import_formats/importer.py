@@ -151,7 +151,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     for key, columns in joints.items():
         encoder = _candidate(columns.places, sources.streams, names)
         scaled[key] = columns.sign * _scale(key, mapping, encoder, nominal, units, told, notes)
-        if key in ("q_nominal", "q_encoder"):
+        if key in ("q_nominal", "q_encoder", "q_reported"):
             streams, turns = unwrap_columns(streams, columns.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
             jumped |= set(turns)
@@ -204,6 +204,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         units_assumed=assumed,
         repeated=clock.repeated,
         settled=_settled(mapping, joints, in_file=in_file),
+        arrivals=clock.arrivals,
         notes=(
             *([] if mapping.name else [f"imported from {where}: {_told(mapping, joints)}"]),
             *dict.fromkeys([*sources.notes, *clock.notes, *notes]),
@@ -423,7 +424,7 @@ def _signals(
 def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
     """Return a mapping in a line, its patterns as the columns that they stand for."""
     parts = []
-    for key in ("q_nominal", "q_encoder", "qd", "tau"):
+    for key in JOINT_QUANTITIES:
         quantity: Quantity | None = getattr(mapping, key)
         if quantity is not None:
             source = quantity.columns if quantity.pose is None else (f"pose {quantity.pose.columns[0]}",)
