@@ -24,8 +24,10 @@ def true_q(time: Any) -> np.ndarray:
     return np.stack([0.5 * np.sin(t), 0.4 * np.sin(1.3 * t + 0.3), 0.12 + 0.03 * np.sin(0.7 * t)], axis=-1)
 
 
-def write_bag(path: Path, kind: Kind, topics: dict[str, str], messages: Iterable[Message]) -> Path:
-    """Write messages in order of time; `topics` are types by topic."""
+def write_bag(
+    path: Path, kind: Kind, topics: dict[str, str], messages: Iterable[Message], *, late: dict[str, int] | None = None
+) -> Path:
+    """Write messages in order of time; `topics` are types by topic, `late` how long each one's are on their way [ns]."""
     ros1 = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
@@ -37,7 +39,7 @@ def write_bag(path: Path, kind: Kind, topics: dict[str, str], messages: Iterable
         for time, topic, make in sorted(messages, key=lambda message: message[0]):
             stamp = START + round(time * 1e9)
             message = make(store, header(store, stamp, ros1=ros1))
-            writer.write(connections[topic], stamp + LATE, serialise(message, topics[topic]))
+            writer.write(connections[topic], stamp + (late or {}).get(topic, LATE), serialise(message, topics[topic]))
     return path
 
 

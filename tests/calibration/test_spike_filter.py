@@ -169,7 +169,7 @@ def test_model_corrector_and_evaluation_reject_the_same_leap(rate_hz: float) -> 
     assert dict(inputs.features.steps)["q:J1"] == pytest.approx(0.005 * MARGIN, rel=0.01)
     model = fit(calibration_data([log], inputs.features), inputs, options)
     bad = replace(log, q_nominal=spiked([300])[:, None])
-    assert calibration_data([bad], inputs.features).sources[0].leaps == 1
+    assert calibration_data([bad], inputs.features).sources[0].leaps == {"q:J1": 1}
     q = np.repeat(bad.q_nominal, held, axis=0)
     q[300 * held + 1 : 301 * held] = SLOW[299]  # one sample at any rate
     corrector = Corrector(model, rate_hz=rate_hz)

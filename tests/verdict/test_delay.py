@@ -133,3 +133,17 @@ def test_stamps_that_all_repeat_leave_rows():
     still = replace(log, q_encoder=log.q_encoder[rows], ok=ok, time=np.zeros(len(log)))
     (found,) = (f for f in findings_of(still) if f.name == "delay")
     assert found.remedy == "--shift 40"
+
+
+@pytest.mark.parametrize("change", ["shuffled", "swapped", "copied"])
+@pytest.mark.parametrize("seed", range(3))
+def test_columns_that_are_not_the_joints_have_no_certain_delay(seed, change):
+    log = cable_arm(seed)
+    seen = log.q_encoder
+    if change == "shuffled":
+        seen = np.random.default_rng(seed).permutation(seen)
+    elif change == "swapped":
+        seen = seen[:, [1, 0, 2]]
+    else:
+        seen = log.q_nominal
+    assert delay_of(replace(log, q_encoder=seen)).sure != "certain"

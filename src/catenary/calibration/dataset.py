@@ -1,7 +1,7 @@
 """Rows to learn from: features, where the joints were said to be, and how far off that was."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -30,7 +30,8 @@ class TrainingSource:
     without_history: int  # rows that lack predecessors
     dropped: int  # rows beyond the error limit that was asked for
     simulated: bool
-    leaps: int = 0  # positions that leapt and returned: the play states did not follow them
+    leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
+    beyond: Mapping[str, int] = field(default_factory=dict)  # by joint, rows dropped for its error
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,7 @@ class CalibrationData:
         if not self.has_time or not len(self):
             return None, None
         clock = self.time + np.array(self.began)[self.recording]
-        first, last = (
-            datetime.fromtimestamp(time, UTC).date().isoformat() if FIRST_DATE < time < LAST_DATE else None
-            for time in (float(clock[0]), float(clock.max()))
-        )
-        return first, last
+        return date_of(float(clock[0])), date_of(float(clock.max()))
 
     def require_joints_of(self, model: Jointed) -> None:
         """Refuse rows of other joints than a model's, or in another order."""
@@ -94,6 +91,11 @@ class CalibrationData:
             rows = np.flatnonzero(self.recording == number)
             block[rows] = np.arange(len(rows)) * count // max(1, len(rows))
         return block
+
+
+def date_of(seconds: float) -> str | None:
+    """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None where it is no calendar's."""
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE < seconds < LAST_DATE else None
 
 
 def calibration_data(
@@ -124,9 +126,10 @@ def calibration_data(
         error = log.q_encoder - log.q_nominal
         complete = np.isfinite(X).all(axis=1)
         usable = log.ok & complete
-        inside = np.ones(len(log), dtype=bool)
+        far = np.zeros(error.shape, dtype=bool)
         if max_error is not None:
-            inside[usable] = (np.abs(error[usable]) <= max_error).all(axis=1)
+            far[usable] = np.abs(error[usable]) > max_error
+        inside = ~far.any(axis=1)
         keep = usable & inside
         sources.append(
             TrainingSource(
@@ -137,7 +140,8 @@ def calibration_data(
                 without_history=int((log.ok & ~complete).sum()),
                 dropped=int((usable & ~inside).sum()),
                 simulated=log.simulated,
-                leaps=sum(spikes.values()),
+                leaps={name: count for name, count in spikes.items() if count},
+                beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
             )
         )
         index = np.arange(len(log), dtype=float)
@@ -208,6 +212,11 @@ def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats 
     return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
 
 
+def counted(counts: Mapping[str, int]) -> str:
+    """Return names and their counts in words."""
+    return ", ".join(f"{name} {count}" for name, count in counts.items())
+
+
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     """Return what readers of recordings noted, and what rows were left out."""
     notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
@@ -215,13 +224,13 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         left_out = {
             "without measurement": source.without_truth,
             f"without {data.features.history} previous commands": source.without_history,
-            "beyond the error limit": source.dropped,
+            f"beyond the error limit ({counted(source.beyond)})": source.dropped,
         }
         text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
         if text:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.leaps:
-            notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
+            notes.append(f"{source.name}: play states did not follow leaps of {counted(source.leaps)}")
         if strange := int(data.leaping[data.recording == i].sum()):
             notes.append(f"{source.name}: {strange} rows leap beyond training's motion: intervals are wider there")
     return notes

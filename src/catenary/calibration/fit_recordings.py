@@ -18,6 +18,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_
 from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
+from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -38,6 +39,7 @@ class FitResult:
     held_out: Evaluation | None
     notes: tuple[str, ...]
     choices: tuple[JointChoice, ...] = ()  # of model auto, one per joint
+    left_out: tuple[LeftOut, ...] = ()  # by joint, where measured rows were left out
 
 
 def fit_logs(
@@ -140,17 +142,26 @@ def _concluded(
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
+<<<<<<< HEAD
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         left = data.error - model.correction(data.X, data.q_nominal)
         spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals)
+=======
+    left_out = errors_with_left_out(
+        model, logs, everything, None if validation is None or late is not None else validation.after_model
+    )
+    notes = (*notes, *(f"{each.name}: {each}" for each in left_out_findings(left_out)))
+    spread = () if validation is None else validation.spread
+>>>>>>> check
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
     card["delays"] = [
         {"recording": log.name, **({} if delay is None else asdict(delay))}
         for log, delay in zip(logs, found.delays, strict=True)
     ]
-    return FitResult(model, card, data, spread, held_out, notes, choices)
+    card["left_out"] = [asdict(each) for each in left_out]
+    return FitResult(model, card, data, spread, held_out, notes, choices, left_out)
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:

@@ -19,15 +19,17 @@ if TYPE_CHECKING:
 
 def check(
     recordings: RecordingOptions,
-    file: str = argument("FILE", "A robot, a calibration model or a recording.", completes=robots_beginning),
+    file: str = argument(
+        "FILE", "A robot, a calibration model or a recording, a bag or its folder too.", completes=robots_beginning
+    ),
     max_error: Numbers | None = MAX_ERROR,
     robot: str | None = option("ROBOT", "Robot of a recording: its limits, and joints' names and units."),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Say what a file is and what is wrong with it.
+    """Say what a file is, what is wrong with it, and the command to use next.
 
-    The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
-    models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv. A recording gets the verdict that
+    The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files; models
+    are .npz; recordings bags of ROS 1 and 2, MCAP, journals, .npz, .parquet and .csv. A recording gets the verdict that
     catenary fit begins with, mended by the same options. --json prints facts as numbers with units (docs/formats.md).
 
     Example: catenary check run1.npz --swap J1,J2
@@ -35,20 +37,25 @@ def check(
     from catenary.workflows.check import check_file
 
     with without_notes(True):  # what is doubtful is among the faults below
-        finding = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error)
+        typed = recordings.typed(robot)
+        found = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
     if as_json:
-        print_json(finding.as_data())
+        print_json(found.as_data())
     else:
-        print(f"{file}: {finding.kind}")
-        width = max(len("remark:"), *(len(name) for name, _ in finding.lines))
-        for name, text in finding.lines:
+        print(f"{file}: {found.kind}")
+        width = max(len("remark:"), *(len(name) for name, _ in found.lines), len("verdict"))
+        for name, text in found.lines:
             print_fact(name, text, width=width)
-        for remark in finding.remarks:
+        if found.joints is not None:
+            print(found.joints.text().rstrip())
+        for remark in found.shown_remarks:
             print_fact("remark:", remark, width=width)
-        for fault in finding.faults:
+        for fault in found.faults:
             print_fact("WRONG:", fault, width=width)
-        print(f"  {len(finding.faults)} fault(s) found" if finding.faults else "  nothing wrong found")
-    if finding.faults:
+        print_fact("verdict", found.verdict, width=width)
+        if found.next:
+            print_fact("next", found.next, width=width)
+    if found.faults:
         raise typer.Exit(1)
 
 

@@ -285,7 +285,7 @@ def drift(
 
 
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
-    from catenary.reports.joint_errors import error_table, spread_table
+    from catenary.reports.joint_errors import error_table, left_out_table, spread_table
     from catenary.workflows.calibration_model import warnings_of
 
     print_notes(result.notes)
@@ -293,6 +293,8 @@ def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
         print(choice)
     if result.spread:
         print(spread_table(result.spread).text())
+    if result.left_out:
+        print(left_out_table(result.left_out).text())
     if result.held_out is not None:
         title = "RMSE and largest error on the held-out part"
         print(error_table(result.held_out, title=title).text())
@@ -322,6 +324,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "left_out": [asdict(joint) for joint in result.left_out],
         "intervals": None if held_out is None else interval_summary(held_out),
         "notes": [*result.notes, *([] if held_out is None else warnings_of(held_out))],
     }

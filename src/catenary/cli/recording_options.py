@@ -31,7 +31,7 @@ class MappingOptions:
 
     map: Sequence[str] = _of_recordings(
         "QUANTITY=COLUMNS",
-        "Of a recording of another make: q_nominal, q_encoder, qd, tau, ok, time or signal:NAME; may be "
+        "Of a recording of another make: q_nominal, q_encoder, q_reported, qd, tau, ok, time or signal:NAME; may be "
         "repeated. Example: q_encoder=/optitrack/joints.position[0:6]@deg",
     )
     mapping: Path | None = _of_recordings("TOML", "The same from a file; catenary import proposes one.")
@@ -101,6 +101,16 @@ class RecordingOptions(MappingOptions, MendOptions):
             return Reading(joint_names=names, mapping=mapping, mend=mend, as_trained=as_trained)
         units = si_units(given) or own_units
         return Reading(units=units, joint_names=names, mend=self.mend(), as_trained=as_trained)
+
+    def typed(self, robot: str | None) -> tuple[str, ...]:
+        """Return the words that say how recordings are read, beside their mends."""
+        from catenary.recording.mend import units_of
+
+        mapped = [word for text in self.map for word in ("--map", text)]
+        mapped += [] if self.mapping is None else ["--mapping", str(self.mapping)]
+        if mapped and self.units and units_of(self.units)[0] is None:
+            mapped += ["--units", self.units]
+        return (*mapped, *(() if robot is None else ("--robot", robot)))
 
 
 @group

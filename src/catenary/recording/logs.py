@@ -38,6 +38,7 @@ class _Stated(Recorded):
     notes: tuple[str, ...] = ()
     began: float = 0.0
     settled: Mapping[str, tuple[str, ...]] = {}
+    arrivals: Mapping[str, tuple[float, float]] = {}
 
 
 @dataclass(frozen=True)
@@ -148,8 +149,8 @@ def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | Non
 def write_parquet(log: MotionLog, path: str | Path) -> None:
     """Write a log as Parquet: one column per number, its unit in the column's metadata.
 
-    Columns are `time`, `ok`, `q_nominal:<joint>`, `q_encoder:<joint>`, `qd:<joint>`, `tau:<joint>` and the
-    further signals by name.
+    Columns are `time`, `ok`, `q_nominal:<joint>`, `q_encoder:<joint>`, `q_reported:<joint>`, `qd:<joint>`,
+    `tau:<joint>` and the further signals by name.
 
     Raises:
         InputError: A further signal has the name of another column.
@@ -240,6 +241,7 @@ def read_parquet(path: Path) -> MotionLog:
         repeated=stated.repeated,
         notes=stated.notes,
         settled={"units": (), "time_unit": (), **stated.settled},
+        arrivals=stated.arrivals,
     )
 
 

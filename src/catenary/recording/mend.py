@@ -7,16 +7,17 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import TO_SI
 
-ARRAYS = ("q_nominal", "q_encoder", "qd", "tau")  # that an option may name: "tau:J2,J3"
+ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
 _NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
-MENDS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|qd|tau))?)$"
+MENDS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
 AS_TRAINED = "mended as the model's training data"  # how a note on them opens
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
@@ -57,13 +58,7 @@ class Mend:
             log: The recording.
             trained: `settled` of the recordings that a model was fitted to, whose like this one is.
         """
-        given = {step: getattr(self, step) for step in _STEPS}
-        given |= {
-            "delay": (f"{self.delay:g}",) * bool(self.delay),
-            "shift": (str(self.shift),) * bool(self.shift),
-            "time_unit": (self.time_unit,) * (self.time_unit != "s"),
-        }
-        own = [(step, text, False) for step, texts in given.items() for text in texts]
+        own = [(step, text, False) for step, text in self._steps()]
         taken = {_settled(log, step, text)[0] for step, text, _ in own} | set(log.settled)
         for key in [key for key in trained or () if key not in taken]:
             step, _, array = key.partition(":")
@@ -81,6 +76,36 @@ class Mend:
         said = [f"mended by {' '.join(notes[0])}"] * bool(notes[0])
         said += [f"{AS_TRAINED}: {' '.join(notes[1])}; --no-mend takes it as it is"] * bool(notes[1])
         return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
+
+    def _steps(self) -> list[tuple[str, str]]:
+        """Return every step that it takes, and its text."""
+        given = {step: getattr(self, step) for step in _STEPS}
+        given |= {
+            "delay": (f"{self.delay:g}",) * bool(self.delay),
+            "shift": (str(self.shift),) * bool(self.shift),
+            "time_unit": (self.time_unit,) * (self.time_unit != "s"),
+        }
+        return [(step, text) for step, texts in given.items() for text in texts]
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The words of a command line that ask for it."""
+        return tuple(word for step, text in self._steps() for word in (f"--{step.replace('_', '-')}", text))
+
+    def and_then(self, remedy: str) -> "Mend | None":
+        """Return a mend that also does what an option such as "--delay 0.12" asks; None where that is none of ours."""
+        option, _, text = remedy.removeprefix("--").partition(" ")
+        step = option.replace("-", "_")
+        if step not in _STEPS or not text:
+            return None
+        had = getattr(self, step)
+        if step in ("delay", "shift"):
+            return replace(self, **{step: type(had)(had + float(text))})
+        if step == "time_unit" or (step == "units" and had):
+            return replace(self, time_unit=text) if had == "s" else None
+        undone = step in ("swap", "sign") and text in had
+        texts = tuple(t for t in had if t != text) if undone else (*had, text)
+        return replace(self, **{step: texts})  # type: ignore[arg-type]  # a field by its name
 
 
 NOTHING = Mend()
@@ -156,7 +181,7 @@ def _units(log: MotionLog, text: str) -> MotionLog:
     factor = np.array([TO_SI[unit][1] for unit in units])
     if (factor == 1.0).all():
         return log
-    keys = [array] if array else [key for key in ("q_nominal", "q_encoder", "qd") if getattr(log, key) is not None]
+    keys = [array] if array else [key for key in ARRAYS[:4] if getattr(log, key) is not None]
     changed: dict[str, Any] = {key: _array(log, key, "--units")[1] * factor for key in keys}
     return replace(log, **changed)
 
@@ -254,7 +279,20 @@ def _leave_out(log: MotionLog, text: str) -> MotionLog:
         if not 0 <= rows.start < rows.stop <= len(log):
             raise InputError(f'recording "{log.name}": --leave-out: has rows 0 to {len(log)}, got {part}')
         ok[rows] = False
-    return replace(log, ok=ok)
+    if log.q_encoder is None:
+        return replace(log, ok=ok)
+    measured = log.q_encoder.copy()
+    measured[~log.ok] = np.nan  # so that what was left out stays known from what was not measured
+    return replace(log, ok=ok, q_encoder=measured)
+
+
+def left_out_rows(log: MotionLog) -> NDArray[np.bool_]:
+    """Return rows that were measured, and left out as asked, (N,)."""
+    rows = np.zeros(len(log), dtype=bool)
+    for part in (part for text in log.settled.get("leave_out", ()) for part in text.split(",")):
+        first, _, last = part.partition(":")
+        rows[int(first) : int(last)] = True
+    return rows & ~log.ok & (False if log.q_encoder is None else np.isfinite(log.q_encoder).all(axis=1))
 
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps

@@ -10,6 +10,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import Evaluation, Spread, Window
+from catenary.calibration.left_out import LeftOut
 from catenary.calibration.model import CalibrationModel
 from catenary.reports.page import Block, Heading, Picture, Table, TableColumn, Text, joint_columns, picture
 from catenary.units import DISPLAY
@@ -145,6 +146,21 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
     if all(s.held_low is not None for s in spread):
         columns.append(TableColumn("in intervals", lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
     return Table(columns, spread, "RMSE on blocks of time that the fit did not see, and on a stretch to come")
+
+
+def left_out_table(found: Sequence[LeftOut]) -> Table:
+    """Return the error by joint with and without the rows that a fit left out."""
+    unit = in_units(each.unit for each in found)
+    columns = [
+        TableColumn("joint", "joint"),
+        TableColumn("unit", "unit"),
+        TableColumn("beyond limit [rows]", "beyond"),
+        TableColumn("left out [% of rows]", lambda each: 100.0 * each.share_of_rows, ".2f", " %"),
+        TableColumn("carry [% of error]", lambda each: 100.0 * each.share_of_error, ".0f", " %"),
+        TableColumn(f"RMSE without {unit}", "rmse_without", ".3f"),
+        TableColumn(f"with {unit}", "rmse_with", ".3f"),
+    ]
+    return Table(columns, found, f"Error with and without the {found[0].rows} measured rows left out")
 
 
 def coverage_table(evaluation: Evaluation) -> Table:

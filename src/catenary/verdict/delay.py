@@ -151,7 +151,7 @@ class _JointLook:
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= FAR * max(1.4826 * float(np.median(away[inside])), 1.0)))
         rows = rows[:: len(rows) // MOST_ROWS + 1]
-        self.X = _explanation(q, own, moved, len(rows))
+        self.X = explanation(q, own, moved, len(rows))
         few = rows[:: len(rows) // SCANNED_ROWS + 1]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
         for _ in range(3):
@@ -204,15 +204,20 @@ def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Flo
     return grid, np.concatenate(costs[::-1], axis=1)[:, order]
 
 
-def _explanation(q: Floats, own: int, moved: Sequence[int], rows: int) -> Floats:
-    """Return columns of any weight, a fifteenth of the rows at most, then the play states (N, p)."""
+def explanation(q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAYS) -> Floats:
+    """Return columns of any weight, a fifteenth of the rows at most, then a joint's play states (N, p).
+
+    Args:
+        q: (N, n) commands, of which those `moved` are taken, in units of their ranges.
+        radii: Of the play states, as shares of the joint's range.
+    """
     z = {k: (q[:, k] - q[:, k].mean()) / np.ptp(q[:, k]) for k in moved}
     free = [z[k] for k in moved] + [z[own] ** 2, z[own] ** 3]
     more = [z[a] * z[b] for a in moved for b in moved if a <= b and (a, b) != (own, own)]
     if len(moved) <= 4:
         cubes = ((a, b, c) for a in moved for b in moved for c in moved if a <= b <= c and (a, c) != (own, own))
         more += [z[a] * z[b] * z[c] for a, b, c in cubes]
-    plays = [play(z[own], radius) for radius in PLAYS]
+    plays = [play(z[own], radius) for radius in radii]
     return np.column_stack(free + more[: max(0, rows // 15 - 10 - len(free))] + plays)
 
 

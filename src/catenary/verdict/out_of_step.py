@@ -34,7 +34,18 @@ def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
     Args:
         place: (n,) which command each measurement follows.
     """
-    log = pairs.log
+    log, apart = pairs.log, list[Finding]()
+    if log.q_reported is not None:  # what a controller does between the two is no delay of a clock
+        own = delay_of(replace(log, q_encoder=log.q_reported, ok=np.ones(len(log), dtype=bool)))
+        log = replace(log, q_nominal=log.q_reported)
+        says = f"what the robot reports lies {own.seconds:+.3f} {own.unit} behind its setpoints"
+        between = f"between {own.low:+.3f} and {own.high:+.3f} {own.unit}"
+        culprit = "the controller's lag; the delay is that of measurements behind what it reports"
+        apart = [Finding("lag", (), f"{says}, {between}", culprit, refuses=False)] * (own.sure != "unknown")
+    return [*apart, *_delay_findings(log, place)]
+
+
+def _delay_findings(log: MotionLog, place: NDArray[np.int64]) -> list[Finding]:
     near = delay_of(log, place)
     known = None if near.sure == "unknown" else near
     if near.change:
@@ -68,7 +79,9 @@ def delay_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
 
 def _delay(found: Delay) -> Finding:
     if found.seconds > 0.0:
-        culprit = "stamps of arrival; or, where q_nominal is a setpoint, the controller's lag"
+        culprit = (
+            "stamps of arrival; or, where q_nominal is a setpoint, the controller's lag (q_reported tells them apart)"
+        )
     else:
         culprit = "commands stamped late: no mechanics leads its command"
     remedy = f"--delay {found.seconds:.3g}" if found.unit == "s" else f"--shift {round(found.seconds)}"

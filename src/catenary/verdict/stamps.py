@@ -3,6 +3,7 @@
 import numpy as np
 
 from catenary.plant import MotionLog
+from catenary.verdict.delay import Delay
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import scales
 
@@ -40,6 +41,32 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
             culprit = "rows that were shuffled, or merged from two clocks"
             findings.append(Finding("stamps", (), says, culprit))
     return [*findings, *_unit_findings(log)] if in_si and not findings else findings
+
+
+def arrival_findings(log: MotionLog, delay: Delay | None) -> list[Finding]:
+    """Note measurements stamped another time before their arrival than commands, and what the motion says of it.
+
+    Stamps of a clock that is behind by c lie c too early: measurements then lead by c. A longer way to the recorder
+    leaves their stamps right.
+
+    Args:
+        delay: Of the measurements, as the motion tells it; None where it is not known.
+    """
+    if not {"q_nominal", "q_encoder"} <= set(log.arrivals):
+        return []
+    (own, step), (seen, other) = log.arrivals["q_nominal"], log.arrivals["q_encoder"]
+    apart = seen - own
+    if abs(apart) <= max(step, other):
+        return []
+    culprit = "two clocks that differ, or a longer way to the recorder; the motion cannot tell which"
+    if delay is not None and delay.unit == "s":
+        by_clock, by_way = delay.low <= -apart <= delay.high, delay.low <= 0.0 <= delay.high
+        if by_clock and not by_way:
+            culprit = "two clocks that differ by that: the motion shows it"
+        elif by_way and not by_clock:
+            culprit = "a longer way to the recorder: the motion shows no such delay, and the stamps are right"
+    says = f"measurements are stamped {seen:.3f} s before their arrival, commands {own:.3f} s"
+    return [Finding("clock", (), says, culprit, refuses=False)]
 
 
 def _unit_findings(log: MotionLog) -> list[Finding]:

@@ -4,8 +4,9 @@ Facts are numbers with units for programs (docs/formats.md), and lines for peopl
 (rad, m), errors in its `error_unit` (deg, mm); None: not stated.
 """
 
+import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from zipfile import is_zipfile
@@ -13,7 +14,6 @@ from zipfile import is_zipfile
 import numpy as np
 
 from catenary.archives import read_arrays
-from catenary.calibration.dataset import error_limits
 from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
 from catenary.errors import ExcitationError, FileFormatError, InputError
@@ -25,49 +25,35 @@ from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
+from catenary.recording.bag_reader import METADATA, bags_in
+from catenary.recording.extract import is_extraction
+from catenary.recording.import_formats.sources import is_bag
+from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
+from catenary.recording.mend import NOTHING, Mend, units_of
 from catenary.reports.calibration import shortened
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.stamps import stamp_findings
+from catenary.workflows.file_report import FileReport, Line
+from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
+from catenary.workflows.recording_screen import Source, check_recording, recording_report
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
-FORMAT = "catenary.check.1"  # of what --json prints
 REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
-LONG_GAP = 10.0  # times the median step between stamps
 ROUNDING = 1e-9  # two ways to sum the same offset differ in their last digits
-Line = tuple[str, str]  # what a fact is called, and what it says
-
-
-@dataclass
-class FileReport:
-    """Kind, facts and faults of a file."""
-
-    kind: str  # "robot", "calibration model", "identified dynamics" or a recording
-    facts: dict[str, Any]
-    lines: list[Line]  # the facts as people read them
-    faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
-    remarks: list[str] = field(default_factory=list)  # worth knowing
-    findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
-
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data."""
-        return {
-            "format": FORMAT,
-            "kind": self.kind,
-            "facts": self.facts,
-            "faults": self.faults,
-            "remarks": self.remarks,
-            "findings": [asdict(finding) for finding in self.findings],
-        }
 
 
 def check_file(
-    source: str, reading: Reading | None = None, *, robot: str | None = None, max_error: tuple[float, ...] | None = None
+    source: str,
+    reading: Reading | None = None,
+    *,
+    robot: str | None = None,
+    max_error: tuple[float, ...] | None = None,
+    typed: tuple[str, ...] = (),
 ) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
@@ -75,18 +61,25 @@ def check_file(
         reading: What a recording does not say of itself, and how it is mended.
         robot: Catalogue name or file of the robot that a recording is of; its own when None.
         max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.
+        typed: Options that say how a recording is read, for the command to use next.
 
     Raises:
         FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
         InputError: A recording or robot whose numbers cannot be used; the message says which.
     """
     path = Path(source)
-    if reading is not None and reading.mapping is not None:
-        return check_recording(read_recording(path, reading), robot=robot, max_error=max_error)
+    reading = reading if reading is not None else Reading()
+    as_read = replace(reading, mend=NOTHING)
+    as_typed = Source(source, typed)
+    if reading.mapping is not None:
+        log = read_recording(path, as_read)
+        return check_recording(log, as_typed, mend=reading.mend, robot=robot, max_error=max_error)
     if source in robot_names():
         return check_robot(load_robot(source))
+    if is_bag(path) and not (path.is_dir() and _is_no_recording(path)):
+        return _check_other_make(source, reading.mend, robot, max_error)
     if path.is_dir():
-        raise FileFormatError(f"{path}: is a folder, expected a file")
+        raise FileFormatError(f"{path}: is a folder, expected a file or a bag")
     if path.suffix.lower() in ROBOT_ENDINGS:
         return check_robot(load_robot(source))
     # a model may have any name; a recording's says what it is
@@ -100,14 +93,54 @@ def check_file(
                 "of which robot? name it with --robot"
             )
         model = load_robot(robot)
-        return check_torque_recording(read_torque_recording(path, model, reading), model)
+        found = check_torque_recording(read_torque_recording(path, model, reading), model)
+        found.next = "" if found.faults else as_typed.command("identify", reading.mend.options, "_arm.npz")
+        return found
     if table_ending(path) in (".npz", ".parquet", ".csv"):
-        return check_recording(read_recording(path, reading), robot=robot, max_error=max_error)
+        try:
+            layout = known_layout([path], robot=robot)
+        except FileFormatError:  # reading it says more of what is wrong
+            layout = ""
+        if layout is None and table_ending(path) != ".npz":
+            return _check_other_make(source, reading.mend, robot, max_error)
+        log = read_recording(path, as_read)
+        return check_recording(log, as_typed, mend=reading.mend, robot=robot, max_error=max_error, layout=layout or "")
     if not path.exists():
         raise FileFormatError(f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}")
     raise FileFormatError(
         f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
-        "models (.npz), recordings (.npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
+        "models (.npz), recordings (bags, .npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
+    )
+
+
+def _is_no_recording(folder: Path) -> bool:
+    inside = bags_in(folder)
+    return inside == [folder] and not (is_extraction(folder) or is_journal(folder) or (folder / METADATA).is_file())
+
+
+def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tuple[float, ...] | None) -> FileReport:
+    """Check a recording that must be imported first, by its known layout or by the mapping that it suggests."""
+    path = Path(source)
+    units = next((text for text in mend.units if units_of(text)[0] is None), None)
+    mend = replace(mend, units=tuple(text for text in mend.units if text != units))
+    said = [*(("--units", units) if units else ()), *(("--robot", robot) if robot else ())]
+    layout = known_layout([path], robot=robot)
+    if layout is None:
+        proposal = propose_mapping(path, units=units, robot=robot)
+        if proposal.questions:
+            facts = {"proposal": proposal.toml, "decisions": list(proposal.decisions)}
+            toml = f"{path.with_suffix('').name}.toml"
+            asks = shlex.join(["catenary", "import", source, *said]) + f" > {shlex.quote(toml)}"
+            return FileReport(
+                "recording of another make", facts, [], [f"open: {each}" for each in proposal.questions],
+                next=f"{asks}, answer what is OPEN in it, then catenary check {shlex.quote(source)} --mapping {toml}",
+            )  # fmt: skip
+        log, said = import_recording(path, proposal.accepted()), [*said, "--yes"]
+    else:
+        log = import_recording(path, units=units, robot=robot)
+    as_typed = Source(source, () if robot is None else ("--robot", robot), tuple(said))
+    return check_recording(
+        log, as_typed, mend=mend, robot=robot, max_error=max_error, layout=layout or "by the mapping that it suggests"
     )
 
 
@@ -162,6 +195,7 @@ def check_robot(model: RobotModel) -> FileReport:
     return found
 
 
+<<<<<<< HEAD
 def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
     """Return friction and rotors of every joint by itself, SI; None where no numbers are known."""
     found = None if model.actuation is None else joint_drives(model.actuation, model.n)
@@ -198,9 +232,11 @@ def check_recording(
     return found
 
 
+=======
+>>>>>>> check
 def check_torque_recording(log: MotionLog, model: RobotModel) -> FileReport:
     """Check a recording for identification: what it shows of its robot, and whether its torques are the motion's."""
-    found = _recording("recording for identification", log)
+    found = recording_report("recording for identification", log, model)
     found.faults, remarks, found.findings = torque_verdict(log, model)
     found.remarks = [*log.notes, *remarks]
     return found
@@ -241,48 +277,6 @@ def _fit_in_words(result: Identification) -> Sequence[str]:
         f"{result.condition:.3g}",
         f"fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: {shares}",
     ]
-
-
-def _recording(kind: str, log: MotionLog) -> FileReport:
-    """Return what a recording holds, before anything is said of it."""
-    measured = int(log.ok.sum())
-    facts: dict[str, Any] = {
-        "name": log.name,
-        "rows": len(log),
-        "measured_rows": measured,
-        "robot": log.robot,
-        "simulated": log.simulated,
-        "sha256": log.sha256,
-        **dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")),
-    }
-    lines = [
-        ("rows", f"{len(log):,}, {measured:,} with a trusted measurement"),
-        ("joints", joints_text(log)),
-        ("robot", log.robot or "not stated"),
-        ("simulated", "yes" if log.simulated else "not said"),
-        ("sha256", log.sha256 or "unknown"),
-    ]
-    steps = np.diff(np.empty(0) if log.time is None else log.time)
-    if len(forward := steps[steps > 0.0]):
-        duration, median = float(forward.sum()), float(np.median(forward))
-        gaps = int((forward > LONG_GAP * median).sum())
-        facts |= {"duration_s": duration, "median_step_s": median, "gaps": gaps}
-        facts["longest_gap_s"] = float(forward.max()) if gaps else None
-        lines.append(("duration", f"{duration:.1f} s, median step {median:.4g} s"))
-    facts["joints"] = []
-    for j, (name, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
-        shown, scale = DISPLAY[unit]
-        low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
-        rms = largest = None
-        told = f"{scale * low:.2f} to {scale * high:.2f} {shown}"
-        if log.q_encoder is not None and log.ok.any():
-            error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
-            rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-            told += f", error RMS {rms:.3f}, largest {largest:.2f} {shown}"
-        of_joint = {"name": name, "unit": unit, "lowest": low, "highest": high, "error_unit": shown}
-        facts["joints"].append(of_joint | {"error_rms": rms, "error_largest": largest})
-        lines.append((name, told))
-    return FileReport(kind, facts, lines)
 
 
 def _check_identification(path: Path) -> FileReport:

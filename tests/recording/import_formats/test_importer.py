@@ -77,6 +77,8 @@ def test_arrays_that_change_length_leave_rows_without_a_measurement(tmp_path: Pa
     assert log.time is not None
     assert not log.ok[(log.time > 0.495) & (log.time < 0.795)].any()
     assert log.ok.sum() == 170
+    (said,) = (note for note in log.notes if "have no q_encoder" in note)
+    assert said == "30 of 200 rows have no q_encoder (outer_pitch 30, outer_insertion 30)"  # the first was measured
     moving = import_recording(bag, ["q_nominal=/cmd.position", "qd=/cmd.velocity"], units="rad,rad,m")
     assert len(moving) == 150
     assert any("50 of 200 rows without qd were left out" in note for note in moving.notes)

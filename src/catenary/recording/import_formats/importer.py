@@ -151,7 +151,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     for key, columns in joints.items():
         encoder = _candidate(columns.places, sources.streams, names)
         scaled[key] = columns.sign * _scale(key, mapping, encoder, nominal, units, told, notes)
-        if key in ("q_nominal", "q_encoder"):
+        if key in ("q_nominal", "q_encoder", "q_reported"):
             streams, turns = unwrap_columns(streams, columns.places, scaled[key], units, names)
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
             jumped |= set(turns)
@@ -169,7 +169,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         if not np.isfinite(rows[key]).any():
             del rows[key]
     required = {**rows, **{f"signal {key}": values for key, values in further.items()}}
-    whole = _whole_rows(required, notes)
+    whole = _whole_rows(required, names, notes)
     if not whole.any():
         raise InputError("; ".join([f"{where}: no row has all of {', '.join(required)}", *notes]))
     if found.tracked is not None and model is not None:
@@ -181,7 +181,8 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     rows |= {} if measured is None else {"q_encoder": measured}
     ok = _trusted(where, clock, measured, len(whole), has_ok="ok" in found.places())
     lost = int((~ok[whole]).sum())
-    notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder"] * bool(lost)
+    unseen = "" if measured is None else _by_joint(~np.isfinite(measured[whole]), names)
+    notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder{unseen}"] * bool(lost)
     signals, signal_units = _signals(further, mapping, whole)
     time, began = clock.time(whole)
     stated_robot = None if sources.about is None else sources.about.robot
@@ -203,6 +204,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         units_assumed=assumed,
         repeated=clock.repeated,
         settled=_settled(mapping, joints, in_file=in_file),
+        arrivals=clock.arrivals,
         notes=(
             *([] if mapping.name else [f"imported from {where}: {_told(mapping, joints)}"]),
             *dict.fromkeys([*sources.notes, *clock.notes, *notes]),
@@ -363,7 +365,15 @@ def _ordered_by_name(
     return notes
 
 
-def _whole_rows(rows: dict[str, Floats], notes: list[str]) -> NDArray[np.bool_]:
+def _by_joint(missing: NDArray[np.bool_], names: Sequence[str]) -> str:
+    """Return how many rows lack which joint, " (J2 4)"; empty where they lack all of them."""
+    counts = missing.sum(axis=0).tolist()
+    if len(counts) != len(names) or len(set(counts)) == 1:
+        return ""
+    return f" ({', '.join(f'{name} {count}' for name, count in zip(names, counts, strict=True) if count)})"
+
+
+def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str]) -> NDArray[np.bool_]:
     """Return the rows that have all that a log must have on each; say what others lack."""
     whole = np.ones(len(rows["q_nominal"]), dtype=bool)
     for key, values in rows.items():
@@ -371,7 +381,8 @@ def _whole_rows(rows: dict[str, Floats], notes: list[str]) -> NDArray[np.bool_]:
             continue
         there = np.asarray(np.isfinite(values).all(axis=1))
         if not there.all():
-            notes.append(f"{int((whole & ~there).sum())} of {len(there)} rows without {key} were left out")
+            lacking = _by_joint(~np.isfinite(values[whole]), names)
+            notes.append(f"{int((whole & ~there).sum())} of {len(there)} rows without {key}{lacking} were left out")
         whole &= there
     return whole
 
@@ -413,7 +424,7 @@ def _signals(
 def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
     """Return a mapping in a line, its patterns as the columns that they stand for."""
     parts = []
-    for key in ("q_nominal", "q_encoder", "qd", "tau"):
+    for key in JOINT_QUANTITIES:
         quantity: Quantity | None = getattr(mapping, key)
         if quantity is not None:
             source = quantity.columns if quantity.pose is None else (f"pose {quantity.pose.columns[0]}",)

@@ -19,7 +19,7 @@ from catenary.units import TO_SI
 
 Unit = Literal["rad", "deg", "m", "mm", "counts"]
 SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "mm")}
-JOINT_QUANTITIES = ("q_nominal", "q_encoder", "qd", "tau")
+JOINT_QUANTITIES = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")
 _OPTION = re.compile(r"(?P<quantity>[a-z_]+)(?::(?P<signal>[^=]+))?=(?P<columns>.+)\Z", re.DOTALL)
 
 
@@ -108,6 +108,7 @@ class RecordingMapping(Settings):
 
     q_nominal: Quantity
     q_encoder: Quantity | None = None
+    q_reported: Quantity | None = None  # what the robot reports, where q_nominal is a setpoint
     qd: Quantity | None = None
     tau: Quantity | None = None
     ok: Texts = ()  # columns that are not 0 where q_encoder can be trusted
@@ -131,7 +132,7 @@ class RecordingMapping(Settings):
 
     @model_validator(mode="after")
     def _measured_or_given(self) -> "RecordingMapping":
-        for name in ("q_nominal", "q_encoder", "qd", "tau"):
+        for name in JOINT_QUANTITIES:
             quantity = getattr(self, name)
             if name != "tau" and quantity is not None and quantity.coupling is not None:
                 raise ValueError(f"{name}: a coupling is of tau alone")
@@ -180,7 +181,7 @@ def mapping_of(
     content = load_mapping(file).model_dump(mode="json", exclude_unset=True) if file else dict(content or {})
     for option in options:
         _take(option, content)
-    for name in ("q_nominal", "q_encoder", "qd") if units else ():
+    for name in JOINT_QUANTITIES[:4] if units else ():
         quantity = content.get(name)
         if isinstance(quantity, dict) and not quantity.get("units") and not quantity.get("pose"):
             content[name] = {**quantity, "units": words_of(units)}

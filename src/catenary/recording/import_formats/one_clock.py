@@ -95,6 +95,20 @@ class OneClock:
                     f"{_seconds(series, self.stamp[0])}; are the clocks or units of time different?"
                 )
 
+    @property
+    def arrivals(self) -> dict[str, tuple[float, float]]:
+        """How long before arrival messages of each quantity were stamped, and how far they are apart [s].
+
+        None where stamp and arrival are the same, which says nothing of either.
+        """
+        found = {}
+        for key, places in self._quantities.items():
+            one = self._series[self._part(key, places[0])]
+            if np.isfinite(one.report.clock_offset) and one.report.clock_offset != 0.0 and len(one.stamp) > 1:
+                step = float(np.median(np.diff(one.stamp))) / SECOND
+                found["q_encoder" if key == "pose" else key] = (one.report.clock_offset, step)
+        return found
+
     def time(self, whole: NDArray[np.bool_]) -> tuple[Floats | None, float]:
         """Return the time of rows (N,) [s], from the first one on, and what its own clock said then [s]."""
         if not self._timed:

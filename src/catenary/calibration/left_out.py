@@ -1,0 +1,83 @@
+"""Rows that a fit left out though they were measured, and a model's error with them: who cleans data must say so."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.model import CalibrationModel
+from catenary.plant import MotionLog
+from catenary.recording.mend import left_out_rows
+from catenary.units import DISPLAY
+from catenary.verdict.finding import Finding
+
+MORE = 2.0  # times their share of the rows, from which on rows left out carry more than their share of the error
+WORSE = 1.05  # times the RMSE without them, that is worth a word
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What one joint's error is with the rows left out, which the model did not learn from; deg or mm."""
+
+    joint: str
+    unit: str
+    rows: int  # left out for any joint: beyond the error limit, or as asked (--leave-out)
+    beyond: int  # of them beyond the error limit on this joint
+    share_of_rows: float
+    share_of_error: float  # that they carry, of the squared error of all rows
+    rmse_without: float
+    rmse_with: float
+
+
+def errors_with_left_out(
+    model: CalibrationModel, logs: Sequence[MotionLog], data: CalibrationData, after: Floats | None = None
+) -> tuple[LeftOut, ...]:
+    """Return a model's error with and without the measured rows that were left out of its data; none without any.
+
+    Args:
+        logs: Recordings that the data are of.
+        data: All rows that were not left out, (N,).
+        after: (N, n) errors that models which did not see a row left there [rad|m]; this model's when None.
+    """
+    logs = [replace(log, ok=log.ok | left_out_rows(log)) for log in logs]
+    everything = calibration_data(logs, model.features)
+    kept = np.isin(everything.recording + everything.position, data.recording + data.position)
+    gone = everything.rows(~kept)
+    if not len(gone):
+        return ()
+    after = data.error - model.correction(data.X, data.q_nominal) if after is None else after
+    squares = [np.square(each).sum(axis=0) for each in (after, gone.error - model.correction(gone.X, gone.q_nominal))]
+    beyond = [sum(source.beyond.get(name, 0) for source in data.sources) for name in data.joint_names]
+    total = len(after) + len(gone)
+    return tuple(
+        LeftOut(
+            name,
+            DISPLAY[unit][0],
+            len(gone),
+            beyond[j],
+            len(gone) / total,
+            float(squares[1][j] / max(squares[0][j] + squares[1][j], 1e-300)),
+            DISPLAY[unit][1] * float(np.sqrt(squares[0][j] / len(after))),
+            DISPLAY[unit][1] * float(np.sqrt((squares[0][j] + squares[1][j]) / total)),
+        )
+        for j, (name, unit) in enumerate(zip(data.joint_names, data.joint_units, strict=True))
+    )
+
+
+def left_out_findings(found: Sequence[LeftOut]) -> list[Finding]:
+    """Note joints on which the rows left out carry more than their share of the error."""
+    return [
+        Finding(
+            "dropped",
+            (each.joint,),
+            f"the {each.rows} rows left out, {each.share_of_rows:.2%} of all, carry {each.share_of_error:.0%} of the "
+            f"squared error: RMSE {each.rmse_with:.3g} {each.unit} with them, {each.rmse_without:.3g} without, which "
+            "is what is printed",
+            "measurement failures; or a true error that was cut away",
+            refuses=False,
+        )
+        for each in found
+        if each.share_of_error > MORE * each.share_of_rows and each.rmse_with > WORSE * each.rmse_without
+    ]

@@ -1,0 +1,244 @@
+"""A recording on one screen: what it is and covers, what is wrong with it, and the command to use next."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.calibration.dataset import date_of, error_limits
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.recording.mend import NOTHING, Mend
+from catenary.reports.page import Table, TableColumn
+from catenary.robots.model import RobotModel
+from catenary.units import DISPLAY
+from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.delay import Delay
+from catenary.verdict.finding import Finding
+from catenary.verdict.hysteresis import hysteresis_of
+from catenary.verdict.pairs import outliers
+from catenary.workflows.file_report import SOUND, FileReport, Line
+
+LONG_GAP = 10.0  # times the median step between stamps
+FEW_REVERSALS = 6  # of a joint: its slack and hysteresis are hardly shown
+ROUNDS = 4  # of mends: one fault may hide another
+MAX_ERROR = "--max-error"
+Limits = tuple[float, ...] | None
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording as it was typed, of which the command to use next is made."""
+
+    name: str  # of the file or folder
+    options: tuple[str, ...] = ()  # that say how it is read: its mapping, its robot
+    imports: tuple[str, ...] | None = None  # options of the import that it needs first; None where it needs none
+
+    def command(self, verb: str, options: Sequence[str], written: str) -> str:
+        """Return the command line that uses it, and writes a file of its name and `written`."""
+        stem = Path(self.name).with_suffix("").name
+        words = ["catenary", verb, self.name, *self.options, *options, "--out", f"{stem}{written}"]
+        if self.imports is None:
+            return shlex.join(words)
+        log = f"{stem}.parquet"
+        first = ["catenary", "import", self.name, *self.imports, "--out", log]
+        robot = self.options if verb == "identify" else ()
+        return f"{shlex.join(first)} && {shlex.join(['catenary', verb, log, *robot, *words[3 + len(self.options) :]])}"
+
+
+def check_recording(
+    log: MotionLog,
+    source: Source | None = None,
+    *,
+    mend: Mend = NOTHING,
+    robot: str | None = None,
+    max_error: Limits = None,
+    layout: str = "",
+) -> FileReport:
+    """Check a recording for calibration; the mends that its next command has were tried on it.
+
+    Args:
+        log: As it was read.
+        source: Where it was read from; a motion log of its name when None.
+        mend: What is to be changed of it.
+        robot: Catalogue name or file; its own when None.
+        max_error: Per joint, deg and mm; rows with larger errors are left out.
+        layout: Of its file, in words.
+    """
+    source = source if source is not None else Source(f"{log.name}.parquet")
+    as_read, log = log, mend(log)
+    arm = robot_of([log], robot)
+    findings = findings_of(log, robot=arm, max_error=error_limits(max_error, log))
+    mended, cured, limits, left = _cured(as_read, mend, findings, arm, max_error)
+    found = recording_report("recording", log, arm, cured)
+    found.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{found.lines[0][1]}")
+    found.findings = findings
+    found.remarks = [f"{each.name}: {each}" for each in findings if not each.refuses]
+    few = [f"{j['name']} {j['reversals']} times" for j in found.facts["joints"] if 0 < j["reversals"] < FEW_REVERSALS]
+    found.remarks += [f"few reversals ({', '.join(few)}): they hardly show slack and hysteresis"] * bool(few)
+    lost = int((~log.ok).sum())
+    if log.q_encoder is None:
+        found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
+        found.next = _without_measurement(log, source)
+    else:
+        found.next = (
+            f"no option mends {', '.join(left)}: bring in the right columns (catenary import), or record again"
+            if left
+            else source.command("fit", [*mended.options, *([MAX_ERROR, limits] if limits else [])], "_model.npz")
+        )
+        found.remarks += [f"{lost} rows without a trusted measurement serve as history only"] * (0 < lost < len(log))
+    found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
+    found.faults += [f"{each.name}: {each}" for each in findings if each.refuses]
+    _tell(found, findings)
+    return found
+
+
+def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
+    """Give delay and outliers lines and facts of their own, and say in the verdict what could hide."""
+    delay = next((each.delay for each in findings if each.delay is not None), None)
+    found.facts["delay"] = None if delay is None else asdict(delay)
+    found.lines += [("delay", each.says) for each in findings if each.name == "delay"]
+    wild = [each for each in findings if each.name == "outliers"]
+    told = "; ".join(f"{', '.join(each.joints)}: {each.says}" for each in wild) or "none"
+    found.lines += [("outliers", told)] * bool(found.facts["measured_rows"])
+    found.sound = SOUND + _could_hide(delay)
+
+
+def _could_hide(delay: Delay | None) -> str:
+    if delay is None or delay.sure == "certain":
+        return ""
+    return f"; a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"
+
+
+def _cured(
+    log: MotionLog, mend: Mend, findings: Sequence[Finding], robot: RobotModel | None, max_error: Limits
+) -> tuple[Mend, MotionLog, str, list[str]]:
+    """Follow what findings advise until none refuses.
+
+    Returns:
+        The mend, the log so mended, the text of --max-error, and names of findings that no option mends.
+    """
+    limits = "" if max_error is None else ",".join(f"{limit:g}" for limit in max_error)
+    for _ in range(ROUNDS):
+        wrong = [each for each in findings if each.refuses]
+        asked = [each.remedy for each in findings if each.remedy.startswith(f"{MAX_ERROR} ")]
+        limits = asked[0].removeprefix(f"{MAX_ERROR} ") if asked and not limits and not wrong[1:] else limits
+        more = mend
+        for each in wrong:
+            more = more.and_then(each.remedy) or more
+        names = [each.name for each in wrong if each.remedy not in asked]
+        if not names or more == mend:
+            return mend, mend(log), limits, list(dict.fromkeys(names))
+        try:
+            mended = more(log)
+            within = error_limits(None if not limits else tuple(map(float, limits.split(","))), log)
+            mend, findings = more, findings_of(mended, robot=robot, max_error=within)
+        except InputError:  # such as a shift that leaves no row
+            break
+    return mend, mend(log), limits, [each.name for each in findings if each.refuses]
+
+
+def _without_measurement(log: MotionLog, source: Source) -> str:
+    robot = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
+    if log.tau is None:
+        return "measure the joints beside the robot (a camera, encoders), and bring that in as q_encoder"
+    return source.command("identify", robot, "_arm.npz")
+
+
+def recording_report(
+    kind: str, log: MotionLog, robot: RobotModel | None = None, cured: MotionLog | None = None
+) -> FileReport:
+    """Return what a recording holds, before anything is said of it.
+
+    Args:
+        kind: What it is for.
+        log: As it is.
+        robot: Whose limits joints are compared with.
+        cured: The same with every fault mended that can be, in which slack and hysteresis are looked for.
+    """
+    measured = int(log.ok.sum()) if log.q_encoder is not None else 0
+    began = log.began + (0.0 if log.time is None else float(log.time[0]))
+    units = _units(log)
+    facts: dict[str, Any] = {
+        "name": log.name,
+        "rows": len(log),
+        "measured_rows": measured,
+        "robot": log.robot,
+        "simulated": log.simulated,
+        "sha256": log.sha256,
+        "recorded": date_of(began),
+        "units_from": units,
+        **dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")),
+    }
+    rows = f"{len(log):,} rows, {f'{measured:,}' if measured else 'none'} with a trusted measurement"
+    of = f"{log.robot or 'not stated'}{', simulated' if log.simulated else ''}"
+    lines: list[Line] = [("recording", rows), ("robot", f"{of}; {facts['recorded'] or 'date not stated'}")]
+    steps = np.diff(np.empty(0) if log.time is None else log.time)
+    if len(forward := steps[steps > 0.0]):
+        duration, median = float(forward.sum()), float(np.median(forward))
+        gaps = int((forward > LONG_GAP * median).sum())
+        facts |= {"duration_s": duration, "median_step_s": median, "gaps": gaps}
+        facts["longest_gap_s"] = float(forward.max()) if gaps else None
+        long = f"{gaps} gaps longer than {LONG_GAP:g} steps, the longest {forward.max():.3g} s" if gaps else "no gaps"
+        lines.append(("duration", f"{duration:.1f} s, median step {median:.4g} s ({1.0 / median:.4g} Hz), {long}"))
+    lines.append(("units", f"{', '.join(log.joint_units)}: {units}"))
+    facts["joints"] = _joints(log, robot, log if cured is None else cured)
+    return FileReport(kind, facts, lines, joints=_table(facts["joints"], measured=log.q_encoder is not None))
+
+
+def _units(log: MotionLog) -> str:
+    """Return where a recording's units come from."""
+    given = [text for key, texts in log.settled.items() if key.startswith("units") for text in texts]
+    if given:
+        return f"made of what --units says ({'; '.join(given)})"
+    if log.units_assumed:
+        return "assumed, as nobody states them"
+    return "as its file or its mapping states" if "units" in log.settled else "as --robot or --units says"
+
+
+def _joints(log: MotionLog, robot: RobotModel | None, cured: MotionLog) -> list[dict[str, Any]]:
+    """Return what each joint covers and how far off it is, in its own unit, errors in deg and mm."""
+    told = []
+    for j, (name, unit, shown) in enumerate(zip(log.joint_names, log.joint_units, hysteresis_of(cured), strict=True)):
+        low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
+        share = rms = largest = wild = None
+        if robot is not None and (name, unit) in zip(robot.joint_names, robot.joint_units, strict=True):
+            k = robot.joint_names.index(name)
+            reach = float(robot.upper[k] - robot.lower[k])
+            share = (high - low) / reach if 0.0 < reach < np.inf else None
+        if log.q_encoder is not None and log.ok.any():
+            error = DISPLAY[unit][1] * (log.q_encoder - log.q_nominal)[log.ok, j]
+            rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+            wild = int(outliers(error[:, None])[0][0])
+        of_joint = {"name": name, "unit": unit, "lowest": low, "highest": high, "share_of_limits": share}
+        of_joint |= {"reversals": shown.reversals, "error_unit": DISPLAY[unit][0], "error_rms": rms}
+        of_joint |= {"error_largest": largest, "outliers": wild}
+        widths = {"hysteresis": shown.loop, "slack": shown.slack}
+        told.append(of_joint | {key: float(x) if np.isfinite(x) else None for key, x in widths.items()})
+    return told
+
+
+def _table(joints: Sequence[dict[str, Any]], *, measured: bool) -> Table:
+    def reach(j: dict[str, Any]) -> str:
+        low, high = (DISPLAY[j["unit"]][1] * j[key] for key in ("lowest", "highest"))
+        return f"{low:.2f} to {high:.2f} {j['error_unit']}"
+
+    def share(j: dict[str, Any]) -> str:
+        return "-" if j["share_of_limits"] is None else f"{100.0 * j['share_of_limits']:.0f} %"
+
+    columns = [
+        TableColumn("joint", "name"),
+        TableColumn("range", reach),
+        TableColumn("of limits", share),
+        TableColumn("reversals", "reversals"),
+    ]
+    seen = [
+        TableColumn("error RMS", "error_rms", ".3f"),
+        TableColumn("largest", "error_largest", ".2f"),
+        TableColumn("hysteresis", "hysteresis", ".2f"),
+        TableColumn("slack", "slack", ".2f"),
+    ]
+    return Table([*columns, *(seen if measured else [])], joints)
