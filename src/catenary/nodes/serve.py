@@ -79,6 +79,7 @@ class ServerStatus(NamedTuple):
     clients: int  # programs that listen or command
     lost_ticks: int  # given up since it began, because the machine was late
     overflowed: int  # messages that slow clients missed since it began
+    missed: dict[str, int]  # the same by client
     is_up: bool  # whether the transport's network answers
     warnings: tuple[str, ...]
     ended_by: str = ""  # of the last one: the signal's name, or Ctrl-C; empty when its time was over
@@ -211,7 +212,7 @@ def serve(
     ended_by = ""
 
     def status(since: _Counts, now: _Counts) -> ServerStatus:
-        took = max(now.time - since.time, 1e-9)
+        took, missed = max(now.time - since.time, 1e-9), server.missed
         return ServerStatus(
             seconds=now.time - begin.time,
             rate_hz=(now.ticks - since.ticks) / took,
@@ -220,7 +221,8 @@ def serve(
             commands_hz=(now.commands - since.commands) / took,
             clients=len(server.clients()),
             lost_ticks=lost,
-            overflowed=server.overflowed,
+            overflowed=sum(missed.values()),
+            missed=missed,
             is_up=server.transport.is_up(),
             warnings=tuple(server.reports.take()),
         )

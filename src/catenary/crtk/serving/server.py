@@ -6,6 +6,7 @@ Beside its dialect it publishes `/diagnostics` (each arm's state, and why it is 
 changes [diagnostic_msgs/DiagnosticArray; ROS REP 107: name, hardware_id]) and external encoders.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -301,9 +302,9 @@ class Server:
         return len(self._heard)
 
     @property
-    def overflowed(self) -> int:
-        """Messages that slow clients missed."""
-        return sum(lazy.publisher.overflowed for lazy in self._heard)
+    def missed(self) -> dict[str, int]:
+        """Messages that slow clients missed, by the client's name."""
+        return dict(sum((Counter(lazy.publisher.missed) for lazy in self._heard), Counter()))
 
     def _pressed(self, request: Message) -> Message:
         said = self.press_button()
