@@ -4,6 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from catenary.cli.gravity_options import GravityOptions
 from catenary.cli.options import AS_JSON, argument, option
 from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project, step_progress
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from catenary.calibration.model import CalibrationModel
     from catenary.crtk.reader import CrtkReader
     from catenary.nodes.calibrated_topics import CalibratedTopics, WireReport
+    from catenary.workflows.project.deploy import Deployment
 
 
 def deploy(
@@ -43,7 +46,8 @@ def deploy(
 ) -> None:
     """Run a model in a robot's loop, or beside one on ROS.
 
-    Prints latency, the share of time in the valid range, and the error while it runs.
+    Prints latency, the share of time in the valid range, and the error while it runs. The exit code is 1 when it takes
+    longer than a tick in the median.
     """
     if ros is None and project is None:
         raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
@@ -79,11 +83,21 @@ def deploy(
     _show_deployment(model, arm, report, as_json=as_json)
     if failure is not None:
         raise failure  # behind the report, which is there whatever ended it
+    if not report.keeps_up and report.latency is not None and report.rate_hz is not None:
+        _too_slow(report.latency.median, 1.0 / report.rate_hz)
+
+
+def _too_slow(took: float, period: float) -> None:
+    """End with exit code 1: what takes longer than its tick [s] is no loop."""
+    announce(
+        f"error: the model does not keep up: {1e3 * took:.2f} ms in the median, expected at most the "
+        f"{1e3 * period:.2f} ms from one message to the next"
+    )
+    raise typer.Exit(1)
 
 
 def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real_time: bool, as_json: bool) -> None:
     from catenary.config import plain_data
-    from catenary.reports.page import Table, TableColumn
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
     from catenary.workflows.project.deploy import deploy_on_robot
@@ -99,9 +113,18 @@ def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real
     motion, _ = random_motion(opened, seconds, 1)
     with step_progress(f"{seconds:g} s at 1 kHz"):
         result = deploy_on_robot(plant, model, motion, real_time=real_time)
+    took = None if result.compute_us is None or not real_time else result.compute_us.median
     if as_json:
         print_json(plain_data(result))
-        return
+    else:
+        _show_loop(result)
+    if took is not None and took > 1e6 * plant.period:
+        _too_slow(1e-6 * took, plant.period)
+
+
+def _show_loop(result: "Deployment") -> None:
+    from catenary.reports.page import Table, TableColumn
+
     print(result.loop)
     columns = [
         TableColumn("joint", "name"),

@@ -108,6 +108,7 @@ def serve(
         print(
             f"{final.seconds:.1f} s at {final.rate_hz:.0f} Hz, {100 * final.cpu:.0f} % of a core; ticks lost: "
             f"{final.lost_ticks}; messages that clients missed: {final.overflowed}"
+            + "".join(f", {count} of {client}" for client, count in sorted(final.missed.items()))
         )
 
 
@@ -159,6 +160,8 @@ def _show(status: "ServerStatus") -> None:
     )
     if status.lost_ticks:
         line += f"  {status.lost_ticks} ticks lost"
+    if status.overflowed:
+        line += f"  {status.overflowed} messages missed by {', '.join(sorted(status.missed))}"
     if not status.is_up:
         line += "  NO MASTER"
     print(line, flush=True)

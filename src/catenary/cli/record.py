@@ -235,7 +235,7 @@ def _record_others(project: "Project", access: RobotAccess, hours: float | None,
     from catenary.crtk.network import node_name
     from catenary.recording.journal import About
     from catenary.workflows.project.kinds import kind_of
-    from catenary.workflows.robot.topic_recorder import record_topics
+    from catenary.workflows.robot.topic_recorder import left_off, record_topics
 
     with project as opened, step_progress("record") as progress:
         connection = opened.settings.connection if access.ros is None else f"ros{access.ros}"
@@ -245,17 +245,21 @@ def _record_others(project: "Project", access: RobotAccess, hours: float | None,
         if not 0.0 < seconds < float("inf"):
             raise InputError(f"--hours: expected more than 0, got {hours}")
         kind, folder = kind_of(opened.settings), opened.folder / "recordings" / name
-        if any(folder.glob("*")):
-            raise InputError(f"{folder}: holds a recording already; give this one another --name")
         not_ours = {"motion": "not ours"}
         about = About(robot=kind.recorded_as, simulated=access.simulated, configuration=not_ours)
+        left = left_off(folder, about, kind.topics, time.time_ns(), in_passes=False)
+        if any(folder.glob("*")) and (left is None or left.begins > seconds - 1.0):
+            raise InputError(f"{folder}: holds a recording already; give this one another --name")
+        before = 0.0 if left is None else left.begins
+        if left is not None:
+            print_notes([f"{name}: {left.gap(time.time_ns())}"])
         found: list[RecordedTopics] = []
 
         def work() -> None:
             with ros_transport(int(connection.removeprefix("ros")), node_name("record")) as transport:
                 found.append(
                     record_topics(
-                        transport, folder, kind.topics, seconds, about=about, progress=progress,
+                        transport, folder, kind.topics, seconds - before, about=about, after=left, progress=progress,
                         required=[topic.name for topic in kind.required],
                     )
                 )  # fmt: skip
@@ -265,9 +269,9 @@ def _record_others(project: "Project", access: RobotAccess, hours: float | None,
         (recorded,) = found
         print_notes([note for count in recorded.counts if (note := count.note()) is not None])
         ended_by = recorded.ended_by
-        what = f"recorded {recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
+        what = f"recorded {before + recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")
         topics = [vars(count) for count in recorded.counts]
-        content = {"seconds": recorded.seconds, "ended_by": ended_by or None, "topics": topics}
+        content = {"seconds": before + recorded.seconds, "ended_by": ended_by or None, "topics": topics}
         say_step(opened, what, True, as_json, content)
     if ended_by and hours is not None:  # it was to last as long
         raise typer.Exit(exit_code(ended_by))

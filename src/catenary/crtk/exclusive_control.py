@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Subscription
-from catenary.crtk.topic_names import COMMAND, WARNING, DialectName, topics_of
+from catenary.crtk.topic_names import WARNING, DialectName, topics_of
 from catenary.crtk.transport import Transport
 from catenary.errors import RobotHeldError
 from catenary.raven2.topics import Arm
@@ -29,7 +29,7 @@ class OtherCommanders:
         self._told: Subscription | None = None
         self._refused: str | None = None
         for topic in topics_of(dialect, arm, namespace):
-            if topic.direction == "in" and topic.type != COMMAND and topic.verb not in ("hold", "free"):
+            if topic.moves and topic.verb not in ("hold", "free"):
                 self._heard.append(transport.subscribe(topic.name, topic.type, depth=1))
             elif topic.verb == WARNING:
                 self._told = transport.subscribe(topic.name, topic.type, depth=20)

@@ -25,6 +25,7 @@ TWIST = "geometry_msgs/TwistStamped"
 WRENCH = "geometry_msgs/WrenchStamped"
 VECTOR = "geometry_msgs/Vector3"
 MATRIX = "std_msgs/Float64MultiArray"
+NUMBER, SWITCH, TEXT, SIGNAL = "std_msgs/Float64", "std_msgs/Bool", "std_msgs/String", "std_msgs/Empty"
 COMMAND = "crtk_msgs/StringStamped"
 WARNING = "warning"  # verb: what an arm has to say of commands that it did not obey; ours, in both dialects
 DIAGNOSTICS = "/diagnostics"  # topic of all robots: their states, and why they are in FAULT
@@ -46,6 +47,21 @@ class CrtkTopic:
     verb: str  # last word of the name
     arm: str | None = None  # whose, gold or green or a name of its own; None: the robot's
 
+    @property
+    def commands_state(self) -> bool:
+        """Whether it changes operating states."""
+        return self.type == COMMAND or self.verb in CONSOLE
+
+    @property
+    def moves(self) -> bool:
+        """Whether it moves an arm: neither a state command nor a setting."""
+        return self.direction == "in" and not (self.commands_state or self.verb in _SETTINGS or self.verb in _SOUNDS)
+
+    @property
+    def is_latched(self) -> bool:
+        """Whether whoever comes later gets its last message: what is said on change."""
+        return self.verb == "operating_state" or _DVRK.get(self.verb, ("", "in"))[1] == "out"
+
 
 _Verbs = dict[str, tuple[str, Direction]]  # verb: type, direction
 _RAVEN_ROBOT: _Verbs = {
@@ -66,7 +82,7 @@ _RAVEN_ARM: _Verbs = {
     "setpoint_js": (JOINT_STATE, "out"),
     "setpoint_cp": (TRANSFORM, "out"),
     "setpoint_cv": (TWIST, "out"),
-    WARNING: ("std_msgs/String", "out"),
+    WARNING: (TEXT, "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(("servo_jr", "servo_jp", "servo_jv"), (JOINT_STATE, "in")),
     **dict.fromkeys(("servo_cp", "servo_cr", "servo_cv"), (TRANSFORM, "in")),
@@ -84,16 +100,36 @@ _CRTK: _Verbs = {
     **dict.fromkeys(("measured_cv", "setpoint_cv"), (TWIST, "out")),
     **dict.fromkeys(("measured_cf", "body/measured_cf", "spatial/measured_cf"), (WRENCH, "out")),
     **dict.fromkeys(("jacobian", "body/jacobian", "spatial/jacobian"), (MATRIX, "out")),
-    WARNING: ("std_msgs/String", "out"),
+    WARNING: (TEXT, "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(("servo_jp", "servo_jr", "servo_jv", "servo_jf", "move_jp", "move_jr"), (JOINT_STATE, "in")),
     **dict.fromkeys(("servo_cp", "servo_cr", "move_cp", "move_cr"), (POSE, "in")),
     "servo_cv": (TWIST, "in"),
     **dict.fromkeys(("servo_cf", "body/servo_cf", "spatial/servo_cf"), (WRENCH, "in")),
-    "body/set_cf_orientation_absolute": ("std_msgs/Bool", "in"),
-    **dict.fromkeys(("hold", "free"), ("std_msgs/Empty", "in")),
-    "use_gravity_compensation": ("std_msgs/Bool", "in"),
+    "body/set_cf_orientation_absolute": (SWITCH, "in"),
+    **dict.fromkeys(("hold", "free"), (SIGNAL, "in")),
+    "use_gravity_compensation": (SWITCH, "in"),
 }
+_RATIOS = ("ratio", "ratio_v", "ratio_a")
+# what an arm of sawIntuitiveResearchKit 2.x has besides [jhu-dvrk, ros/dvrk_robot/src/system_ROS.cpp]; out: on change
+_DVRK: _Verbs = {
+    "desired_state": (TEXT, "out"),
+    "goal_reached": (SWITCH, "out"),
+    "tool_type": (TEXT, "out"),
+    **{f"trajectory_j/{ratio}": (NUMBER, "out") for ratio in _RATIOS},
+    **{f"trajectory_j/set_{ratio}": (NUMBER, "in") for ratio in _RATIOS},
+    "set_base_frame": (POSE, "in"),
+    "set_tool_type": (TEXT, "in"),
+    "emulate_tool_present": (SWITCH, "in"),
+}
+_SETTINGS = frozenset(
+    {GRAV_DIR, "body/set_cf_orientation_absolute", "use_gravity_compensation"}
+    | {verb for verb, (_, direction) in _DVRK.items() if direction == "in"}
+)
+# verbs of a dVRK's console, which is called system since 2.4, and the state commands that they stand for
+CONSOLE = {"console/power_on": ("enable",), "console/power_off": ("disable",), "console/home": ("enable", "home")}
+# what its classes wait for besides; a simulated console makes no sound
+_SOUNDS = {"console/set_volume": NUMBER, "console/beep": MATRIX, "console/string_to_speech": TEXT}
 # verbs below `local/` of an arm that the dVRK carries on setup joints: poses in its own base, not in the cart's
 _LOCAL = ("measured_cp", "setpoint_cp")
 # verbs of a gripper, below `jaw/`
@@ -133,8 +169,18 @@ def crtk_topics(namespace: str, arm: str | None = None) -> tuple[CrtkTopic, ...]
     """
     words = namespace.strip("/")
     below = {"jaw": _JAW, "local": _LOCAL}
-    verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs}
+    verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs} | _DVRK
     return tuple(_below(f"/{words}" if words else "", verbs, arm))
+
+
+def console_topics(namespace: str) -> tuple[CrtkTopic, ...]:
+    """Return the topics of the console of a dVRK, beside the namespace of one of its arms."""
+    above = ("/" + namespace.strip("/")).rpartition("/")[0]
+    return tuple(
+        CrtkTopic(f"{above}/{verb.replace('console', place)}", kind, "in", verb)
+        for place in ("console", "system")
+        for verb, kind in (dict.fromkeys(CONSOLE, SIGNAL) | _SOUNDS).items()
+    )
 
 
 def topics(dialect: DialectName) -> tuple[CrtkTopic, ...]:

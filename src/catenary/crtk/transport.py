@@ -45,9 +45,14 @@ class Publisher(ABC):
         self._sent = 0  # messages so far: `seq` in their headers
 
     @property
+    def missed(self) -> Mapping[str, int]:
+        """Messages that slow peers missed, by the peer's name; empty where nothing waits, or nobody counts."""
+        return {}
+
+    @property
     def overflowed(self) -> int:
-        """Messages that slow peers missed, over all peers; 0 where nothing waits, or nobody counts."""
-        return 0
+        """Messages that slow peers missed, over all peers."""
+        return sum(self.missed.values())
 
     def publish(self, message: Message) -> None:
         """Send a message; it never waits for a peer.

@@ -142,9 +142,14 @@ class WireReport:
     joint_names: tuple[str, ...]
     leaps: dict[str, int]  # by input: positions that play states did not follow
 
+    @property
+    def keeps_up(self) -> bool:
+        """Whether a message is corrected before the next one comes, in the median."""
+        return self.rate_hz is None or self.latency is None or self.latency.median * self.rate_hz <= 1.0
+
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
-        told = dict(vars(self))
+        told = {**vars(self), "keeps_up": self.keeps_up}
         for name in ("latency", "longest_silence", "outside", "joint_names"):
             del told[name]
         return told | {

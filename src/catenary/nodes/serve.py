@@ -20,7 +20,7 @@ from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import GravityTorque, ServedArm
 from catenary.crtk.serving.server import ServedEncoders, Server, has_encoders
 from catenary.crtk.serving.tool_pose import ToolPose
-from catenary.crtk.topic_names import DialectName, crtk_topics
+from catenary.crtk.topic_names import DialectName, console_topics, crtk_topics
 from catenary.crtk.transport import Transport
 from catenary.dvrk_psm import psm_topic, psm_topics
 from catenary.errors import InputError
@@ -30,7 +30,8 @@ from catenary.plant import Column, JointState, OperatingState, Plant
 from catenary.raven2.topics import ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.psm_parameters import load_psm
+from catenary.simulation.psm_parameters import joints_per_actuator, load_psm
+from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import LEVEL
 
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
@@ -78,6 +79,7 @@ class ServerStatus(NamedTuple):
     clients: int  # programs that listen or command
     lost_ticks: int  # given up since it began, because the machine was late
     overflowed: int  # messages that slow clients missed since it began
+    missed: dict[str, int]  # the same by client
     is_up: bool  # whether the transport's network answers
     warnings: tuple[str, ...]
     ended_by: str = ""  # of the last one: the signal's name, or Ctrl-C; empty when its time was over
@@ -108,7 +110,8 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    listed = crtk_topics(serving.namespace, *arms) if serving.is_psm else None
+    place = serving.namespace
+    listed = (*crtk_topics(place, *arms), *console_topics(place)) if serving.is_psm else None
     speaker: Dialect = (
         RavenDialect(arms, torque_arm=serving.torque_arm) if serving.dialect == "raven" else CrtkDialect(arms, listed)
     )
@@ -152,7 +155,15 @@ def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> Serv
         if kind is PSM
         else _gravity_torque(kind.robot, len(plant.joint_names))
     )
-    return ServedArm(plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=weight)
+    return ServedArm(
+        plant,
+        serving.dialect,
+        reports,
+        arm=name,
+        tool=tool,
+        gravity_torque=weight,
+        joints_per_actuator=joints_per_actuator(cast(PsmPlant, plant).firmware) if kind is PSM else None,
+    )
 
 
 def _gravity_torque(name: str, n: int) -> GravityTorque:
@@ -201,7 +212,7 @@ def serve(
     ended_by = ""
 
     def status(since: _Counts, now: _Counts) -> ServerStatus:
-        took = max(now.time - since.time, 1e-9)
+        took, missed = max(now.time - since.time, 1e-9), server.missed
         return ServerStatus(
             seconds=now.time - begin.time,
             rate_hz=(now.ticks - since.ticks) / took,
@@ -210,7 +221,8 @@ def serve(
             commands_hz=(now.commands - since.commands) / took,
             clients=len(server.clients()),
             lost_ticks=lost,
-            overflowed=server.overflowed,
+            overflowed=sum(missed.values()),
+            missed=missed,
             is_up=server.transport.is_up(),
             warnings=tuple(server.reports.take()),
         )

@@ -39,7 +39,7 @@ from catenary.recording.bag_search import (
     sized,
     text_at,
 )
-from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, About, JournalTopic, is_journal_name
+from catenary.recording.journal import ABOUT, ENDED, LIBRARY, NOTE, PASS, About, JournalTopic, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
 from catenary.recording.messages import check_ros1_type, check_type, current_name
@@ -110,6 +110,7 @@ class BagStream:
             )
         self.encoding: Encoding = "ros1" if self.is_ros1 else "cdr"
         self.about: About | None = None
+        self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
         self._types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         for name, number, first in self._guarded(self._counts):
@@ -446,7 +447,7 @@ class BagStream:
     def _told(self, data: bytes) -> None:
         """Keep what a journal's metadata say."""
         name, position = text_at(data, 0)
-        if name not in (ABOUT, NOTE, ENDED):
+        if name not in (ABOUT, NOTE, ENDED, PASS):
             return
         key, position = text_at(data, position + 4)
         value = text_at(data, position)[0]
@@ -456,6 +457,8 @@ class BagStream:
             self.remarks.append(f"{self.path}: {value[:LONGEST_REMARK]}")
         elif name == ENDED:
             self.is_last = value == "true"
+        elif name == PASS:
+            self.begins = float(value)
 
     def _count(self, name: str, number: int, arrival: int) -> None:
         """Notice numbers that are missing, or come again."""

@@ -5,6 +5,8 @@ any program that reads MCAP. What was appended becomes a chunk every half second
 stands what the recording is of, in it the topics with their types, so that a damaged chunk costs no other. Messages are
 ROS 1's bytes, numbered by topic through all files, so that whatever is missing is noticed and counted. A file that was
 closed has MCAP's index at its end. [mcap.dev/spec]
+
+A recording has passes, and each begins with a file: what was cut off goes on from the last whole one.
 """
 
 import json
@@ -25,7 +27,8 @@ from catenary.errors import InputError, RecordingError
 from catenary.recording.messages import fields, full_definition
 
 LIBRARY = "catenary journal 2"  # by which a file is known as a journal's
-ABOUT, NOTE, ENDED = "catenary_about", "catenary_note", "catenary_end"  # names of metadata
+# names of metadata
+ABOUT, NOTE, ENDED, PASS = "catenary_about", "catenary_note", "catenary_end", "catenary_pass"
 MAGIC = b"\x89MCAP0\r\n"
 # kinds of records [mcap.dev/spec]
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
@@ -68,6 +71,20 @@ class About:
         return parse_json(text, cls, where, finite=False)
 
 
+class LeftOff(NamedTuple):
+    """Where a recording was cut off, and goes on."""
+
+    begins: float  # [s] of the recording, or of its motion, that are kept
+    part: int  # number of the next file
+    numbers: Mapping[str, int]  # of the next message, by topic
+    last: int  # [ns] arrival of the last message that is kept
+    dropped: tuple[Path, ...] = ()  # files of the pass that was cut off
+
+    def gap(self, now: int) -> str:
+        """Tell of a recording that goes on at `now` [ns] what is missing in it."""
+        return f"cut off, and went on {(now - self.last) * 1e-9:.1f} s later from {self.begins:.1f} s of it"
+
+
 def same_origin(stated: Sequence[About | None]) -> About | None:
     """Return what the files of one recording say of it; refuse files of different robots."""
     said = [about for about in stated if about is not None]
@@ -101,8 +118,9 @@ def metadata_record(name: str, **values: str) -> bytes:
 class _Chunk:
     """Messages that wait for the disk."""
 
-    def __init__(self, topics: bytes) -> None:
+    def __init__(self, topics: bytes, begins: float | None = None) -> None:
         self.data = bytearray(topics)
+        self.begins = begins  # [s], of the first one of a pass
         self.ends: list[int] = []  # in the data, of each message
         self.stamps: list[int] = []
         self.places: dict[int, list[tuple[int, int]]] = {}  # stamp and place of messages, by channel
@@ -149,28 +167,31 @@ class JournalWriter:
         topics: Sequence[JournalTopic],
         about: About | None = None,
         *,
+        after: LeftOff | None = None,
         max_bytes: int = MAX_BYTES,
         flush_interval: float = FLUSH_INTERVAL,
     ) -> None:
-        """Begin a recording."""
+        """Begin a recording, or go on with one of the same topics that was cut off."""
         if not 0 < len(topics) < 2**16 or len({t.name for t in topics}) != len(topics):
             raise InputError(f"{folder}: expected topics that differ, got {[t.name for t in topics]}")
         for topic in topics:
             fields(topic.type)  # an unknown type is refused before anything is written
-        if any(folder.glob("*.mcap")):
+        if after is None and any(folder.glob("*.mcap")):
             raise InputError(f"{folder}: holds a recording already, which is never overwritten")
         self.folder = folder
         self._index = {topic.name: i for i, topic in enumerate(topics)}
         self._about = metadata_record(ABOUT, about=(about if about is not None else About()).as_json())
         self._topics = b"".join(_topic_records(i, topic) for i, topic in enumerate(topics))
+        self._begins = 0.0 if after is None else after.begins
         head = len(self._begin())
         if head > MAX_HEADER:
             raise InputError(f"{folder}: topics and configuration take {head} bytes, expected {MAX_HEADER} at most")
         if max_bytes < 2 * head:
             raise InputError(f"{folder}: files of {max_bytes} bytes, but each begins with {head}; allow more")
         self._max_bytes = max_bytes
-        self._part = 0
-        self._numbers = [0] * len(topics)  # of the next message, by channel
+        self._part = 0 if after is None else after.part
+        # of the next message, by channel
+        self._numbers = [0 if after is None else after.numbers.get(topic.name, 0) for topic in topics]
         self._waiting: list[_Chunk] = []
         self._pending = 0  # [B] of the messages that wait
         self._notes = b""
@@ -219,6 +240,11 @@ class JournalWriter:
         with self._append_lock:
             self._notes += metadata_record(NOTE, note=text)
 
+    def begin_pass(self, begins: float) -> None:
+        """Have what is appended from now on be another pass, `begins` [s] after the recording's begin."""
+        with self._append_lock:
+            self._waiting.append(_Chunk(self._topics, begins))
+
     def flush(self) -> None:
         """Write everything to the disk."""
         with self._disk_lock:
@@ -256,7 +282,11 @@ class JournalWriter:
 
     def _begin(self) -> bytes:
         """Return how a file begins."""
-        return MAGIC + _record(_HEADER, _text("ros1"), _text(LIBRARY)) + self._about + self._topics
+        return MAGIC + _record(_HEADER, _text("ros1"), _text(LIBRARY)) + self._origin() + self._topics
+
+    def _origin(self) -> bytes:
+        """Return what the recording is of, and the pass."""
+        return self._about + metadata_record(PASS, begins=repr(self._begins))
 
     def _open_file(self) -> None:
         """Begin the present part's file; keeps an error for the next append. Needs the disk."""
@@ -292,12 +322,43 @@ class JournalWriter:
         """
         with self._append_lock:
             chunks, self._waiting, self._pending = self._waiting, [], 0
-            block, self._notes = bytearray(self._notes), b""
+            notes, self._notes = self._notes, b""
+        passed: list[_Chunk] = []
+        for chunk in chunks:
+            if chunk.begins is not None:
+                self._write_chunks(notes, passed)
+                notes, passed = b"", []
+                self._end_file(is_last=False)
+                self._begins = chunk.begins
+                self._next_file()
+            if chunk.ends:
+                passed.append(chunk)
+        self._write_chunks(notes, passed)
+        full = end == "if full" and self._size >= self._max_bytes
+        if full or end == "last":
+            self._end_file(is_last=not full)
+        if full:
+            self._next_file()
+
+    def _end_file(self, *, is_last: bool) -> None:
+        if self._error is None:
+            self._write(self._ending(is_last=is_last))
+        if self._error is None:
+            os.close(self._fd)
+            self._fd = -1
+
+    def _next_file(self) -> None:
+        if self._error is None:
+            self._part += 1
+            self._open_file()
+
+    def _write_chunks(self, notes: bytes, chunks: Sequence[_Chunk]) -> None:
         if self._error is not None:
             return
+        block = bytearray(notes)
         begins = []  # of the chunks' data in the block
         for chunk in chunks:
-            block += self._about
+            block += self._origin()
             data, indices, entry = chunk.records(self._size + len(block))
             begins.append(len(block) + len(data) - len(chunk.data))
             block += data
@@ -310,15 +371,6 @@ class JournalWriter:
         written = self._write(block) if block else 0
         for begin, chunk in zip(begins, chunks, strict=True):
             self._safe_messages += bisect_right(chunk.ends, written - begin)
-        full = end == "if full" and self._size >= self._max_bytes
-        if self._error is None and (full or end == "last"):
-            self._write(self._ending(is_last=not full))
-            if self._error is None:
-                os.close(self._fd)
-                self._fd = -1
-        if full and self._error is None:
-            self._part += 1
-            self._open_file()
 
     def _write(self, block: bytes | bytearray) -> int:
         """Write bytes at the end of the file, and return how many are there; keeps an error for the next append."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_stream import BagConnection, BagStream
-from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, is_journal_name
+from catenary.recording.journal import LIBRARY, MAGIC, About, JournalTopic, LeftOff, is_journal_name
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
 from catenary.recording.topic_samples import require_topics
@@ -64,6 +64,30 @@ class JournalReader:
         self.damage, self.remarks = list[str](), list[str]()  # in words, with places; of the recorder, of no loss
         self.lost, self.holes = 0, list[Hole]()  # messages that are known to be missing, and where
         self.ends_early = False  # the recording was not finished, but cut off
+
+    def left_off(self, *, in_passes: bool) -> LeftOff | None:
+        """Return from where it goes on: from its last whole pass, or its last message; None where nothing is kept.
+
+        A pass is whole when the next one has begun.
+        """
+        files = sorted(filter(is_journal_name, self.path.glob("*.mcap")))
+        last_pass = max((part.begins for part in self._parts if part.begins is not None), default=0.0)
+        kept = [part for part in self._parts if not in_passes or (part.begins is not None and part.begins < last_pass)]
+        numbers: dict[str, int] = {}
+        last: int | None = None
+        for part in kept:
+            part.follow(numbers, last)
+            for _ in part.messages():
+                pass
+            last = part.last
+        if last is None:
+            return None
+        dropped = tuple(file for file in files if in_passes and file not in [part.path for part in kept])
+        part_number = int(dropped[0].stem if dropped else files[-1].stem) + (not dropped)
+        whole = [part for part in self._parts if part.begins == last_pass]
+        first = next((part.first for part in whole if part.first is not None), last)
+        begins = last_pass if in_passes else last_pass + (last - first) * 1e-9
+        return LeftOff(begins, part_number, numbers, last, dropped)
 
     @property
     def first(self) -> int | None:

@@ -39,7 +39,7 @@ _GEOMETRY = (
     "Quaternion Transform TransformStamped"
 )
 _STANDARD = (  # of ROS Noetic, as rosbags has them
-    *(f"std_msgs/{name}" for name in ("Header", "String", "Bool", "Empty")),
+    *(f"std_msgs/{name}" for name in ("Header", "String", "Bool", "Empty", "Float64")),
     *(f"std_msgs/{name}" for name in ("MultiArrayDimension", "MultiArrayLayout", "Float64MultiArray")),
     *(f"diagnostic_msgs/{name}" for name in ("KeyValue", "DiagnosticStatus", "DiagnosticArray")),
     *(f"sensor_msgs/{name}" for name in ("JointState", "Joy", "Imu")),
@@ -59,6 +59,7 @@ SERVICES: Mapping[str, tuple[str, str]] = MappingProxyType(
             "geometry_msgs/Pose cp\nfloat64[] jp\n",
             "float64[] jp\nbool result\nstring message\n",
         ),
+        "cisst_msgs/ConvertFloat64Array": ("float64[] input\n", "float64[] output\n"),
     }
 )
 OLD_NAMES: Mapping[str, str] = MappingProxyType({"crtk_msgs/operating_state": "crtk_msgs/OperatingState"})

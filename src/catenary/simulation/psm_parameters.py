@@ -63,6 +63,13 @@ class PsmController(Record):
     step_limit: PerAxis  # most that a setpoint moves in 1 ms [rad, rad, m, rad...]
 
 
+def joints_per_actuator(controller: PsmController) -> Floats:
+    """Return the joints' positions per those of the actuators, (7, 7), as the controller has them."""
+    coupling = np.eye(AXES)
+    coupling[POSITIONING:, POSITIONING:] = np.reshape(controller.joints, (AXES - POSITIONING, -1))
+    return coupling
+
+
 class Tracker(Record):
     """What sees the arm's joints from outside, by a camera or encoders."""
 

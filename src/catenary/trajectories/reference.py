@@ -56,6 +56,35 @@ class SampledTrajectory(ABC):
         """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
 
 
+LEAD = 1.0  # [s] from rest to a motion's own pace
+
+
+class GoneOn(SampledTrajectory):
+    """A motion from an instant on: from rest along the half second before it, ever faster until the motion's own pace.
+
+    So cables and gears come to that instant as they did, or would have, in the motion itself.
+    """
+
+    def __init__(self, motion: Trajectory, begin: float) -> None:
+        """Go on with a motion from `begin` [s] of it."""
+        if not 0.0 <= begin <= motion.duration:
+            raise InputError(f"begin: expected 0 to {motion.duration:g} s, got {begin:g}")
+        self._motion, self._begin = motion, begin
+        self.lead = min(LEAD, 2.0 * begin)  # [s] until it is at `begin`
+        self.duration = self.lead + motion.duration - begin
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        t = as_array("times", times, (None,))
+        u = np.clip(t / self.lead, 0.0, 1.0) if self.lead else np.ones(len(t))
+        # the pace rises as 3 u^2 - 2 u^3
+        place = self._begin - 0.5 * self.lead + self.lead * (u**3 - 0.5 * u**4) + np.maximum(t - self.lead, 0.0)
+        pace = (3.0 * u**2 - 2.0 * u**3)[:, np.newaxis]
+        rise = (6.0 * u * (1.0 - u) / self.lead if self.lead else np.zeros(len(t)))[:, np.newaxis]
+        q, qd, qdd = self._motion.sample(place)
+        return q, qd * pace, qdd * pace**2 + qd * rise
+
+
 _NEAR = 1e-9  # [rad|m] rounding, between the end of one motion and the start of the next
 
 

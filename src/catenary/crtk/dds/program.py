@@ -13,6 +13,7 @@ distributions up to Humble. What CYCLONEDDS_URI says comes last and overrules, a
 
 import logging
 import os
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -43,6 +44,7 @@ LARGEST = 232  # number of a domain, by the ports that DDS makes of it
 _MOST_PROGRAMS = 120  # on one machine that find each other without multicast
 _FAST_DDS = "1.15"  # its vendor's number; from version 3 on (Kilted) both disagree on what is said of types
 _MOST_BYTES = 2**26  # of a message from the network
+_logger = logging.getLogger(__name__)
 _domains: dict[int, Domain | None] = {}  # a process has each once, until it ends; None: somebody else's in it
 _lock = threading.Lock()
 
@@ -62,7 +64,7 @@ def enter_domain() -> int:
     with _lock:
         if number not in _domains:
             try:
-                _domains[number] = Domain(number, settings)
+                _domains[number] = _in_our_log(lambda: Domain(number, settings))
             except (DDSException, UnicodeError) as error:
                 if getattr(error, "code", None) == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
                     _domains[number] = None  # set up before by another part of this program
@@ -72,6 +74,25 @@ def enter_domain() -> int:
                     f'"{os.environ.get("CYCLONEDDS_URI", "")}"'
                 ) from error
     return number
+
+
+def _in_our_log(make: Callable[[], Domain]) -> Domain:
+    """Return what Cyclone makes; what it writes to standard error meanwhile goes to the log, line by line."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is none
+        return make()
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            return make()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            said.seek(0)
+            for line in said.read().decode(errors="replace").splitlines():
+                # behind time, domain and thread
+                _logger.warning("Cyclone DDS: %s", line.partition("]")[2].partition(": ")[2] or line)
 
 
 def _settings() -> str:
@@ -118,7 +139,6 @@ def _peers() -> list[str]:
 
 _LOOK = 100_000_000  # [ns] between looks where nothing comes
 _LEFT = 0.02  # [s] after which nobody else refers to what was ended
-_logger = logging.getLogger(__name__)
 Came = Callable[[Endpoint], None]
 
 

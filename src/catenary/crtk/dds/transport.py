@@ -142,9 +142,9 @@ class DdsPublisher(Publisher):
         self._writer: Any = program.writer(dds_name, self._kind, quality, queue, user_data)
 
     @property
-    def overflowed(self) -> int:
-        """Messages that were not sent, since DDS had no room for them."""
-        return self._missed
+    def missed(self) -> Mapping[str, int]:
+        """Messages that were not sent to anybody, since DDS had no room for them."""
+        return {"all": self._missed} if self._missed else {}
 
     def subscribers(self) -> list[int]:
         """Return Cyclone's handles of those that listen."""

@@ -181,6 +181,8 @@ class Node:
             self._register()
             self.master_pid = pid
             _logger.warning("registered again with the ROS master at %s", self.master.uri)
+        elif not self.up:
+            _logger.warning("the ROS master at %s is back", self.master.uri)
         self.up = True
         self._connect_again()
 

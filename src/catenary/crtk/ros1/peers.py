@@ -17,8 +17,8 @@ import select
 import socket
 import struct
 import threading
-from collections import deque
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
 from io import BytesIO
 from typing import Any
 
@@ -197,7 +197,7 @@ class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not type
         self._size, self._latch = size, latch
         self._last = b""  # message that is latched
         self._peers: tuple[_Peer, ...] = ()
-        self._gone = 0  # messages that peers missed which have gone since
+        self._gone: Counter[str] = Counter()  # messages that peers missed which have gone since, by name
         self._publisher: rospy.Publisher | None = None
         self._lock = threading.Lock()
 
@@ -225,10 +225,10 @@ class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not type
         return self._latch or bool(self._peers)
 
     @property
-    def overflowed(self) -> int:
-        """Messages that peers missed."""
+    def missed(self) -> Counter[str]:
+        """Messages that peers missed, by their names."""
         with self._lock:
-            return self._gone + sum(peer.overflowed for peer in self._peers)
+            return self._gone + _missed(self._peers)
 
     def publish(self, message: bytes) -> None:
         """Send a message to all peers, waiting for none."""
@@ -250,8 +250,15 @@ class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not type
             if self._last:
                 for peer in new:
                     peer.write(self._last)  # where that fails, the next message does too
-            self._gone += sum(peer.overflowed for peer in self._peers if peer.connection not in connections)
+            self._gone += _missed(peer for peer in self._peers if peer.connection not in connections)
             self._peers = (*(peer for peer in self._peers if peer.connection in connections), *new)
+
+
+def _missed(peers: Iterable[_Peer]) -> Counter[str]:
+    found: Counter[str] = Counter()
+    for peer in peers:
+        found[str(peer.connection.endpoint_id)] += peer.overflowed
+    return found
 
 
 def publishers(subscriber: Any) -> tuple[str, ...]:

@@ -73,9 +73,10 @@ class Ros1Publisher(Publisher):
         self._publisher, self._peers = node.publish(topic, type_name, queue=queue, latch=latch)
 
     @property
-    def overflowed(self) -> int:
-        """Messages that slow peers missed."""
-        return int(self._peers.overflowed)
+    def missed(self) -> Mapping[str, int]:
+        """Messages that slow peers missed, by the peer's name."""
+        found: Mapping[str, int] = self._peers.missed
+        return found
 
     def _send(self, message: Message) -> None:
         if self._peers.need_messages:

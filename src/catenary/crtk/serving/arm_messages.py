@@ -13,13 +13,13 @@ import numpy as np
 from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import pose_message, rotation_of
-from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.served_arm import BASE, ServedArm
 from catenary.crtk.serving.tool_forces import FrameOfForces, exerted, jacobian
 from catenary.errors import CatenaryError, LimitError
 from catenary.plant import JointState
 from catenary.spatial import Pose
 
-BASE, TOOL = "base", "tool"  # frames: of all poses; of what is said in the tool's own axes
+TOOL = "tool"  # frame of what is said in the tool's own axes
 _JointState = message_class("sensor_msgs/JointState")
 _Vector3 = message_class("geometry_msgs/Vector3")
 _Twist = message_class("geometry_msgs/Twist")
@@ -37,13 +37,17 @@ def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, 
     Poses are in the base: PoseStamped, or TransformStamped where `child`, the tool's frame, is given. Velocities are
     linear [m/s] and angular [rad/s], in base axes.
     """
+
+    def pose(arm: ServedArm, pose: Pose, stamp: int) -> Message:
+        return pose_message(arm.placed(pose), stamp, arm.base_name, child=child)
+
     return {
         "measured_js": lambda arm, stamp: _joint_state(arm, arm.measured, stamp),
         "setpoint_js": lambda arm, stamp: _joint_state(arm, arm.setpoint, stamp),
-        "measured_cp": lambda arm, stamp: pose_message(arm.measured_tool.pose, stamp, BASE, child=child),
-        "setpoint_cp": lambda arm, stamp: pose_message(arm.setpoint_tool.pose, stamp, BASE, child=child),
-        "measured_cv": lambda arm, stamp: _twist(arm.measured_tool.twist, stamp),
-        "setpoint_cv": lambda arm, stamp: _twist(arm.setpoint_tool.twist, stamp),
+        "measured_cp": lambda arm, stamp: pose(arm, arm.measured_tool.pose, stamp),
+        "setpoint_cp": lambda arm, stamp: pose(arm, arm.setpoint_tool.pose, stamp),
+        "measured_cv": lambda arm, stamp: _twist(arm, arm.measured_tool.twist, stamp),
+        "setpoint_cv": lambda arm, stamp: _twist(arm, arm.setpoint_tool.twist, stamp),
     }
 
 
@@ -76,9 +80,16 @@ def grasp_measured_js(arm: ServedArm, stamp: int) -> Message:
     return _JointState(header(stamp), names, positions, opening.velocity, opening.effort)
 
 
-def _twist(twist: Floats, stamp: int) -> Message:
+def local_pose(pose: Pose, stamp: int) -> Message:
+    """Return a pose in the arm's own base."""
+    return pose_message(pose, stamp, BASE)
+
+
+def _twist(arm: ServedArm, twist: Floats, stamp: int) -> Message:
+    if arm.base is not None:
+        twist = (twist.reshape(2, 3) @ arm.base.rotation.T).ravel()
     x, y, z, a, b, c = twist.tolist()
-    return _TwistStamped(header(stamp, BASE), _Twist(_Vector3(x, y, z), _Vector3(a, b, c)))
+    return _TwistStamped(header(stamp, arm.base_name), _Twist(_Vector3(x, y, z), _Vector3(a, b, c)))
 
 
 def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:
@@ -105,8 +116,12 @@ class Service(NamedTuple):
 
 
 def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
-    """Yield both services of an arm, below its namespace `place`."""
+    """Yield the services of an arm, below its namespace `place`; `local/` in its own base, of one that has such."""
     yield Service(f"{place}/forward_kinematics", FORWARD, lambda request: _answer(FORWARD, _pose_at, arm, request))
+    if arm.tool.jaw_is_apart:
+        yield Service(
+            f"{place}/local/forward_kinematics", FORWARD, lambda request: _answer(FORWARD, _local_pose_at, arm, request)
+        )
     yield Service(f"{place}/inverse_kinematics", INVERSE, lambda request: _answer(INVERSE, _joints_at, arm, request))
 
 
@@ -121,8 +136,15 @@ def _answer(
 
 
 def _pose_at(arm: ServedArm, request: Message) -> dict[str, Message]:
-    pose = arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
-    return {"cp": pose_message(pose, 0, BASE).pose}
+    return {"cp": local_pose(arm.placed(_tool_at(arm, request)), 0).pose}
+
+
+def _local_pose_at(arm: ServedArm, request: Message) -> dict[str, Message]:
+    return {"cp": local_pose(_tool_at(arm, request), 0).pose}
+
+
+def _tool_at(arm: ServedArm, request: Message) -> Pose:
+    return arm.tool.pose(arm.whole(as_array("jp", request.jp, (len(arm.reported),))))
 
 
 def _joints_at(arm: ServedArm, request: Message) -> dict[str, Floats]:
@@ -130,7 +152,7 @@ def _joints_at(arm: ServedArm, request: Message) -> dict[str, Floats]:
     n = len(arm.reported)
     near = arm.setpoint.q if not len(request.jp) else arm.whole(as_array("jp", request.jp, (n,)))
     goal = Pose(rotation_of(request.cp.orientation), as_array("position", tuple(request.cp.position), (3,)))
-    q = arm.tool.joints(goal, near)
+    q = arm.tool.joints(arm.unplaced(goal), near)
     beyond = np.flatnonzero((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9))
     if len(beyond):
         j = int(beyond[0])

@@ -20,14 +20,14 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, stamp_of
 from catenary.crtk.serving.reports import Reports
-from catenary.crtk.topic_names import COMMAND, GRAV_DIR, CrtkTopic
+from catenary.crtk.topic_names import COMMAND, CrtkTopic
 from catenary.crtk.transport import Transport
 
 OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
 LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
 LARGEST = 2048  # bytes of a command that is looked at, ours: what is larger costs a tick its time
-ALWAYS_OBEYED = ("disable", "pause")
+ALWAYS_OBEYED = ("disable", "pause", "console/power_off")
 # tenths of a millisecond that a command takes at most: inverse kinematics, of two arms
 COSTS = {
     "geometry_msgs/PoseStamped": 3,
@@ -62,8 +62,7 @@ class CommandSource:
         self._subscription = transport.subscribe(topic.name, topic.type, largest=LARGEST)
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)
-        # what is switched moves nothing
-        self.moves = topic.type not in (COMMAND, "std_msgs/Bool") and topic.verb != GRAV_DIR
+        self.moves = topic.moves
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
         self.heard: dict[str, int] = {}  # likewise, and when its newest came [ns], of all that were taken last
 
@@ -114,7 +113,8 @@ class CommandSource:
 
     def _is_fresh(self, arrival: Arrival, now: int) -> bool:
         message = arrival.message
-        if self.topic.type == COMMAND and message.string.strip() in ALWAYS_OBEYED:
+        said = message.string.strip() if self.topic.type == COMMAND else self.topic.verb
+        if said in ALWAYS_OBEYED:
             return True
         stamp = stamp_of(message)
         if stamp:

@@ -5,6 +5,7 @@
 
 from collections.abc import Iterable, Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +15,13 @@ from catenary.crtk.message_values import joint_values, operating_state_message, 
 from catenary.crtk.serving import arm_messages, moves
 from catenary.crtk.serving.arm_messages import kinematics_services
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, single_number
+from catenary.crtk.serving.dvrk_arm import EVENTS, SETTINGS, Set, actuator_service
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.tool_forces import FrameOfForces, torques_for
 from catenary.crtk.topic_names import CrtkTopic, topics
 from catenary.errors import InputError
 from catenary.plant import OperatingState
-from catenary.spatial import Pose, rotation_vector
+from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 
 BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
 # from the setpoint: a RAVEN-II's shoulder that covers 0.25 rad as fast as it may comes to a stop in FAULT
@@ -30,8 +32,8 @@ _PUBLISHED: dict[str, MakeMessage] = {
     **_JOINTS_AND_TOOL,
     "jaw/measured_js": lambda arm, stamp: arm_messages.jaw(arm, arm.measured, stamp),
     "jaw/setpoint_js": lambda arm, stamp: arm_messages.jaw(arm, arm.setpoint, stamp),
-    # it stands on its own base
-    **{f"local/{verb}": _JOINTS_AND_TOOL[verb] for verb in ("measured_cp", "setpoint_cp")},
+    "local/measured_cp": lambda arm, stamp: arm_messages.local_pose(arm.measured_tool.pose, stamp),
+    "local/setpoint_cp": lambda arm, stamp: arm_messages.local_pose(arm.setpoint_tool.pose, stamp),
     **{f"{frame.value}measured_cf": partial(arm_messages.measured_cf, frame=frame) for frame in FrameOfForces},
     **{f"{frame.value}jacobian": partial(arm_messages.jacobian_matrix, frame=frame) for frame in FrameOfForces},
 }
@@ -52,22 +54,27 @@ class CrtkDialect(Dialect):
             listed: Topics of which those are spoken that the arms have; a RAVEN-II's when None.
         """
         all_topics = topics("crtk") if listed is None else listed
-        spoken = (
-            one for one in all_topics if one.arm is not None and one.arm in arms and _has(arms[one.arm], one.verb)
-        )
+        spoken = (one for one in all_topics if one.arm is None or (one.arm in arms and _has(arms[one.arm], one.verb)))
         super().__init__(arms, tuple(spoken), _PUBLISHED, _OBEYED)
-        self.services = tuple(
-            service
-            for topic in self.topics
-            if topic.verb == "measured_js" and topic.arm is not None
-            for service in kinematics_services(topic.name.rpartition("/")[0], arms[topic.arm])
-        )
+        for topic in self.topics:
+            if topic.verb == "measured_js" and topic.arm is not None:
+                place, arm = topic.name.rpartition("/")[0], arms[topic.arm]
+                self.services += tuple(kinematics_services(place, arm))
+                if arm.joints_per_actuator is not None:
+                    self.services += (actuator_service(place, arm.joints_per_actuator),)
         self._told: dict[str, tuple[OperatingState, int]] = {}
 
     def begin(self, publishers: Publishers) -> None:
         """Prepare to publish by publishers; called once, before `publish`."""
         super().begin(publishers)
         self._states = [(name, arm, publishers["operating_state", name]) for name, arm in self.arms.items()]
+        self._events = [
+            (arm, event, publishers[verb, name])
+            for name, arm in self.arms.items()
+            for verb, event in EVENTS.items()
+            if (verb, name) in publishers
+        ]
+        self._happened: list[Any] = [None] * len(self._events)
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
@@ -76,25 +83,47 @@ class CrtkDialect(Dialect):
             if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
                 self._told[name] = arm.state, arm.tick
                 lazy.publish(operating_state_message(arm.state, now))
+        for k, (arm, event, lazy) in enumerate(self._events):
+            value = event.value(arm)
+            if value != self._happened[k]:
+                self._happened[k] = value
+                lazy.publish(event.message(value))
         super().publish(now)
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
         """Obey a command, as every dialect; what moves nothing is switched in any state."""
-        if topic.verb == "use_gravity_compensation" and topic.arm is not None:
-            self.arms[topic.arm].compensates_gravity = bool(message.data)
-        elif topic.verb == "body/set_cf_orientation_absolute" and topic.arm is not None:
-            self.arms[topic.arm].forces_in_base_axes = bool(message.data)
+        setting = _SET.get(topic.verb)
+        if topic.arm is None:
+            return  # sounds of a dVRK's console
+        if setting is not None:
+            setting(self.arms[topic.arm], message)
         else:
             super().obey(topic, message)
 
 
 def _has(arm: ServedArm, verb: str) -> bool:
     """Return whether an arm has what a verb needs."""
-    if verb.startswith("local/"):
+    if verb.startswith("local/") or verb in EVENTS or verb in SETTINGS:  # a dVRK's
         return arm.tool.jaw_is_apart
     if verb == "jaw/servo_jf":
         return arm.tool.has_jaws and "servo_jf_of" in arm.plant.supports
     return arm.tool.has_jaws or not verb.startswith("jaw/")
+
+
+def _compensate_gravity(arm: ServedArm, message: Message) -> None:
+    arm.compensates_gravity = bool(message.data)
+
+
+def _turn_forces(arm: ServedArm, message: Message) -> None:
+    arm.forces_in_base_axes = bool(message.data)
+
+
+# what moves nothing
+_SET: dict[str, Set] = {
+    "use_gravity_compensation": _compensate_gravity,
+    "body/set_cf_orientation_absolute": _turn_forces,
+    **SETTINGS,
+}
 
 
 def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
@@ -139,7 +168,7 @@ def _increments(arm: ServedArm, message: Message, field: str = "position") -> Fl
 def _servo_jp(arm: ServedArm, message: Message) -> None:
     """Go towards joint positions near the setpoint: a client that stood still for seconds makes no arm leap."""
     q = _goal(arm, message)
-    for name, unit, way in zip(arm.names, arm.plant.joint_units, q - arm.setpoint.q, strict=True):
+    for name, unit, way in zip(arm.reported, arm.plant.joint_units, q - arm.setpoint.q, strict=False):
         if abs(way) > SERVO_REACH[unit]:
             raise InputError(
                 f"servo_jp: {name} is {way:+.3g} {unit} from its setpoint, expected at most {SERVO_REACH[unit]:g}; "
@@ -150,13 +179,28 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
 
 def _moved(arm: ServedArm, message: Message) -> Pose:
     """Return the goal of a move_cr: turned and moved from the setpoint, in base axes."""
-    start, step = arm.tool.pose(arm.setpoint.q), pose_of(message)
-    return Pose(step.rotation @ start.rotation, start.position + step.position)
+    start, (turn, step) = arm.tool.pose(arm.setpoint.q), _step_of(arm, message)
+    return Pose(rotation_from_vector(turn) @ start.rotation, start.position + step)
+
+
+def _step_of(arm: ServedArm, message: Message) -> Floats:
+    """Return the turn, a rotation vector [rad], and the step [m] of a message, (2, 3) in the arm's own axes."""
+    pose = pose_of(message)
+    return arm.unturned(np.array([rotation_vector(pose.rotation), pose.position]))
 
 
 def _servo_cr(arm: ServedArm, message: Message) -> None:
-    step = pose_of(message)
-    moves.servo_pose_increment(arm, step.position, rotation_vector(step.rotation))
+    turn, step = _step_of(arm, message)
+    moves.servo_pose_increment(arm, step, turn)
+
+
+def _servo_cv(arm: ServedArm, message: Message) -> None:
+    moves.servo_twist(arm, arm.unturned(np.array([message.twist.linear, message.twist.angular])).ravel())
+
+
+def _pose_of(arm: ServedArm, message: Message) -> Pose:
+    """Return the pose of a message in the arm's own base."""
+    return arm.unplaced(pose_of(message))
 
 
 _OBEYED: dict[str, Obey] = {
@@ -164,21 +208,23 @@ _OBEYED: dict[str, Obey] = {
     "servo_jr": lambda arm, message: arm.increment(_increments(arm, message)),
     "servo_jv": lambda arm, message: arm.run_at(_increments(arm, message, "velocity")),
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
-    "servo_cp": lambda arm, message: moves.servo_pose(arm, pose_of(message)),
+    "servo_cp": lambda arm, message: moves.servo_pose(arm, _pose_of(arm, message)),
     "servo_cr": _servo_cr,
-    "servo_cv": lambda arm, message: moves.servo_twist(arm, np.array([*message.twist.linear, *message.twist.angular])),
+    "servo_cv": _servo_cv,
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(moves.joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(moves.joint_move(arm, arm.setpoint.q + _increments(arm, message))),
-    "move_cp": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, pose_of(message))),
+    "move_cp": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _pose_of(arm, message))),
     "move_cr": lambda arm, message: arm.move_when_planned(moves.straight_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
     "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
     "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "jaw/servo_jf": _jaw_servo_jf,
-    "jaw/move_jp": lambda arm, message: arm.move(moves.joint_move(arm, arm.joints_at_opening(single_number(message)))),
-    "jaw/move_jr": lambda arm, message: arm.move(
+    "jaw/move_jp": lambda arm, message: arm.move_jaw(
+        moves.joint_move(arm, arm.joints_at_opening(single_number(message)))
+    ),
+    "jaw/move_jr": lambda arm, message: arm.move_jaw(
         moves.joint_move(arm, arm.setpoint.q + arm.jaw_increments(single_number(message)))
     ),
 }

@@ -18,7 +18,7 @@ class LazyPublisher:
     def __init__(self, transport: Transport, topic: CrtkTopic) -> None:
         self._transport = transport
         self.topic = topic
-        self._latched = topic.verb == "operating_state"  # whoever comes later knows it at once
+        self._latched = topic.is_latched  # whoever comes later knows it at once
         self.publisher = transport.publisher(topic.name, topic.type, latch=self._latched)
         self.publish = self.publisher.publish
         self.heard = True

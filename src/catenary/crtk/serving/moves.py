@@ -71,7 +71,8 @@ def _planned(arm: ServedArm, q: Floats, goal: Pose) -> Iterator[Trajectory | Non
 
 def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
     units = arm.plant.joint_units
-    return np.array([SPEED[unit] for unit in units]), np.array([ACCELERATION[unit] for unit in units])
+    speed = arm.speed_ratio * np.array([SPEED[unit] for unit in units])
+    return speed, arm.acceleration_ratio * np.array([ACCELERATION[unit] for unit in units])
 
 
 def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Trajectory | None]:

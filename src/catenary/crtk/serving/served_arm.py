@@ -14,6 +14,7 @@ from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import DialectName
 from catenary.errors import CatenaryError, InputError
 from catenary.plant import JointState, OperatingState, Plant
+from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
 
 # messages of one tick that are added up; more than two clients at 1 kHz send, so that a backlog gets shorter
@@ -120,6 +121,7 @@ class Goal:
 
 
 JAWS = 2  # joints, the last ones
+BASE = "base"  # frame of all poses
 FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
 LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
@@ -141,14 +143,16 @@ class ServedArm:
         arm: str,
         tool: ToolPose,
         gravity_torque: GravityTorque,
+        joints_per_actuator: Floats | None = None,
     ) -> None:
         """Take over a plant.
 
         Args:
             gravity_torque: What holds it still, for the compensation that CRTK's clients may ask for.
+            joints_per_actuator: (n, n) of a dVRK's arm, as its controller has it.
         """
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
-        self.reports = reports
+        self.reports, self.joints_per_actuator = reports, joints_per_actuator
         self.names = plant.joint_names
         self.reported = self.names[:-1] if tool.jaw_is_apart else self.names  # joints of its joint states
         self.machine = StateMachine(plant, dialect)
@@ -160,6 +164,10 @@ class ServedArm:
         self.goal = Goal(self.most, plant.period)
         self.compensates_gravity = False
         self.forces_in_base_axes = False  # what is below body/ is in base axes
+        self.speed_ratio = self.acceleration_ratio = 1.0  # of those that moves have
+        self.base: Pose | None = None  # of its base in frame `base_name`, which its poses are in; None: the same
+        self.base_name = BASE
+        self.moves_ended = 0, False  # how many, and whether the last one got there
         self._before: tuple[Floats, bool] | None = None  # setpoint of the last tick, whether it was ready
         self.tick = 0
         self.reports_time = 0  # [ns] of the tick, for what is reported in it
@@ -171,6 +179,9 @@ class ServedArm:
         self._wanted: Callable[[], Trajectory] | None = None
         self._move: tuple[Trajectory, int] | None = None
         self._plan: Iterator[Trajectory | None] | None = None
+        self._jaw_wanted: Callable[[], Trajectory] | None = None
+        self._jaw: tuple[Trajectory, int] | None = None  # of a jaw that moves beside the arm
+        self._arrived = self._was_moving = False
         self._was_ready = self._is_known = False
         self._takes_positions = "servo_jp" in plant.supports
         self.refresh()
@@ -186,24 +197,24 @@ class ServedArm:
     def increment(self, dq: Floats) -> None:
         """Move by dq (n,) [rad|m], besides what waits already."""
         if not self.increments:
-            self.hold()
+            self._give_way()
         self.increments.add(dq, self.tick)
 
     def step_towards(self, q: Floats) -> None:
         """Move one clamped step towards q (n,) [rad|m]."""
         if not self.goal:
-            self.hold()
+            self._give_way()
         self.goal.add(q)
 
     def go_towards(self, q: Floats) -> None:
         """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed."""
-        self.hold()
+        self._give_way()
         self.goal.set(q, self.goal.follow)
 
     def run_at(self, qd: Floats) -> None:
         """Move at qd (n,) [rad/s|m/s] for 0.1 s."""
         velocity = np.clip(qd * self.plant.period, -self.most, self.most)
-        self.hold()
+        self._give_way()
         self._velocity, self._until = velocity, self.tick + self.goal.follow
 
     def push_with(self, tau: Floats) -> None:
@@ -216,7 +227,8 @@ class ServedArm:
         if np.isnan(tau).any() and "servo_jf_of" not in self.plant.supports:
             raise InputError("the arm takes torques of all its joints only")
         if self._torque is None:
-            self.hold()
+            self._give_way()
+            self._jaw = self._jaw_wanted = None
         self._torque, self._until = tau, self.tick + self.goal.follow
 
     def go_limp(self) -> None:
@@ -226,12 +238,19 @@ class ServedArm:
 
     def move(self, make: Callable[[], Trajectory]) -> None:
         """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
-        self.hold()
+        self._give_way()
         self._wanted = make
+
+    def move_jaw(self, make: Callable[[], Trajectory]) -> None:
+        """Move the jaw along a trajectory of all joints: beside what the arm does where it is apart, as a dVRK does."""
+        if self.tool.jaw_is_apart and self._torque is None:
+            self._jaw_wanted = make
+        else:
+            self.move(make)
 
     def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
         """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
-        self.hold()
+        self._give_way()
         self._plan = plan
 
     def switch_own_gravity(self, grav_dir: tuple[int, int, int] | None) -> None:
@@ -243,6 +262,11 @@ class ServedArm:
 
     def hold(self) -> None:
         """Forget all commands and stay."""
+        self._jaw = self._jaw_wanted = None
+        self._give_way()
+
+    def _give_way(self) -> None:
+        """Forget the arm's commands, for another one; a jaw that moves beside it goes on."""
         self.increments.clear()
         self.goal.clear()
         self._velocity = self._wanted = self._move = self._plan = None
@@ -264,8 +288,21 @@ class ServedArm:
             self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
 
     def whole(self, q: Floats) -> Floats:
-        """Return positions (n,) at those that joint states have: a jaw that they leave out stays where it is set."""
-        return np.append(q, self.setpoint.q[len(q) :])
+        """Return positions (n,) at those that joint states have: a jaw that they leave out stays, or goes on."""
+        rest = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
+        return np.append(q, rest[len(q) :])
+
+    def placed(self, pose: Pose) -> Pose:
+        """Return a pose in the arm's base as clients have it: in the frame that they gave it, if they did."""
+        return pose if self.base is None else self.base @ pose
+
+    def unplaced(self, pose: Pose) -> Pose:
+        """Return a client's pose in the arm's own base."""
+        return pose if self.base is None else self.base.inverse() @ pose
+
+    def unturned(self, vector: Floats) -> Floats:
+        """Return a client's vectors (..., 3) in the arm's own axes."""
+        return vector if self.base is None else vector @ self.base.rotation
 
     def jaw_increments(self, angle: float) -> Floats:
         """Return increments (n,) that open the jaws by an angle [rad], half with each of two."""
@@ -313,7 +350,10 @@ class ServedArm:
         # the setpoint's velocity is that of its last step
         self.setpoint_tool = ToolState(self.tool, setpoint.q, self._step_velocity(), self._beyond_weight)
         state = self.plant.operating_state()
-        is_moving = self._move is not None or self._plan is not None
+        is_moving = self._move is not None or self._plan is not None or self._jaw is not None
+        if self._was_moving and not is_moving:
+            self.moves_ended, self._arrived = (self.moves_ended[0] + 1, self._arrived), False
+        self._was_moving = is_moving
         self.state: OperatingState = state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
 
     def _beyond_weight(self) -> Floats:
@@ -333,17 +373,20 @@ class ServedArm:
     def _act(self) -> None:
         if self._wanted is not None:
             self._move, self._wanted = (self._wanted(), self.tick), None
+        if self._jaw_wanted is not None:
+            self._jaw, self._jaw_wanted = (self._jaw_wanted(), self.tick), None
         increments = self.increments.next(self.tick)
         if increments is not None:
             self._send(self.setpoint.q + increments)
         elif self._plan is not None:
             self._plan_on(self._plan)
         elif self._move is not None:
-            trajectory, begin = self._move
-            time = (self.tick + 1 - begin) * self.plant.period
-            self._send(trajectory(min(time, trajectory.duration)).q)
-            if time >= max(trajectory.duration, LEAST_BUSY):
-                self._move = None
+            q, has_ended = self._along(*self._move)
+            if self.tool.jaw_is_apart:
+                q[-1] = self.setpoint.q[-1]
+            self._send(q)
+            if has_ended:
+                self._move, self._arrived = None, True
         elif self.goal:
             self._send(self.goal.next(self.setpoint.q))
         elif self._velocity is not None:
@@ -352,17 +395,27 @@ class ServedArm:
                 self._velocity = None
         elif self._torque is not None:
             self._push()
+        elif self._jaw is not None:
+            self._send(self.setpoint.q)
+
+    def _along(self, trajectory: Trajectory, begin: int) -> tuple[Floats, bool]:
+        """Return where a trajectory that began in a tick is now (n,), and whether it ends there."""
+        time = (self.tick + 1 - begin) * self.plant.period
+        q = np.array(trajectory(min(time, trajectory.duration)).q)
+        return q, time >= max(trajectory.duration, LEAST_BUSY)
 
     def _plan_on(self, plan: Iterator[Trajectory | None]) -> None:
         try:
             trajectory = next(plan)
         except CatenaryError as error:  # the mechanism cannot follow all the way
-            self.hold()
+            self._give_way()
             kind = f"{self.obeys}: refused"
             self.reports.say(kind, str(error), self.reports_time, to=(self.arm,), each=True)
             return
         if trajectory is not None:
             self._plan, self._move = None, (trajectory, self.tick + 1)
+        elif self._jaw is not None:
+            self._send(self.setpoint.q)
 
     def _push(self) -> None:
         assert self._torque is not None
@@ -395,6 +448,11 @@ class ServedArm:
             self.reports.say(f"{self.arm}: limited", text, self.reports_time, to=(self.arm,))
 
     def _send(self, q: Floats) -> None:
+        if self._jaw is not None:
+            jaw, has_ended = self._along(*self._jaw)
+            q = np.append(q[:-1], jaw[-1])
+            if has_ended:
+                self._jaw, self._arrived = None, True
         if self._takes_positions:
             self.plant.servo_jp(np.minimum(np.maximum(q, self.lower), self.upper))
         else:

@@ -6,6 +6,7 @@ Beside its dialect it publishes `/diagnostics` (each arm's state, and why it is 
 changes [diagnostic_msgs/DiagnosticArray; ROS REP 107: name, hardware_id]) and external encoders.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -22,7 +23,7 @@ from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.crtk.topic_names import (
     BUTTON,
     BUTTON_TYPE,
-    COMMAND,
+    CONSOLE,
     DIAGNOSTICS,
     DIAGNOSTICS_TYPE,
     JOINT_STATE,
@@ -170,8 +171,8 @@ class Server:
             CommandSource(transport, topic, beginning, reports) for topic in wanted if topic.direction == "in"
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
-        self._sources.sort(key=lambda source: source.topic.type != COMMAND)
-        self._others = sum(source.topic.type == COMMAND for source in self._sources)  # where the others begin
+        self._sources.sort(key=lambda source: not source.topic.commands_state)
+        self._others = sum(source.topic.commands_state for source in self._sources)  # where the others begin
         self._commanders = {name: Commander(transport) for name in arms}
         self._arrivals = 0  # messages that were looked at, or wait
         self._is_behind = False  # some wait
@@ -301,9 +302,9 @@ class Server:
         return len(self._heard)
 
     @property
-    def overflowed(self) -> int:
-        """Messages that slow clients missed."""
-        return sum(lazy.publisher.overflowed for lazy in self._heard)
+    def missed(self) -> dict[str, int]:
+        """Messages that slow clients missed, by the client's name."""
+        return dict(sum((Counter(lazy.publisher.missed) for lazy in self._heard), Counter()))
 
     def _pressed(self, request: Message) -> Message:
         said = self.press_button()
@@ -314,8 +315,9 @@ class Server:
     def _obey(self, source: CommandSource, message: Message, now: int) -> None:
         topic = source.topic
         try:
-            if topic.type == COMMAND:
-                self._state_command(topic, message.string, now)
+            if topic.commands_state:
+                for text in CONSOLE.get(topic.verb) or (message.string,):
+                    self._state_command(topic, text, now)
             else:
                 moved = self.arms if topic.arm is None else (topic.arm,)
                 if source.moves and topic.verb != "hold":  # which anybody may say
@@ -372,12 +374,8 @@ class Server:
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
         if topic.arm is None or self._dialect.is_one_robot:
             arms = [arm for arm in self.arms.values() if arm.machine.can_change]
-            if topic.verb != "state_command" and not self._dialect.is_one_robot:
-                arms = []  # arms that the robot does not have
         else:
             arms = [self.arms[topic.arm]]
-        if not arms:
-            self.reports.say(f"{topic.name}: ignored", f"{text}: the robot has no such arm", now)
         for arm in arms:
             ignored = arm.machine.command(text)
             if ignored is not None:

@@ -22,12 +22,12 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
 from catenary.plant import JointState
-from catenary.recording.journal import About
+from catenary.recording.journal import About, LeftOff
 from catenary.recording.recorder import Recorder
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import GoneOn, Reference, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
@@ -51,7 +51,7 @@ from catenary.workflows.robot.motion import (
     paused_if_interrupted,
     run_trajectory,
 )
-from catenary.workflows.robot.topic_recorder import TopicRecorder, refuse_missing
+from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off, refuse_missing
 from catenary.workflows.simulated_recording import driven
 
 _log = logging.getLogger(__name__)
@@ -121,12 +121,25 @@ def set_aside(project: Project, name: str) -> None:
     folder = project.folder / "recordings" / name
     if not folder.exists():
         return
+    place = _place_aside(project, name)
+    folder.rename(place)
+    _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
+
+
+def _place_aside(project: Project, name: str) -> Path:
     kept = project.folder / "replaced"
     kept.mkdir(exist_ok=True)
     numbered = (kept / (name if number == 1 else f"{name}.{number}") for number in count(1))
-    place = next(path for path in numbered if not path.exists())
-    folder.rename(place)
-    _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
+    return next(path for path in numbered if not path.exists())
+
+
+def _set_pass_aside(project: Project, name: str, left: LeftOff) -> None:
+    """Move the files of a pass that was cut off to where what was recorded before lies: the robot makes it again."""
+    place = _place_aside(project, name)
+    place.mkdir()
+    for file in left.dropped:
+        file.rename(place / file.name)
+    _log.warning("%s: goes on from %.1f s; the pass that was cut off lies in %s", name, left.begins, place)
 
 
 def empty(folder: Path) -> None:
@@ -225,6 +238,7 @@ def left_at(project: Project, step: str) -> Path:
 
 
 COLLECT_EVERY = 20  # ticks between two looks at what has come
+PASS = 20.0  # [s] of a motion, which a recording that is cut off loses at most
 SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
 
 
@@ -269,17 +283,31 @@ class RosRobot(ProjectRobot):
         return project.run("home", [settings.robot, settings.side, settings.connection, *place], [path], work)
 
     def drive(self, project: Project, take: Take) -> None:
-        """Record over the robot's topics; a recording that was interrupted is begun anew."""
+        """Record over the robot's topics; a recording that was cut off goes on from its last whole pass.
+
+        Unless the robot had to home since: its joints' zeros are not those of the passes before.
+        """
         with self._connected(project) as client, paused_if_interrupted(client):
             joints = kind_of(project.settings).joints
             check_motion(client, take.trajectory, joints=joints)
+            was_homed = client.operating_state().is_homed
             self._make_homed(client, project)
             client.require_free()
+            kind = kind_of(project.settings)
+            about = About(robot=kind.recorded_as, simulated=self._simulated, configuration={"motion": take.motion})
+            left = left_off(take.folder, about, kind.topics, self._transport.steady(), in_passes=True)
+            if not was_homed:
+                left = None
+            motion = GoneOn(take.trajectory, 0.0 if left is None else left.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
-                move_to(client, take.trajectory(0.0).q, joints=joints)
-                set_aside(project, take.name)
-                self._record(client, project, take)
+                move_to(client, motion(0.0).q, joints=joints)
+                if left is None:
+                    set_aside(project, take.name)
+                else:
+                    _set_pass_aside(project, take.name, left)
+                    self._guide.say(f"{take.name}: {left.gap(self._transport.steady())}")
+                self._record(client, take, kind, about, motion, left)
 
     def deploy(
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
@@ -337,21 +365,31 @@ class RosRobot(ProjectRobot):
         topic = kind.required[-1].name
         return None if topic in self._transport.topics() else f"nobody publishes {topic}"
 
-    def _record(self, client: CrtkClient, project: Project, take: Take) -> None:
-        kind = kind_of(project.settings)
-        made = {"motion": take.motion}
-        about = About(robot=kind.recorded_as, simulated=self._simulated, configuration=made)
-        tick = 0
+    def _record(
+        self, client: CrtkClient, take: Take, kind: ProjectKind, about: About, motion: GoneOn, left: LeftOff | None
+    ) -> None:
+        begins = 0.0 if left is None else left.begins
+        tick, lead = 0, round(motion.lead / client.period)
+        next_pass = begins + PASS
 
-        with TopicRecorder(self._transport, take.folder, kind.topics, about=about) as recorder:
+        with TopicRecorder(self._transport, take.folder, kind.topics, about=about, after=left) as recorder:
 
             def observe(_: JointState, __: Reference) -> None:
-                nonlocal tick
+                nonlocal tick, next_pass
                 tick += 1
-                if tick % COLLECT_EVERY == 0:
+                if tick == lead:
+                    recorder.pass_over()
+                elif tick > lead and tick % COLLECT_EVERY == 0:
                     recorder.collect()
+                    at = begins + (tick - lead) * client.period
+                    if at >= next_pass:
+                        recorder.journal.begin_pass(at)
+                        next_pass = at + PASS
 
-            run_trajectory(client, take.trajectory, joints=kind.joints, observe=observe, progress=take.progress)
+            def progress(done: float) -> None:
+                take.progress(1.0 - (1.0 - done) * motion.duration / (motion.duration + begins))
+
+            run_trajectory(client, motion, joints=kind.joints, observe=observe, progress=progress)
             recorder.collect()
             refuse_missing(recorder.counts, [topic.name for topic in kind.required])
         for problem in recorder.problems():

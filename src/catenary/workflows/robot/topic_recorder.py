@@ -21,9 +21,10 @@ from catenary.crtk.inbox import Received, Subscription
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError, RecordingError
+from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.raven2.topics import ARM_OF_SIDE, RAVENSTATE, RAVENSTATE_100HZ, in_channels, raven_topics
-from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
+from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter, LeftOff
+from catenary.recording.journal_reader import JournalReader, is_journal
 from catenary.recording.recorder import Recorder
 from catenary.robots.catalog import RAVEN_SIDES
 from catenary.simulation.cable_plant import REPORTED
@@ -73,15 +74,19 @@ class TopicRecorder:
         topics: Sequence[Topic],
         *,
         about: About | None = None,
+        after: LeftOff | None = None,
         max_bytes: int = MAX_BYTES,
     ) -> None:
-        """Begin a recording.
+        """Begin a recording, or go on with one.
 
         Args:
             topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
+            after: Where it was cut off; what is missing since is noted in it.
             max_bytes: Of a file, before the next one begins.
         """
-        self.journal = JournalWriter(folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes)
+        named = [JournalTopic(t.name, t.type) for t in topics]
+        self.journal = JournalWriter(folder, named, about, after=after, max_bytes=max_bytes)
+        self._after = after
         self._kept: list[_Kept] = []
         self._transport, self._begin = transport, transport.steady()
         self._set = transport.clock.set_by()  # [ns]
@@ -95,9 +100,17 @@ class TopicRecorder:
             self.close()
             raise
 
+    def pass_over(self) -> None:
+        """Drop what has arrived since the last call: a robot on its way to where a recording goes on."""
+        for kept in self._kept:
+            kept.subscription.forget()
+
     def collect(self) -> int:
         """Write what has arrived since the last call; return how many messages were kept."""
         self._note_clock()
+        if self._after is not None:
+            self.journal.note(self._after.gap(self._transport.steady()))
+            self._after = None
         chosen: list[tuple[int, _Kept, Received]] = []
         for kept in self._kept:
             period = round(SECOND / kept.topic.rate)
@@ -180,6 +193,7 @@ def record_topics(
     seconds: float,
     *,
     about: About | None = None,
+    after: LeftOff | None = None,
     required: Sequence[str] = (),
     progress: Progress = silent,
 ) -> RecordedTopics:
@@ -187,6 +201,7 @@ def record_topics(
 
     Args:
         seconds: How long; infinity until Ctrl-C.
+        after: Where the recording was cut off, which goes on.
         required: Names of topics without which it is no recording.
         progress: Called with the share done.
 
@@ -200,7 +215,7 @@ def record_topics(
     if not seconds > 0.0:
         raise InputError(f"recording: expected more than 0 s, got {seconds}")
     begin, ended_by = transport.steady(), ""
-    with TopicRecorder(transport, folder, topics, about=about) as recorder:
+    with TopicRecorder(transport, folder, topics, about=about, after=after) as recorder:
         try:
             while (elapsed := (transport.steady() - begin) / SECOND) < seconds:
                 transport.sleep(min(TICK, seconds - elapsed))
@@ -213,6 +228,25 @@ def record_topics(
         refuse_missing(recorder.counts, required)
     progress(1.0)
     return RecordedTopics(recorder.counts, took, ended_by)
+
+
+def left_off(folder: Path, about: About, topics: Sequence[Topic], now: int, *, in_passes: bool) -> LeftOff | None:
+    """Return where a recording of the same kind was cut off, at `now` [ns]; None where there is none to go on with.
+
+    One that seems to end later than now was made by another clock, and cannot go on.
+    """
+    if not is_journal(folder):
+        return None
+    try:
+        reader = JournalReader(folder)
+    except FileFormatError:  # killed at its very begin
+        return None
+    # as it comes back from a file
+    ours = About.from_json(about.as_json().encode(), str(folder))
+    if reader.about != ours or {t.name for t in reader.topics} != {t.name for t in topics}:
+        return None
+    found = reader.left_off(in_passes=in_passes)
+    return found if found is not None and found.last < now else None
 
 
 def refuse_missing(counts: Sequence[TopicCount], required: Sequence[str]) -> None:

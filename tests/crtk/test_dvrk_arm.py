@@ -1,0 +1,308 @@
+"""What dVRK's own classes use beside CRTK (dvrk_python: dvrk.arm, dvrk.psm, dvrk.system), call by call on a loopback."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import pose_message, pose_of
+from catenary.crtk.topic_names import CONSOLE, console_topics, crtk_topics
+from catenary.nodes.serve import Serving, make_server
+from catenary.simulation.psm_plant import PsmPlant
+from catenary.spatial import Pose, rotation_from_rpy
+from oracles.psm_arms import homed_psm
+from oracles.ticking_clock import TickingClock
+
+Bool, Empty, Float64, String = (message_class(f"std_msgs/{name}") for name in ("Bool", "Empty", "Float64", "String"))
+JointState, Twist = message_class("sensor_msgs/JointState"), message_class("geometry_msgs/TwistStamped")
+TOPICS = {topic.name: topic for topic in (*crtk_topics("/PSM1", "PSM1"), *console_topics("/PSM1"))}
+# what dvrk.arm, dvrk.psm and dvrk.system wait for in check_connections: a peer at each [dvrk_python a1b337b]
+ADVERTISED = {
+    *(f"/PSM1/{verb}" for verb in ("state_command", "hold", "free", "servo_jp", "servo_jr", "servo_cp", "servo_jf")),
+    *(f"/PSM1/{verb}" for verb in ("move_jp", "move_jr", "move_cp", "spatial/servo_cf", "body/servo_cf")),
+    *(f"/PSM1/{verb}" for verb in ("body/set_cf_orientation_absolute", "use_gravity_compensation")),
+    *(f"/PSM1/{verb}" for verb in ("trajectory_j/set_ratio", "emulate_tool_present")),
+    *(f"/PSM1/jaw/{verb}" for verb in ("servo_jp", "move_jp", "servo_jf")),
+    *(f"/{place}/{verb}" for place in ("system", "console") for verb in ("power_on", "power_off", "home")),
+    *(f"/system/{verb}" for verb in ("set_volume", "beep", "string_to_speech")),
+}
+HEARD = {
+    *(f"/PSM1/{verb}" for verb in ("operating_state", "setpoint_js", "setpoint_cp", "measured_js", "measured_cp")),
+    *(f"/PSM1/{verb}" for verb in ("measured_cv", "trajectory_j/ratio", "local/measured_cp", "local/setpoint_cp")),
+    *(f"/PSM1/{place}/{verb}" for place in ("spatial", "body") for verb in ("measured_cf", "jacobian")),
+    *("/PSM1/jaw/measured_js", "/PSM1/jaw/setpoint_js"),
+}
+STEP = np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0])
+DEEP = np.array([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])  # dvrk_psm_test.py's starting position
+
+
+class Psm(TickingClock):
+    """A served PSM that ticks while somebody sleeps, and what dVRK's classes do with it."""
+
+    def __init__(self, plant: PsmPlant | None = None) -> None:
+        super().__init__(0.001, 1_700_000_000 * 10**9)
+        self.network = LoopbackNetwork(clock=self)
+        self.plant = homed_psm() if plant is None else plant
+        serving = Serving(robot="dvrk_psm", dialect="crtk")
+        self.server = make_server(serving, Loopback("robot", self.network), plants={"PSM1": self.plant})
+        self.client = Loopback("client", self.network)
+        self.publishers = {}
+
+    def tick(self) -> None:
+        self.server.tick()
+
+    def hear(self, name):
+        topic = TOPICS[name]
+        return self.client.subscribe(name, topic.type, depth=10_000)
+
+    def last(self, name):
+        """The newest message of a topic within a tenth of a second."""
+        heard = self.hear(name)
+        self.sleep(0.11)
+        message = heard.take()[-1].message
+        heard.close()
+        return message
+
+    def say(self, name, message, seconds=0.02):
+        if name not in self.publishers:
+            self.publishers[name] = self.client.publisher(name, TOPICS[name].type, latch=True)
+        self.publishers[name].publish(message)
+        self.sleep(seconds)
+
+    def move_jp(self, q, seconds=0.02):
+        self.say("/PSM1/move_jp", JointState(position=np.asarray(q, dtype=float)), seconds)
+
+    def jaw(self, opening, seconds=0.02):
+        self.say("/PSM1/jaw/move_jp", JointState(position=np.array([opening])), seconds)
+
+    def wait(self, longest=20.0):
+        """Wait as CRTK's client does: until the arm is busy no more; return how long that took [s]."""
+        for k in range(round(longest / 0.01)):
+            if not self.server.arms["PSM1"].state.is_busy:
+                return 0.01 * k
+            self.sleep(0.01)
+        raise AssertionError("busy for ever")
+
+    @property
+    def setpoint(self):
+        return self.plant.setpoint_js().q
+
+    @property
+    def refusals(self):
+        return [line for line in self.server.reports.take() if "refused" in line]
+
+
+@pytest.fixture
+def psm():
+    """Homed and enabled."""
+    return Psm()
+
+
+def test_each_topic_that_their_classes_need_has_a_peer(psm):
+    carrier = psm.server.transport
+    assert set(psm.client.topics()) >= HEARD
+    for name in sorted(ADVERTISED):
+        psm.say(name, message_class(TOPICS[name].type)(), 0.0)
+        assert carrier.connections(name).publishers, name
+
+
+def test_their_psm_test_brings_arm_and_jaw_where_it_says(psm):
+    psm.move_jp(DEEP)
+    psm.wait()
+    for opening, depth in ((-0.349, 0.11), (1.047, 0.13)):
+        psm.jaw(opening)
+        psm.move_jp([*psm.setpoint[:2], depth, *psm.setpoint[3:6]])  # while the jaw still moves
+        psm.wait()
+        assert_allclose(psm.setpoint[[2, 6]], [depth, opening], atol=1e-9)
+    for side, opening in ((-0.01, -0.349), (0.02, 1.047)):
+        start = pose_of(psm.last("/PSM1/setpoint_cp"))
+        goal = Pose(start.rotation, start.position + np.array([side, 0.0, 0.0]))
+        psm.say("/PSM1/move_cp", pose_message(goal, 0, "base"))
+        psm.jaw(opening)  # while the arm still moves, or its way is still being planned
+        psm.wait()
+        assert_allclose(pose_of(psm.last("/PSM1/setpoint_cp")).position, goal.position, atol=1e-5)
+        assert psm.setpoint[6] == pytest.approx(opening)
+    assert not psm.refusals
+
+
+def test_a_servo_jp_of_the_arm_lets_a_jaw_that_moves_go_on(psm):
+    psm.jaw(0.8)
+    for _ in range(200):
+        psm.say("/PSM1/servo_jp", JointState(position=psm.setpoint[:6] + STEP), 0.01)
+    assert_allclose(psm.setpoint[6], 0.8, atol=1e-9)
+    assert psm.setpoint[0] > 0.1
+
+
+@pytest.mark.parametrize("stop", ["hold", "free"])
+def test_what_stops_the_arm_stops_the_jaw(psm, stop):
+    psm.jaw(1.0, 0.3)
+    psm.say(f"/PSM1/{stop}", Empty())
+    psm.sleep(1.0)
+    assert psm.setpoint[6] < 0.6
+
+
+def test_a_ratio_makes_moves_slower_by_as_much(psm):
+    took = {}
+    for ratio in (1.0, 0.5, 0.1):
+        psm.say("/PSM1/trajectory_j/set_ratio", Float64(data=ratio))
+        assert psm.last("/PSM1/trajectory_j/ratio").data == ratio
+        for place in (0.4, 0.0):
+            psm.move_jp([place, *DEEP[1:]], 0.0)
+            psm.sleep(0.005)
+            took[ratio] = psm.wait()
+    # from rest to rest: its length over its speed, and as long as it takes to get up to it, which ratio leaves as it is
+    assert took[0.5] - took[1.0] == pytest.approx(0.4 / 0.8, abs=0.06)
+    assert took[0.1] - took[1.0] == pytest.approx(9 * 0.4 / 0.8, abs=0.1)
+
+
+@pytest.mark.parametrize("ratio", [0.0, -0.5, 1.01, np.nan, np.inf])
+def test_a_ratio_that_is_none_changes_nothing_and_is_said(psm, ratio):
+    heard = psm.hear("/PSM1/warning")
+    psm.say("/PSM1/trajectory_j/set_ratio", Float64(data=ratio))
+    assert psm.last("/PSM1/trajectory_j/ratio").data == 1.0
+    assert "expected above 0 and at most 1" in heard.take()[-1].message.data
+
+
+def test_ratios_of_speed_and_acceleration_are_one_ratio_only_where_they_agree(psm):
+    psm.sleep(0.01)
+    said = [psm.hear(f"/PSM1/trajectory_j/{name}") for name in ("ratio", "ratio_v", "ratio_a")]
+    psm.say("/PSM1/trajectory_j/set_ratio_v", Float64(data=0.5))
+    psm.say("/PSM1/trajectory_j/set_ratio_a", Float64(data=0.5))
+    values = [[one.message.data for one in heard.take()] for heard in said]
+    assert values == [[1.0, 0.0, 0.5], [1.0, 0.5], [1.0, 0.5]]
+
+
+def test_goal_reached_tells_each_move_that_ends_and_how(psm):
+    heard = psm.hear("/PSM1/goal_reached")
+    for place in (0.1, 0.2):
+        psm.move_jp([place, *DEEP[1:]])
+        psm.wait()
+    psm.move_jp([0.8, *DEEP[1:]], 0.2)
+    psm.say("/PSM1/hold", Empty(), 0.2)
+    assert [one.message.data for one in heard.take()] == [True, True, False]
+
+
+def test_desired_state_is_where_the_arm_is_on_its_way_to():
+    psm = Psm(PsmPlant())
+    psm.sleep(0.01)
+    heard = psm.hear("/PSM1/desired_state")  # latched
+    psm.say("/system/power_on", Empty(), 0.1)
+    psm.say("/system/home", Empty(), 0.1)
+    assert psm.plant.operating_state().is_busy
+    psm.wait()
+    psm.say("/system/power_off", Empty(), 0.1)
+    assert [one.message.data for one in heard.take()] == ["DISABLED", "ENABLED", "HOMED", "DISABLED"]
+    assert psm.plant.operating_state() == ("DISABLED", True, False)
+
+
+@pytest.mark.parametrize("place", ["console", "system"])
+def test_home_of_the_console_enables_first(place):
+    psm = Psm(PsmPlant())
+    psm.say(f"/{place}/home", Empty(), 0.1)
+    psm.wait()
+    assert psm.plant.operating_state() == ("ENABLED", True, False)
+
+
+def test_the_console_of_an_arm_below_a_place_is_beside_it():
+    names = {topic.name for topic in console_topics("/lab/PSM1")}
+    assert names > {f"/lab/{place}/{verb[8:]}" for place in ("console", "system") for verb in CONSOLE}
+
+
+BASE = Pose(rotation_from_rpy((0.3, -0.4, 1.1)), np.array([0.2, -0.1, 0.5]))
+
+
+def placed(psm):
+    psm.say("/PSM1/set_base_frame", pose_message(BASE, 0, "cart"))
+
+
+def test_poses_and_velocities_are_in_the_frame_that_was_set(psm):
+    psm.move_jp(DEEP)
+    psm.wait()
+    placed(psm)
+    psm.say("/PSM1/servo_jp", JointState(position=psm.setpoint[:6] + 10 * STEP), 0.002)
+    whole, local = psm.last("/PSM1/setpoint_cp"), psm.last("/PSM1/local/setpoint_cp")
+    assert (whole.header.frame_id, local.header.frame_id) == ("cart", "base")
+    expected = BASE @ pose_of(local)
+    assert_allclose(pose_of(whole).position, expected.position, atol=1e-12)
+    assert_allclose(pose_of(whole).rotation, expected.rotation, atol=1e-12)
+    # a velocity is the change of the pose over time
+    heard, poses = psm.hear("/PSM1/measured_cv"), psm.hear("/PSM1/measured_cp")
+    psm.move_jp([0.5, *DEEP[1:]], 0.7)
+    step = 10  # ms
+    velocity = [one.message.twist.linear for one in heard.take()][-step // 2]
+    tip = [one.message.pose.position for one in poses.take()]
+    difference = (np.array(tip[-1]) - np.array(tip[-1 - step])) / (0.001 * step)
+    assert_allclose(velocity, difference, atol=0.1 * np.linalg.norm(difference))  # encoders' steps, over 10 ms
+
+
+@pytest.mark.parametrize("verb", ["servo_cp", "move_cp", "servo_cr", "move_cr", "servo_cv"])
+def test_a_cartesian_command_is_in_the_frame_that_was_set(psm, verb):
+    psm.move_jp(DEEP)
+    psm.wait()
+    placed(psm)
+    start = pose_of(psm.last("/PSM1/setpoint_cp"))
+    step = np.array([0.001, 0.002, -0.001]) * (1 if verb.startswith("servo") else 5)
+    if verb == "servo_cv":
+        vector, twist = (message_class(f"geometry_msgs/{name}") for name in ("Vector3", "Twist"))
+        message = Twist(header(0, "cart"), twist(vector(*(20 * step)), vector()))
+    elif verb.endswith("cr"):
+        message = pose_message(Pose(np.eye(3), 0.02 * step if verb == "servo_cr" else step), 0, "cart")
+    else:
+        message = pose_message(Pose(start.rotation, start.position + step), 0, "cart")
+    psm.say(f"/PSM1/{verb}", message)
+    psm.wait()
+    psm.sleep(0.3)
+    moved = pose_of(psm.last("/PSM1/setpoint_cp")).position - start.position
+    assert np.linalg.norm(moved) > 1e-6
+    assert_allclose(moved / np.linalg.norm(moved), step / np.linalg.norm(step), atol=0.02)
+
+
+def kinematics(psm, place, q):
+    request = message_class("crtk_msgs/QueryForwardKinematicsRequest")(jp=q)
+    answer = psm.client.call(f"/PSM1/{place}forward_kinematics", "crtk_msgs/QueryForwardKinematics", request)
+    assert answer.result
+    return message_class("geometry_msgs/PoseStamped")(pose=answer.cp), answer.cp
+
+
+def test_kinematics_are_in_the_frame_that_was_set_and_local_ones_in_the_arms_own(psm):
+    placed(psm)
+    q = DEEP + np.array([0.1, -0.1, 0.02, 0.3, 0.2, -0.1])
+    (whole, cp), (local, _) = kinematics(psm, "", q), kinematics(psm, "local/", q)
+    assert_allclose(pose_of(whole).position, (BASE @ pose_of(local)).position, atol=1e-12)
+    request = message_class("crtk_msgs/QueryInverseKinematicsRequest")(cp=cp, jp=q + 0.01)
+    answer = psm.client.call("/PSM1/inverse_kinematics", "crtk_msgs/QueryInverseKinematics", request)
+    assert_allclose(answer.jp, q, atol=1e-6)
+
+
+def test_actuators_are_turned_into_the_joints_whose_motors_they_are(psm):
+    psm.jaw(0.5)
+    psm.move_jp([0.1, -0.1, 0.13, 0.4, -0.3, 0.2])
+    psm.wait()
+    motors, q = psm.plant.control.motor, psm.plant.measured_js().q
+    request = message_class("cisst_msgs/ConvertFloat64ArrayRequest")(input=motors / psm.plant.firmware.ratio)
+    answer = psm.client.call("/PSM1/actuator_to_joint_position", "cisst_msgs/ConvertFloat64Array", request)
+    assert_allclose(answer.output, q, atol=1e-9)
+
+
+def test_a_tool_is_the_one_that_is_there(psm):
+    assert psm.last("/PSM1/tool_type").data == "LARGE_NEEDLE_DRIVER:400006[..]"
+    psm.say("/PSM1/set_tool_type", String(data="LARGE_NEEDLE_DRIVER:400006"))
+    psm.say("/PSM1/emulate_tool_present", Bool(data=True))
+    assert not psm.refusals
+    psm.say("/PSM1/set_tool_type", String(data="CADIERE_FORCEPS:400049"))
+    psm.say("/PSM1/emulate_tool_present", Bool(data=False))
+    assert len(psm.refusals) == 2
+
+
+def test_settings_move_nothing_and_hold_no_arm(psm):
+    before = psm.setpoint.copy()
+    for name in ("trajectory_j/set_ratio", "set_base_frame", "set_tool_type", "emulate_tool_present"):
+        assert not TOPICS[f"/PSM1/{name}"].moves
+    psm.say("/PSM1/trajectory_j/set_ratio", Float64(data=0.5))
+    placed(psm)
+    assert_array_equal(psm.setpoint, before)
+    other = Loopback("other", psm.network)
+    other.publisher("/PSM1/move_jp", "sensor_msgs/JointState").publish(JointState(position=DEEP + 0.01))
+    psm.sleep(0.05)
+    assert psm.server.arms["PSM1"].state.is_busy

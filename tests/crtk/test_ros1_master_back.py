@@ -1,0 +1,68 @@
+"""A master that stands still and goes on is told both ways; a peer that is slow is told by its name."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from ros import OPEN, Program, running_master
+
+pytestmark = pytest.mark.slow
+
+NODE = (
+    OPEN
+    + """
+import logging
+ros1_master.PATIENCE = 1.0  # else it waits a minute for a master that stands still
+logging.basicConfig(stream=sys.stdout, format="%(message)s", level=logging.WARNING)
+print("up", flush=True)
+sys.stdin.readline()
+"""
+)
+TALKER = (
+    OPEN
+    + """
+publisher = transport.publisher("/count", T, queue=5)
+while not transport.connections("/count").subscribers:
+    time.sleep(0.01)
+print("connected", flush=True)
+sys.stdin.readline()
+pad = "x" * 10**6
+while not publisher.overflowed:
+    publisher.publish(message_class(T)(header(transport.now()), pad))
+print(dict(publisher.missed), flush=True)
+"""
+)
+DEAF = (
+    OPEN
+    + """
+import os, signal
+transport.subscribe("/count", T)
+print("listening", flush=True)
+sys.stdin.readline()
+"""
+)
+
+
+def test_a_master_that_comes_back_is_said_to_be_back(tmp_path: Path) -> None:
+    with running_master(tmp_path) as master, Program(master, NODE, "node") as node:
+        assert node.line() == "up"
+        assert master._process is not None
+        os.kill(master._process.pid, signal.SIGSTOP)
+        assert "no ROS master" in node.line()
+        os.kill(master._process.pid, signal.SIGCONT)
+        assert node.line() == f"the ROS master at {master.uri} is back"
+
+
+def test_who_misses_messages_is_named(tmp_path: Path) -> None:
+    with (
+        running_master(tmp_path) as master,
+        Program(master, DEAF, "sleepy") as deaf,
+        Program(master, TALKER, "talker") as talker,
+    ):
+        assert deaf.line() == "listening"
+        assert talker.line() == "connected"
+        with deaf.standing_still():
+            talker.say("go")
+            assert talker.line().startswith("{'/sleepy': ")
