@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 
 from catenary.robots.catalog import load_robot
-from catenary.workflows.project import calibrate
-from catenary.workflows.robot import motion
 from command_line import catenary
 from documented import ROOT, Block, blocks, blocks_of, said_in_text, unlike, words_of
 from given import give
@@ -30,15 +28,7 @@ def _pages() -> list[object]:
     return [pytest.param(name, marks=pytest.mark.slow if name in slow else (), id=name) for name in names]
 
 
-@pytest.fixture
-def _hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Simulate less: arms go four times as fast to where a motion begins, and a project's model runs for 2 s."""
-    monkeypatch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
-    for gentle in ("GENTLE_VELOCITY", "GENTLE_ACCELERATION"):
-        monkeypatch.setattr(motion, gentle, {unit: 4.0 * value for unit, value in getattr(motion, gentle).items()})
-
-
-@pytest.mark.usefixtures("_hurried")
+@pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize("page", _pages())
 def test_a_page_does_what_it_says(
     page: str,
@@ -165,7 +155,7 @@ def complete_commands() -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("_hurried")
+@pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize("line", complete_commands())
 def test_commands_within_sentences_run(line: str) -> None:
     assert catenary(*shlex.split(line)).code == 0
