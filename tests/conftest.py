@@ -14,6 +14,8 @@ import numba
 import numpy as np
 import pytest
 
+from made_once import made_once
+
 if TYPE_CHECKING:  # nothing of catenary may be imported before pytest_configure has run
     from catenary.workflows.project.calibrate import CalibrationResult
     from oracles.random_trees import RandomRobot
@@ -108,6 +110,17 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulate less: arms go four times as fast to where a motion begins, and a project's model runs for 2 s."""
+    from catenary.workflows.project import calibrate
+    from catenary.workflows.robot import motion
+
+    monkeypatch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
+    for gentle in ("GENTLE_VELOCITY", "GENTLE_ACCELERATION"):
+        monkeypatch.setattr(motion, gentle, {unit: 4.0 * value for unit, value in getattr(motion, gentle).items()})
+
+
 @pytest.fixture(scope="session")
 def random_robots() -> "list[RandomRobot]":
     """Sixty trees: each size from one to nine joints six times and more."""
@@ -147,9 +160,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a project with a short zig-zag and a short test motion, recorded and extracted; not to be written."""
     from simulated_project import record_short
 
-    folder = tmp_path_factory.mktemp("recorded") / "project"
-    record_short(folder)
-    return folder
+    return made_once(tmp_path_factory, "recorded", lambda folder: record_short(folder / "project").folder)
 
 
 @pytest.fixture(scope="session")
@@ -158,11 +169,14 @@ def moving_arm_logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from catenary.robots.catalog import load_robot
     from moving_arm import PLACE, recorded, write_npz
 
-    arm, folder = load_robot("raven2"), tmp_path_factory.mktemp("moving_arm")
-    models = {"run0": arm, "run1": arm, "loaded": arm.with_payload("wrist", 0.2, PLACE)}
-    for seed, (name, model) in enumerate(models.items()):
-        write_npz(recorded(model, seed, noise=0.1), folder / f"{name}.npz")
-    return folder
+    def write(folder: Path) -> Path:
+        arm = load_robot("raven2")
+        models = {"run0": arm, "run1": arm, "loaded": arm.with_payload("wrist", 0.2, PLACE)}
+        for seed, (name, model) in enumerate(models.items()):
+            write_npz(recorded(model, seed, noise=0.1), folder / f"{name}.npz")
+        return folder
+
+    return made_once(tmp_path_factory, "moving_arm", write)
 
 
 @pytest.fixture(scope="session")
@@ -170,7 +184,9 @@ def finished(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> "Calib
     """What the recorded project came to when it was calibrated; its folder is not to be written."""
     from simulated_project import calibrate_short
 
-    return calibrate_short(Path(copytree(recorded, tmp_path_factory.mktemp("finished") / "project")))
+    return made_once(
+        tmp_path_factory, "finished", lambda folder: calibrate_short(Path(copytree(recorded, folder / "project")))
+    )
 
 
 @pytest.fixture

@@ -2,7 +2,8 @@
 
 A block of a page is run by tests/test_docs.py, in a folder of the page's own, after those above it. A comment right
 above a block says otherwise, with the reason: `<!-- not run: a robot -->`. Then its commands are parsed only.
-`<!-- given: lab.bag -->` names files that the tests put there first (tests/given.py).
+`<!-- given: lab.bag -->` names files that the tests put there first (tests/given.py). `<!-- tried: --seconds 20 as --seconds 2 -->`
+has the tests run less than a reader does: they read the first as the second.
 """
 
 import re
@@ -12,7 +13,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-_MARK = r" *<!-- (?:not run|given): [^>]*? -->\n+"
+_MARK = r" *<!-- (?:not run|given|tried): [^>]*? -->\n+"
 _BLOCK = re.compile(
     rf"(?P<marks>(?:{_MARK})*)^(?P<indent> *)```(?P<language>\w*)\n(?P<text>(?:(?! *```).*\n)*) *```[ ]*$"
     r"(?:\n\n```text\n(?P<printed>(?:(?!```).*\n)*)```)?",
@@ -55,7 +56,11 @@ def blocks_of(text: str, page: str) -> list[Block]:
     found = []
     for match in _BLOCK.finditer(text):
         marks = dict(re.findall(r"<!-- (not run|given): (.*?) -->", match["marks"]))
+        tried = re.findall(r"<!-- tried: (.*?) as (.*?) -->", match["marks"])
         code = re.sub(rf"^{match['indent']}", "", match["text"], flags=re.MULTILINE)
+        for written, run in tried:
+            assert written in code, f"{page}: {written!r} is not in the block below it"
+            code = code.replace(written, run)
         line = text.count("\n", 0, match.start("language")) + 1
         given = tuple(one.strip() for one in marks.get("given", "").split(",") if one.strip())
         found.append(Block(page, line, match["language"], code, match["printed"], marks.get("not run"), given))

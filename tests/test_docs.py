@@ -28,6 +28,7 @@ def _pages() -> list[object]:
     return [pytest.param(name, marks=pytest.mark.slow if name in slow else (), id=name) for name in names]
 
 
+@pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize("page", _pages())
 def test_a_page_does_what_it_says(
     page: str,
@@ -131,7 +132,7 @@ def test_every_command_in_a_block_stands_behind_a_dollar_sign() -> None:
 def test_a_block_is_read_with_its_marks_its_place_and_what_it_prints() -> None:
     text = (
         "A\n\n<!-- given: a.npz, b.npz -->\n<!-- not run: a robot -->\n\n   ```\n   $ catenary home \\\n     --ros 1\n   done\n   ```\n"
-        "\n```python\nprint(1)\n```\n\n```text\n1\n```\n"
+        "\n<!-- tried: (3) as (1) -->\n```python\nprint(3)\n```\n\n```text\n1\n```\n"
     )
     first, second = blocks_of(text, "page.md")
     assert first.commands == [("catenary home --ros 1", ["done"])]
@@ -154,6 +155,7 @@ def complete_commands() -> list[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize("line", complete_commands())
 def test_commands_within_sentences_run(line: str) -> None:
     assert catenary(*shlex.split(line)).code == 0

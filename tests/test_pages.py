@@ -7,7 +7,11 @@ import pytest
 
 DOCS = Path(__file__).parents[1] / "docs"
 GENERATED = {"public-robots"}  # by python -m tests.descriptions
-PAGES = [page for page in sorted(DOCS.rglob("*.md")) if page.stem not in GENERATED and page.parent.name not in ("api", "results")]
+PAGES = [
+    page
+    for page in sorted(DOCS.rglob("*.md"))
+    if page.stem not in GENERATED and page.parent.name not in ("api", "results")
+]
 SEARCHED = [
     "sign of gravity", "degrees", "not homed", "outside the valid range", "mount the sensor", "export to C",
     "my bag", "which model", "how to cite",

@@ -13,6 +13,8 @@ from catenary.robots.urdf_export import urdf_text
 from catenary.sensing.mounting import Mounting, save_mounting
 from command_line import catenary, refusal
 
+pytestmark = pytest.mark.usefixtures("hurried")
+
 DOWN = np.array([0.0, 0.0, -9.81])
 POSE = ("raven2", "--q", "0,1.57,0.32")
 ARM = load_robot("raven2")

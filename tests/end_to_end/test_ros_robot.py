@@ -1,4 +1,4 @@
-"""A robot in another process over ROS 1: connected to, restarted, and, over DDS too, calibrated to its report."""
+"""A robot in another process over ROS 1: connected to, restarted, and calibrated to its report."""
 
 from collections.abc import Iterator
 
@@ -69,6 +69,7 @@ def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
         CrtkClient(transport, connect_timeout=0.5)
 
 
+@pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])
 def test_served_robot_is_calibrated_to_its_report(meeting: Meeting, tmp_path, monkeypatch) -> None:
     programs, ros = meeting
     motion = follow_waypoints(STROLL, speed=[0.1, 0.1, 0.005])  # 7 s: from less than 5 s nothing is learnt

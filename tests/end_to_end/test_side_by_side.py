@@ -1,4 +1,4 @@
-"""Several commands at one served robot, over a real master and over DDS; and a bag that is played in a robot's place."""
+"""Several commands at one served robot over a real master; and a bag that is played in a robot's place."""
 
 import json
 from collections.abc import Iterator
@@ -14,7 +14,8 @@ from patience import until
 from recordings import fitted
 from ros import PATIENT_COMMAND, Master, Program
 
-pytestmark = pytest.mark.slow
+# over DDS: tests/crtk/dds/test_served_faults.py
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])]
 
 # what rosbag play --loop does, by the library of Debian's python3-rosbag: its own binary is in another package
 PLAY = """
@@ -94,7 +95,6 @@ def test_four_look_and_move_and_the_second_that_would_move_is_told_who_does(
     assert json.loads(report)["unreadable"] == 0
 
 
-@pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])
 def test_a_played_bag_feeds_deploy_and_monitor_without_anybody_who_listens(
     ros_master: Master, meeting: Meeting, served: Program, model: Path, tmp_path: Path
 ) -> None:

@@ -38,10 +38,9 @@ def test_gravity_is_computed(site: Path, folder: Path) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        "fk raven2 --q 0,1.57,0.32",
         "plot raven2 --out arm.png",
         "fit arm.npz --model linear --out model.npz --report model.html",
-        "track raven2 --seconds 2",
+        "hold planar_3r --q 0.4,0.9,0.5 --seconds 0.1",
     ],
     ids=lambda arguments: arguments.split()[0],
 )

@@ -101,7 +101,11 @@ def test_setpoint_report_and_measurement_come_out_of_a_bag_and_stay_in_the_log(t
         told += [(t, "/arm/setpoint_js", joint_state(JOINTS, q)), (t, ROBOT, joint_state(JOINTS, q - 0.01))]
         told.append((t, CAMERA, joint_state(JOINTS, np.rad2deg(seen))))
     path = write_bag(tmp_path / "lab", "ros1", dict.fromkeys(("/arm/setpoint_js", ROBOT, CAMERA), JOINT_STATE), told)
-    mapped = ["q_nominal=/arm/setpoint_js.position", f"q_reported={ROBOT}.position", f"q_encoder={CAMERA}.position@deg,deg,m"]
+    mapped = [
+        "q_nominal=/arm/setpoint_js.position",
+        f"q_reported={ROBOT}.position",
+        f"q_encoder={CAMERA}.position@deg,deg,m",
+    ]
     read = import_recording(path, mapped, units="rad,rad,m")
     write_parquet(read, tmp_path / "lab.parquet")
     for one in (read, read_log(tmp_path / "lab.parquet")):

@@ -178,14 +178,11 @@ def test_the_reported_and_the_calibrated_arm_are_seen_apart_and_the_reported_one
     rest(looked)
 
 
-def test_run_levels_pause_enable_and_home(looked: LookedAtPage) -> None:
+def test_run_levels_pause_and_enable(looked: LookedAtPage) -> None:
     looked.tab("Drive")
     looked.press("pause")
     looked.wait_for_text("PAUSED, homed")
     looked.press("enable")
-    looked.wait_for_text("ENABLED, homed: rest")
-    looked.press("home")
-    looked.wait_for_text("homing")
     looked.wait_for_text("ENABLED, homed: rest")
 
 

@@ -6,13 +6,18 @@ from shutil import copytree
 
 import pytest
 
+from made_once import made_once
+
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site as `make docs` does, elsewhere, with every way to another machine closed."""
-    folder = tmp_path_factory.mktemp("site")
+    return made_once(tmp_path_factory, "site", _built)
+
+
+def _built(folder: Path) -> Path:
     copytree(ROOT / "docs", folder / "docs")
     for name in ("website", "src"):
         (folder / name).symlink_to(ROOT / name)

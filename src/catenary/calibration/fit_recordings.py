@@ -142,18 +142,14 @@ def _concluded(
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
-<<<<<<< HEAD
-    spread: tuple[Spread, ...] = ()
-    if validation is not None:
-        left = data.error - model.correction(data.X, data.q_nominal)
-        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals)
-=======
     left_out = errors_with_left_out(
         model, logs, everything, None if validation is None or late is not None else validation.after_model
     )
     notes = (*notes, *(f"{each.name}: {each}" for each in left_out_findings(left_out)))
-    spread = () if validation is None else validation.spread
->>>>>>> check
+    spread: tuple[Spread, ...] = ()
+    if validation is not None:
+        left = data.error - model.correction(data.X, data.q_nominal)
+        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals)
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes, choices=choices)
     card["delays"] = [

@@ -195,7 +195,6 @@ def check_robot(model: RobotModel) -> FileReport:
     return found
 
 
-<<<<<<< HEAD
 def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
     """Return friction and rotors of every joint by itself, SI; None where no numbers are known."""
     found = None if model.actuation is None else joint_drives(model.actuation, model.n)
@@ -211,29 +210,6 @@ def _drive_in_words(drive: Mapping[str, Any]) -> str:
     return f"{drive['joint']} friction {friction}, rotor {drive['rotor']:.4g} {mass}"
 
 
-def check_recording(
-    log: MotionLog, *, robot: str | None = None, max_error: tuple[float, ...] | None = None
-) -> FileReport:
-    """Check a recording: rows, rate, gaps, joints, errors, and the verdict that a fit begins with."""
-    found = _recording("recording", log)
-    if found.facts["gaps"]:
-        longest = found.facts["longest_gap_s"]
-        found.remarks.append(
-            f"{found.facts['gaps']} gaps longer than {LONG_GAP:g} median steps, the longest {longest:.3g} s"
-        )
-    if log.q_encoder is None:
-        found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
-    elif log.ok.any() and not log.ok.all():
-        found.remarks.append(f"{(~log.ok).sum()} rows without a trusted measurement serve as history only")
-    found.remarks += log.notes
-    found.findings = findings_of(log, robot=robot_of([log], robot), max_error=error_limits(max_error, log))
-    for finding in found.findings:
-        (found.faults if finding.refuses else found.remarks).append(f"{finding.name}: {finding}")
-    return found
-
-
-=======
->>>>>>> check
 def check_torque_recording(log: MotionLog, model: RobotModel) -> FileReport:
     """Check a recording for identification: what it shows of its robot, and whether its torques are the motion's."""
     found = recording_report("recording for identification", log, model)

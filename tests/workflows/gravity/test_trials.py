@@ -122,10 +122,8 @@ def test_sensed_gravity_holds_and_nominal_gravity_does_not_on_a_tilted_base() ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("angle_deg", "seed"), [*((angle, None) for angle in (-90, -25, 0, 25, 45, 90, 135, 180)), (180, 1), (180, 2)]
-)
-def test_sensed_gravity_holds_for_ten_seconds_at_every_base_angle(angle_deg: float, seed: int | None) -> None:
+@pytest.mark.parametrize(("angle_deg", "seed"), [(-90, None), (25, None), (135, None), (180, 1)])
+def test_sensed_gravity_holds_for_ten_seconds_on_bases_turned_either_way(angle_deg: float, seed: int | None) -> None:
     drift = held(angle_deg, "dg", seed=seed).drift
     assert np.rad2deg(drift[:2]).max() < 0.1
     assert drift[2] < 1e-4
