@@ -361,5 +361,5 @@ def test_a_mesh_that_is_not_there_is_left_out_unless_a_mass_is_taken_from_it(loa
     weightless = picture.replace("/>", ' mass="0"/>')
     light = worldbody(f'<body name="a"><joint/>{BALL_GEOM}{weightless}</body>', rest=asset)
     assert_array_equal(load(light).tree.mass, [1.0])
-    with pytest.raises(FileFormatError, match="no mesh 'look.stl', from which the mass of body"):
+    with pytest.raises(FileFormatError, match=r"no mesh 'look\.stl', from which the mass of body"):
         load(text.replace(told, ""))

@@ -49,15 +49,14 @@ def forward_dynamics(
     """
     (rows, rates, torques), single = motion_rows(model, q, qd=qd, tau=tau)
     still = np.zeros_like(rows)
-    M, moving = mass_matrix(model, rows), torques
+    M: Floats = mass_matrix(model, rows)
+    moving: Floats = torques
     if loads is not None:
-        for term, value in zip(loads.terms, loads.values, strict=True):
-            if term.kind == "motor_inertia":
-                M = M + float(value) * np.outer(term.combination, term.combination)
+        M = M + loads.rotors
         # of links and rotors; friction may depend on it
         moving = torques - loads.torque(rows, rates, still, torques)
         for _ in range(ROUNDS if loads.depends_on_load else 0):
-            before, moving = moving, torques - loads.torque(rows, rates, still, moving)
+            before, moving = moving, np.asarray(torques - loads.torque(rows, rates, still, moving))
             if np.abs(moving - before).max(initial=0.0) <= SETTLED * max(1.0, np.abs(torques).max(initial=0.0)):
                 break
         else:
@@ -68,5 +67,5 @@ def forward_dynamics(
         raise InputError(
             f'robot "{model.name}": its joints can move so that no mass moves: accelerations have no bound'
         )
-    out: Floats = np.linalg.solve(M, free[:, :, None])[:, :, 0]
+    out = np.asarray(np.linalg.solve(M, free[:, :, None])[:, :, 0], dtype=np.float64)
     return out[0] if single else out

@@ -93,7 +93,7 @@ def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, floa
         link = int(model.tree.parent[link])
     if link != start.link or not path:
         raise InputError(f'robot "{model.name}": frame "{tip}" is not moved by joints on "{base}": no arm is between')
-    kept = model.coupling[path].any(axis=0)
+    kept = np.atleast_1d(model.coupling[path].any(axis=0))
     nearest = np.clip(0.0, model.lower, model.upper)
     rest = {name: float(nearest[k]) for k, name in enumerate(model.joint_names) if not kept[k]}
     arm = lock_joints(model, rest | dict(locked or {}))
