@@ -15,6 +15,10 @@ from catenary.control.limits import TorqueLimits as TorqueLimits
 from catenary.control.loop import run_loop as run_loop
 from catenary.control.pd import JointPD as JointPD
 from catenary.crtk.client import CrtkClient as CrtkClient
+from catenary.dynamics.external_torque import MomentumObserver as MomentumObserver
+from catenary.dynamics.external_torque import external_torque as external_torque
+from catenary.dynamics.external_torque import external_wrench as external_wrench
+from catenary.dynamics.forward_dynamics import forward_dynamics as forward_dynamics
 from catenary.dynamics.inverse_dynamics import BaseMotion as BaseMotion
 from catenary.dynamics.inverse_dynamics import coriolis_matrix as coriolis_matrix
 from catenary.dynamics.inverse_dynamics import inverse_dynamics as inverse_dynamics
@@ -43,7 +47,10 @@ from catenary.recording.logs import read_log as read_log
 from catenary.recording.logs import write_parquet as write_parquet
 from catenary.reports.robot_plot import plot as plot
 from catenary.robots.catalog import load_robot as load_robot
+from catenary.robots.cut import cut_arm as cut_arm
+from catenary.robots.cut import lock_joints as lock_joints
 from catenary.robots.model import RobotModel as RobotModel
+from catenary.sensing.wrist_tool import fit_wrist_tool as fit_wrist_tool
 from catenary.simulation.base_motion import FixedBase as FixedBase
 from catenary.simulation.cable_plant import CablePlant as CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant as MujocoPlant

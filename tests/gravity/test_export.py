@@ -1,6 +1,7 @@
 import ctypes
 import shutil
 import subprocess
+from dataclasses import replace
 from typing import get_args
 
 import casadi
@@ -10,6 +11,8 @@ import pytest
 import sympy
 from numpy.testing import assert_allclose
 
+from catenary.dynamics.actuation_loads import ActuationLoads
+from catenary.dynamics.forward_dynamics import forward_dynamics
 from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
@@ -17,13 +20,23 @@ from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function
 from catenary.gravity.gravity_regressor import standard_gravity_regressor
 from catenary.gravity.torque import gravity_torque
+from catenary.robots.actuation import (
+    Actuation,
+    Friction,
+    KnownTorque,
+    LeverSpring,
+    MotorInertia,
+    Spring,
+    actuation_terms,
+)
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import random_robot
 
 TREE = random_robot(12).model  # branching, three joints slide, four joints on three coordinates
 CASES = [*((TREE, quantity) for quantity in get_args(ExportedQuantity)), (load_robot("raven2"), "gravity")]
-MOVING = ("q", "qd", "qdd", "gravity")
-INPUTS = {"mass_matrix": ("q",), "forward_kinematics": ("q",), "inverse_dynamics": MOVING}
+MOVING = ("q", "qd", "qdd", "gravity")  # torques are drawn as qdd is
+INPUTS = {"mass_matrix": ("q",), "forward_kinematics": ("q",)}
+INPUTS |= dict.fromkeys(("inverse_dynamics", "feedforward", "forward_dynamics"), MOVING)
 PACKAGES = {"jax": "jax", "casadi": "casadi", "sympy": "symbolic"}
 
 
@@ -47,6 +60,8 @@ def by_recursion(model, quantity, arrays):
         "gravity": gravity_torque,
         "mass_matrix": mass_matrix,
         "inverse_dynamics": inverse_dynamics,
+        "feedforward": inverse_dynamics,
+        "forward_dynamics": forward_dynamics,
         "gravity_regressor": standard_gravity_regressor,
         "compact_regressor": lambda model, *arrays: compact_regressor(model).Z(*arrays),
     }[quantity](model, *arrays)
@@ -91,6 +106,66 @@ def test_every_target_computes_what_the_recursion_computes(model, quantity, tmp_
     name = next(word for word in text.replace("(", " ").split() if word.endswith(f"_{quantity}"))
     in_c = by_c(text, name, arrays, expected.size, tmp_path).reshape(expected.shape)
     assert_allclose(in_c, expected, atol=1e-10, err_msg="c99")
+
+
+def every_effect(arm, rng):
+    """Return friction of every kind, rotors, springs and a known torque, some on two joints at once."""
+    rows = [*np.eye(arm.n), np.array([1.0, -0.7, *np.zeros(arm.n - 2)])]
+    actuation = Actuation(
+        friction=tuple(Friction(f"f{k}", c, asymmetric=True, stribeck=0.4, presliding=0.1) for k, c in enumerate(rows)),
+        motor_inertia=tuple(MotorInertia(f"m{k}", c) for k, c in enumerate(rows)),
+        springs=(Spring("line", rows[0]), Spring("lever", rows[1], LeverSpring(0.1, 0.4, 0.2, 30.0))),
+        known_torques=(KnownTorque("cable", rows[-1], rows[0], np.array([0.3, -0.2, 1.0])),),
+        coulomb_velocity=0.05,
+    )
+    return ActuationLoads(
+        arm.n, actuation, actuation_terms(actuation), rng.uniform(0.1, 0.5, len(actuation_terms(actuation)))
+    )
+
+
+@pytest.mark.parametrize("quantity", ["feedforward", "forward_dynamics"])
+@pytest.mark.parametrize("smooth", [0.05, 0.0])
+def test_friction_and_drives_are_in_every_target(quantity, smooth, rng, tmp_path):
+    arm = load_robot("raven2")
+    loads = every_effect(arm, rng)
+    loads = loads._replace(actuation=replace(loads.actuation, coulomb_velocity=smooth))
+    q, qd, third, _ = arrays = arrays_of(arm, quantity, seed=5)
+    if quantity == "feedforward":
+        links = inverse_dynamics(arm, *arrays)
+        expected = links + loads.torque(q[None], qd[None], third[None], links[None])[0]
+    else:
+        expected = forward_dynamics(arm, *arrays, loads=loads)
+    made = {to: export_function(arm, quantity, to, loads=loads) for to in ("jax", "casadi", "sympy", "c99")}
+    found = {
+        "jax": np.asarray(made["jax"](*arrays)),
+        "casadi": np.array(made["casadi"](*arrays)).ravel(),
+        "sympy": by_sympy(made["sympy"], arrays),
+        "c99": by_c(made["c99"], f"raven2_{quantity}", arrays, 3, tmp_path),
+    }
+    for target, result in found.items():
+        assert_allclose(result, expected, rtol=1e-9, err_msg=target)
+    if quantity == "feedforward":  # friction that a brake lets grow with the load
+        brake = Actuation(friction=(Friction("brake", np.eye(3)[1], coulomb=False, viscous=False, load=True),))
+        rubbing = ActuationLoads(3, brake, actuation_terms(brake), np.array([0.1, 0.2]))
+        asked = links + rubbing.torque(q[None], qd[None], third[None], links[None])[0]
+        assert_allclose(np.array(export_function(arm, quantity, "casadi", loads=rubbing)(*arrays)).ravel(), asked)
+        with pytest.raises(InputError, match="its friction depends on the load, and so on the accelerations"):
+            export_function(arm, "forward_dynamics", "casadi", loads=rubbing)
+
+
+def test_a_robot_that_brings_friction_says_which_function_has_it(rng, caplog):
+    arm = load_robot("raven2")
+    loads = every_effect(arm, rng)
+    arm = replace(arm, actuation=replace(loads.actuation, values=loads.values))
+    arrays = arrays_of(arm, "feedforward")
+    whole = np.array(export_function(arm, "feedforward", "casadi")(*arrays)).ravel()
+    given = np.array(export_function(load_robot("raven2"), "feedforward", "casadi", loads=loads)(*arrays)).ravel()
+    assert_allclose(whole, given)
+    assert not caplog.records
+    export_function(arm, "inverse_dynamics", "casadi")
+    assert "inverse_dynamics is of its links alone; feedforward has friction and rotors" in caplog.text
+    with pytest.raises(InputError, match="only feedforward and forward_dynamics have them, not gravity"):
+        export_function(arm, "gravity", "casadi", loads=loads)
 
 
 def stiffness(model, q, gravity):

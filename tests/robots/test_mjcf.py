@@ -178,7 +178,7 @@ def test_an_inactive_equality_is_left_out_and_noted(load):
          'equality "equality1": a second one binds joint "elbow"'),
         (arm(rest=EQUALITY.format('<joint joint1="elbow" joint2="wrist"/><joint joint1="wrist" joint2="elbow"/>')),
          'joint "elbow" follows itself: elbow -> wrist -> elbow'),
-        (worldbody(f'<body name="b"><freejoint name="f"/>{BALL_GEOM}</body>'), 'joint "f" of body "b" is a free joint; expected hinge or slide'),
+        (worldbody(f'<body name="b"><freejoint name="f"/>{BALL_GEOM}</body>'), "no moving joint, expected at least one"),
         (worldbody(f'<body name="b"><joint type="ball" name="f"/>{BALL_GEOM}</body>'), 'joint "f" of body "b" is a ball joint'),
         (worldbody(f'<body name="b">{BALL_GEOM}</body>'), "no moving joint, expected at least one"),
         ("<mujoco>", "cannot be read as XML: no element found: line 1"),
@@ -330,3 +330,36 @@ def test_namespaces_are_passed_over_as_mujoco_does_and_bodies_are_counted_all_th
     many = worldbody(f'<replicate count="2000">{BALL_GEOM}<body><joint/>{BALL_GEOM}</body></replicate>')
     with pytest.raises(FileFormatError, match="bodies, expected at most 1000"):
         load(many.replace("<mujoco", '<mujoco xmlns="http://mujoco.org"'))
+
+
+FREE = "<freejoint/>"
+CUP = f'<body name="cup" pos="3 0 0">{FREE}{BALL_GEOM}<body name="lid"><geom size="0.1"/></body></body>'
+SCENE = '<keyframe><key qpos="0 0 0 1 0 0 0 0 0 0"/></keyframe><equality><weld body1="cup" body2="upper"/></equality>'
+
+
+def test_free_bodies_of_a_scene_are_left_aside_and_free_bases_stand(load):
+    alone = load(arm())
+    scene = load(arm(rest=SCENE).replace("<worldbody>", f"<worldbody>{CUP}"))
+    assert (scene.joint_names, scene.link_names) == (alone.joint_names, alone.link_names)
+    assert_array_equal(scene.tree.com, alone.tree.com)
+    assert "left out: free bodies that carry no joint (cup)" in scene.notes
+    pelvis = f'<worldbody><body name="pelvis" pos="0 0 2">{FREE}{BALL_GEOM}'
+    standing = load(arm().replace("<worldbody>", pelvis).replace("</worldbody>", "</body></worldbody>"))
+    assert standing.joint_names == alone.joint_names
+    assert_array_equal(frame_pose(standing, "upper", [0, 0, 0])[:3, 3], [0, 0, 3])
+    assert "free bodies stand where the file puts them (pelvis)" in standing.notes
+
+
+def test_a_mesh_that_is_not_there_is_left_out_unless_a_mass_is_taken_from_it(load):
+    asset = '<asset><mesh name="look" file="look.stl"/></asset>'
+    picture = '<geom type="mesh" mesh="look" contype="0" conaffinity="0"/>'
+    told = '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>'
+    text = worldbody(f'<body name="a"><joint/>{told}{picture}</body>', rest=asset)
+    model = load(text)
+    assert_array_equal(model.tree.mass, [2.0])
+    assert "left out: meshes whose files are not there (look.stl)" in model.notes
+    weightless = picture.replace("/>", ' mass="0"/>')
+    light = worldbody(f'<body name="a"><joint/>{BALL_GEOM}{weightless}</body>', rest=asset)
+    assert_array_equal(load(light).tree.mass, [1.0])
+    with pytest.raises(FileFormatError, match=r"no mesh 'look\.stl', from which the mass of body"):
+        load(text.replace(told, ""))

@@ -29,6 +29,15 @@ class ActuationLoads(NamedTuple):
         """Whether friction grows with what the links ask of the actuators."""
         return any(term.kind == "load" for term in self.terms)
 
+    @property
+    def rotors(self) -> Floats:
+        """What rotors add to the mass matrix (n, n)."""
+        added = np.zeros((self.n, self.n))
+        for term, value in zip(self.terms, self.values, strict=True):
+            if term.kind == "motor_inertia":
+                added += value * np.outer(term.combination, term.combination)
+        return added
+
     def torque(self, q: Floats, qd: Floats, qdd: Floats, links: Floats | None = None) -> Floats:
         """Return the torques (N, n) [Nm or N] that they ask of the actuators at q, qd, qdd (N, n), known ones too.
 

@@ -41,6 +41,7 @@ class Placed(NamedTuple):
     tree: Tree  # every link of the model is two here: 2 i is fixed, 2 i + 1 moves
     coupling: Floats  # (2 n_tree, n)
     turn: Floats  # (n_tree, 3, 3) R_link_traced: where a joint's axis is odd, its link is traced along it
+    q: Terms  # (n,) the input
     x: Terms  # (2 n_tree,) displacements of the tree's joints [rad|m]
     rotation: Terms  # (2 n_tree, 3, 3)
     position: Terms  # (2 n_tree, 3)
@@ -54,14 +55,14 @@ def placed(model: RobotModel) -> Placed:
     m = len(tree.parent)
     x, sine, cosine = empty(m), empty(m), empty(m)
     for i in range(m):
-        total: Term = float(offset[i])
+        place: Term = float(offset[i])
         for k in range(model.n):
-            total = q[k] * coupling[i, k] + total
-        x[i] = total
-        sine[i], cosine[i] = (0.0, 1.0) if tree.prismatic[i] else trace.sine_cosine(total)
+            place = q[k] * coupling[i, k] + place
+        x[i] = place
+        sine[i], cosine[i] = (0.0, 1.0) if tree.prismatic[i] else trace.sine_cosine(place)
     rotation, position = empty(m, 3, 3), empty(m, 3)
     place_joints(tree, x, sine, cosine, rotation, position)
-    return Placed(trace, tree, coupling, turn, x, rotation, position)
+    return Placed(trace, tree, coupling, turn, q, x, rotation, position)
 
 
 def gravity_line(model: RobotModel) -> Line:
@@ -79,14 +80,19 @@ def mass_matrix_line(model: RobotModel) -> Line:
     """Trace the mass matrix (n, n), row by row; input q (n,)."""
     model.require_inertia()
     p = placed(model)
-    m, n = len(p.tree.parent), model.n
+    return p.trace.line([entry for row in mass_matrix_terms(p) for entry in row])
+
+
+def mass_matrix_terms(p: Placed) -> list[list[Term]]:
+    """Return the mass matrix, row by row."""
+    m, n = len(p.tree.parent), p.coupling.shape[1]
     matrix = empty(m, m)
     composite_body_recursion(p.tree, p.rotation, p.position, empty(m + 1), empty(m + 1, 3), empty(m + 1, 3, 3), matrix)
     half = [_to_robot(p.coupling, matrix[i]) for i in range(m)]  # rows of tree matrix @ coupling
     entries = np.array(half, dtype=object)
     columns = [_to_robot(p.coupling, entries[:, l]) for l in range(n)]
     # symmetric to the last digit: the upper triangle is the lower one
-    return p.trace.line([columns[min(k, l)][max(k, l)] for k in range(n) for l in range(n)])
+    return [[columns[min(k, l)][max(k, l)] for l in range(n)] for k in range(n)]
 
 
 def holding_line(model: RobotModel) -> Line:
@@ -106,6 +112,11 @@ def inverse_dynamics_line(model: RobotModel, *, moving_base: bool = True) -> Lin
 
 
 def _newton_euler_line(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True) -> Line:
+    return p.trace.line(newton_euler_terms(p, qd, qdd, moving_base=moving_base))
+
+
+def newton_euler_terms(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True) -> list[Term]:
+    """Return the torques of a motion; gravity, and a moving base's rates, become inputs."""
     m = len(p.tree.parent)
     omega, alpha, acceleration, torque = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3), empty(m)
     acceleration[m] = -p.trace.inputs("gravity", 3)
@@ -115,7 +126,7 @@ def _newton_euler_line(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, mo
     rates = _to_tree(p.coupling, qd), _to_tree(p.coupling, qdd)
     work = empty(m + 1, 3), empty(m + 1, 3)
     newton_euler_recursion(p.tree, p.rotation, p.position, *rates, omega, alpha, acceleration, *work, torque)
-    return p.trace.line(_to_robot(p.coupling, torque))
+    return _to_robot(p.coupling, torque)
 
 
 def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line:
@@ -131,8 +142,8 @@ def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line
     results: list[Term] = []
     for r in range(3):
         turned = rotations[link, r]
-        results += [_sum(turned[j] * R[j, k] for j in range(3)) for k in range(3)]
-        results.append(_sum([*(turned[j] * origin[j] for j in range(3)), positions[link, r]]))
+        results += [total(turned[j] * R[j, k] for j in range(3)) for k in range(3)]
+        results.append(total([*(turned[j] * origin[j] for j in range(3)), positions[link, r]]))
     return p.trace.line(results)
 
 
@@ -162,7 +173,7 @@ def gravity_regressor_line(model: RobotModel) -> Line:
                 columns[4 * k, i] = dot(away, turning)
                 traced = transpose_times(rotations, 2 * k + 1, turning)
                 for r in range(3):
-                    columns[4 * k + 1 + r, i] = _sum(traced[j] * p.turn[k, r, j] for j in range(3))
+                    columns[4 * k + 1 + r, i] = total(traced[j] * p.turn[k, r, j] for j in range(3))
             i = p.tree.parent[i]
     entries = np.array([_to_robot(p.coupling, column) for column in columns], dtype=object)
     return p.trace.line(list(entries.T.ravel()))
@@ -214,23 +225,24 @@ def _rounded(R: Floats) -> Floats:
     return np.where(np.abs(R - near) < EXACT, near, R)
 
 
-def _sum(terms: Any) -> Term:
-    total: Term = 0.0
+def total(terms: Any) -> Term:
+    """Return a sum of numbers and symbols."""
+    found: Term = 0.0
     for term in terms:
-        total = term + total
-    return total
+        found = term + found
+    return found
 
 
 def _to_tree(coupling: Floats, rates: Terms | Floats) -> Terms:
     x = empty(len(coupling))
     for i, shares in enumerate(coupling):
-        x[i] = _sum(rates[k] * shares[k] for k in range(len(shares)))
+        x[i] = total(rates[k] * shares[k] for k in range(len(shares)))
     return x
 
 
 def _to_robot(coupling: Floats, tree_values: Terms) -> list[Term]:
     """Return coupling.T @ tree_values."""
     return [
-        _sum(tree_values[i] * float(coupling[i, k]) for i in range(len(coupling)) if coupling[i, k] != 0.0)
+        total(tree_values[i] * float(coupling[i, k]) for i in range(len(coupling)) if coupling[i, k] != 0.0)
         for k in range(coupling.shape[1])
     ]

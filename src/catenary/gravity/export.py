@@ -1,10 +1,13 @@
 """A robot's quantities as functions of other systems: JAX, CasADi, SymPy and C99, all from one straight line."""
 
+import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal, NamedTuple, get_args
 
 from catenary.arguments import explained
+from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
+from catenary.dynamics.law_lines import feedforward_line, forward_dynamics_line
 from catenary.dynamics.lines import (
     forward_kinematics_line,
     gravity_line,
@@ -18,9 +21,12 @@ from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
 ExportedQuantity = Literal[
-    "gravity", "mass_matrix", "inverse_dynamics", "forward_kinematics", "gravity_regressor", "compact_regressor"
-]
+    "gravity", "mass_matrix", "inverse_dynamics", "feedforward", "forward_dynamics", "forward_kinematics",
+    "gravity_regressor", "compact_regressor",
+]  # fmt: skip
+WITH_LOADS = ("feedforward", "forward_dynamics")
 ExportTarget = Literal["jax", "casadi", "sympy", "c99"]
+_log = logging.getLogger(__name__)
 
 
 class _Traced(NamedTuple):
@@ -31,7 +37,12 @@ class _Traced(NamedTuple):
 
 @explained
 def export_function(
-    model: RobotModel, quantity: ExportedQuantity, to: ExportTarget, *, frame: str | None = None
+    model: RobotModel,
+    quantity: ExportedQuantity,
+    to: ExportTarget,
+    *,
+    frame: str | None = None,
+    loads: ActuationLoads | None = None,
 ) -> Any:
     """Return a quantity of a robot as a function of another system, for derivatives, batches, MPC or printing.
 
@@ -40,6 +51,8 @@ def export_function(
     | gravity | q (n,), gravity (3,) | torques (n,) that hold the arm, as `gravity_torque` |
     | mass_matrix | q | (n, n) |
     | inverse_dynamics | q, qd, qdd (n,), gravity | torques (n,) of a motion on a base at rest |
+    | feedforward | q, qd, qdd, gravity | inverse_dynamics with friction, rotors, springs and known torques |
+    | forward_dynamics | q, qd, tau (n,), gravity | accelerations (n,) by torques, friction and rotors included |
     | forward_kinematics | q | rows of (R_base_frame, origin), (3, 4) |
     | gravity_regressor | q, gravity | (n, 4 n_links), columns m, mx, my, mz, as `standard_gravity_regressor` |
     | compact_regressor | q, gravity | (n, p), as `compact_regressor(model).Z` |
@@ -54,6 +67,8 @@ def export_function(
             "sympy": a `SymbolicFunction`, expressions that print as LaTeX.
             "c99": the text of a header with one function, NAME_QUANTITY(inputs..., out), also C++.
         frame: Whose pose forward kinematics gives; the tip when None.
+        loads: Friction, rotors, springs and known torques of feedforward and forward_dynamics; those that the robot
+            brings, as an identified one does, when None. Presliding friction is as in steady sliding.
 
     Raises:
         InputError: No such quantity, target or frame.
@@ -67,7 +82,14 @@ def export_function(
         raise InputError(f'to "{to}": expected one of {", ".join(get_args(ExportTarget))}')
     if frame is not None and quantity != "forward_kinematics":
         raise InputError(f'frame "{frame}": only forward_kinematics has one, not {quantity}')
-    line, shape, result = _traced(model, quantity, frame)
+    if loads is not None and quantity not in WITH_LOADS:
+        raise InputError(f"loads: only {' and '.join(WITH_LOADS)} have them, not {quantity}")
+    known = known_loads(model)
+    if quantity == "inverse_dynamics" and known is not None:
+        _log.warning(
+            'robot "%s": inverse_dynamics is of its links alone; feedforward has friction and rotors', model.name
+        )
+    line, shape, result = _traced(model, quantity, frame, known if loads is None else loads)
     if to == "jax":
         from catenary.kernels.jax_casadi_sympy import jax_function
 
@@ -88,10 +110,14 @@ def export_function(
     return f"{sines}\n{c_function(name, quantity, line)}"
 
 
-def _traced(model: RobotModel, quantity: ExportedQuantity, frame: str | None) -> _Traced:
+def _traced(model: RobotModel, quantity: ExportedQuantity, frame: str | None, loads: ActuationLoads | None) -> _Traced:
     n, links = model.n, len(model.link_names)
     if quantity == "forward_kinematics":
         return _Traced(forward_kinematics_line(model, frame), (3, 4), "pose")
+    if quantity in WITH_LOADS:
+        forward = quantity == "forward_dynamics"
+        traced = forward_dynamics_line if forward else feedforward_line
+        return _Traced(traced(model, loads), (n,), "qdd" if forward else "tau")
     if quantity == "gravity_regressor":
         return _Traced(gravity_regressor_line(model), (n, 4 * links), "Z")
     if quantity == "compact_regressor":

@@ -3,7 +3,7 @@
 import re
 
 from catenary.kernels import sines
-from catenary.kernels.tracing import ANGLES, Line, name_of, needed, operation, result, widths_of
+from catenary.kernels.tracing import ANGLES, FUNCTIONS, Line, name_of, needed, operation, result, widths_of
 
 
 def c_sines(prefix: str) -> str:
@@ -88,6 +88,10 @@ def _statement(line: Line, number: int) -> str:
     if step.kind == "in":
         array, index = line.inputs[step.a]
         return f"  const double t{number} = {array}[{index}];"
+    if step.kind in FUNCTIONS:
+        a = name_of(line, step.a)
+        written = {"sign": f"{a} > 0.0 ? 1.0 : {a} < 0.0 ? -1.0 : {a}", "inverse": f"1.0 / {a}", "abs": f"fabs({a})"}
+        return f"  const double t{number} = {written.get(step.kind, f'{step.kind}({a})')};"
     return f"  const double t{number} = {operation(line, step)};"
 
 

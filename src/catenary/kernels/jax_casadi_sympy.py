@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.errors import InputError, MissingPackageError, NotReadyError
-from catenary.kernels.tracing import Line, evaluate, widths_of
+from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
 
 JaxFunction = Callable[..., Any]
 READABLE = 60  # operations up to which expressions are multiplied out: a RAVEN's three joints
@@ -33,6 +33,7 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
         line,
         sine=casadi.sin,
         cosine=casadi.cos,
+        functions=_functions(casadi, abs="fabs"),
         **{array: casadi.vertsplit(column) for array, column in inputs.items()},
     )
     column = casadi.vertcat(*values)
@@ -71,10 +72,16 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
                 raise InputError(f"{name}: expected shape ({widths[name]},), got {array.shape}; jax.vmap takes batches")
         if not steps:
             return constant.reshape(shape)
-        found = jnp.stack(evaluate(wanted, sine=jnp.sin, cosine=jnp.cos, **arrays))
+        found = jnp.stack(evaluate(wanted, sine=jnp.sin, cosine=jnp.cos, functions=_functions(jnp), **arrays))
         return (constant + sign * found[source]).reshape(shape)
 
     return jax.jit(function)  # type: ignore[no-any-return]
+
+
+def _functions(package: Any, **names: str) -> dict[str, Callable[[Any], Any]]:
+    """Return the functions of a line as a package has them, some by other names."""
+    own = {name: getattr(package, names.get(name, name)) for name in FUNCTIONS if name != "inverse"}
+    return own | {"inverse": lambda x: 1.0 / x}
 
 
 class SymbolicFunction(NamedTuple):
@@ -116,8 +123,8 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
         )
         for array, width in widths_of(line).items()
     }
-    entries = evaluate(line, sine=sympy.sin, cosine=sympy.cos, **inputs)
-    if line.operations <= READABLE:
+    entries = evaluate(line, sine=sympy.sin, cosine=sympy.cos, functions=_functions(sympy, abs="Abs"), **inputs)
+    if line.operations <= READABLE and not any(step.kind in FUNCTIONS for step in line.steps):
         entries = [_multiplied_out(sympy.sympify(entry)) for entry in entries]
     return SymbolicFunction(inputs, sympy.Matrix(shape[0], shape[1] if len(shape) == 2 else 1, entries))
 

@@ -15,7 +15,7 @@ none that does not; the plain recursion spreads it to all.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Union
 
 import numpy as np
@@ -25,11 +25,17 @@ Term = Union["Symbol", float]  # constants stay plain floats
 Key = tuple[str, float | int, float | int]
 
 
+FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "tanh": np.tanh, "sign": np.sign, "exp": np.exp, "abs": np.abs, "sqrt": np.sqrt, "inverse": np.reciprocal,
+}  # fmt: skip
+ODD = ("tanh", "sign", "inverse")
+
+
 class Operation(NamedTuple):
     """One operation; `a` and `b` are numbers of earlier steps, but for what is said here.
 
     "in": input number a (see Line.inputs). "+", "-", "*": of two steps. "+k", "*k": of step a and the constant b.
-    "sin", "cos": of step a.
+    "sin", "cos": of step a. So are the FUNCTIONS, which are written as C and for other systems, not as machine code.
     """
 
     kind: str
@@ -136,6 +142,14 @@ class Trace:
             sine, cosine = cosine, -sine
         return sine, cosine
 
+    def apply(self, function: str, x: Term) -> Term:
+        """Return one of FUNCTIONS of x."""
+        if not isinstance(x, Symbol):
+            return float(FUNCTIONS[function](float(x)))
+        if function in ODD or function == "abs":
+            return self._symbol(function, x.step, 0, x.sign if function in ODD else 1)
+        return self._symbol(function, (x if x.sign > 0 else self._symbol("*k", x.step, -1.0)).step, 0)
+
     def line(self, results: Sequence[Term]) -> Line:
         """Return the operations that the results need, renumbered."""
         needed = {r.step for r in results if isinstance(r, Symbol)}
@@ -225,11 +239,12 @@ def evaluate(
     *,
     sine: Callable[[Any], Any] = math.sin,
     cosine: Callable[[Any], Any] = math.cos,
+    functions: Mapping[str, Callable[[Any], Any]] = FUNCTIONS,
     **arrays: Sequence[Any],
 ) -> list[Any]:
     """Run a line operation by operation: on floats what every back end must agree with, or on another's symbols.
 
-    sine and cosine are of one number of the kind that the arrays, the inputs by name, hold.
+    sine, cosine and functions are of one number of the kind that the arrays, the inputs by name, hold.
     """
     values: list[Any] = []
     for kind, a, b in line.steps:
@@ -238,6 +253,8 @@ def evaluate(
             values.append(arrays[name][index])
         elif kind in ("sin", "cos"):
             values.append(sine(values[a]) if kind == "sin" else cosine(values[a]))
+        elif kind in FUNCTIONS:
+            values.append(functions[kind](values[a]))
         else:
             other = b if kind.endswith("k") else values[int(b)]
             values.append(values[a] * other if "*" in kind else values[a] - other if kind == "-" else values[a] + other)

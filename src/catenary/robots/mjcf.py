@@ -34,7 +34,8 @@ def load_mjcf(path: Path, *, massless: Massless = ()) -> RobotModel:
     T_parent_body = T0 Trans(p1) J1(q1 - ref1) Trans(-p1) Trans(p2) J2(q2 - ref2) Trans(-p2) ...
     A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear
     joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and
-    "world".
+    "world". Free bodies that carry no joint are left aside, free bodies that carry some stand where they are put, and
+    meshes that are not there are left out where no mass is taken from them.
     """
     content = read_bounded(path, MOST_XML)
     included = included_files(path, content)
@@ -56,6 +57,7 @@ class CompiledMjcf(NamedTuple):
     mass: Floats  # (nbody,) [kg], zero where the file gives none
     inertia: Floats  # (nbody, 3) principal moments [kg m2]
     from_geoms: list[str]  # moving bodies whose inertia MuJoCo took from their geoms
+    aside: tuple[str, ...]  # notes on what was left aside before MuJoCo compiled the rest
 
     def name(self, kind: str, index: int) -> str:
         """Return the name of a body, joint, ...; one without a name is called by its kind and number."""
@@ -77,17 +79,17 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
             f"{path}: MuJoCo reads MJCF files and is not installed: pip install catenary[mujoco]"
         ) from error
     try:
-        spec = _read(mujoco, path)
+        spec, aside = _read(mujoco, path)
         model = _compiled_by(spec)
         mass, inertia = model.body_mass, model.body_inertia
     except _mujocos_errors(mujoco) as error:
         if "must be larger than mjMINVAL" not in str(error):
             raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
-        spec, model = _compile_without_mass(mujoco, path)
+        spec, model, aside = _compile_without_mass(mujoco, path)
         mass = np.where(model.body_mass > 100.0 * _LEAST_MASS, model.body_mass, 0.0)
         inertia = np.where(model.body_inertia > 100.0 * _LEAST_INERTIA, model.body_inertia, 0.0)
     given = {body.name for body in spec.bodies if body.explicitinertial}
-    compiled = CompiledMjcf(mujoco, model, np.array(mass), np.array(inertia), [])
+    compiled = CompiledMjcf(mujoco, model, np.array(mass), np.array(inertia), [], aside)
     for body in range(1, model.nbody):
         name = compiled.name("body", body)
         if mass[body] > 0.0 and model.body_weldid[body] != 0 and name not in given:
@@ -95,8 +97,11 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
     return compiled
 
 
-def _read(mujoco: Any, path: Path) -> Any:
-    """Parse the file; MuJoCo opens the ending .xml only, so another is handed over as text."""
+def _read(mujoco: Any, path: Path) -> tuple[Any, tuple[str, ...]]:
+    """Parse a file, and leave aside what is no part of an arm: free bodies, free bases, pictures, missing meshes.
+
+    MuJoCo opens the ending .xml only, so another is handed over as text.
+    """
     if path.suffix == ".xml":
         spec = mujoco.MjSpec.from_file(str(path))
     else:
@@ -107,7 +112,41 @@ def _read(mujoco: Any, path: Path) -> Any:
         material.textures = [""] * len(material.textures)
     for image in [*spec.textures, *spec.skins]:
         spec.delete(image)
-    return spec
+    return spec, (*_without_free_joints(mujoco, spec), *_without_missing_meshes(mujoco, spec, path))
+
+
+def _without_free_joints(mujoco: Any, spec: Any) -> list[str]:
+    """Leave out bodies that nothing holds and that carry no joint; let those stand that carry some."""
+    loose, floating = list[str](), list[str]()
+    for joint in [each for each in spec.joints if each.type == mujoco.mjtJoint.mjJNT_FREE]:
+        body = joint.parent
+        carries = len(body.find_all("joint")) > 1
+        (floating if carries else loose).append(body.name or f"body{body.id}")
+        spec.delete(joint if carries else body)
+    for key in list(spec.keys) if loose or floating else ():
+        spec.delete(key)  # states of all joints, those that are gone too
+    stand = [f"free bodies stand where the file puts them ({', '.join(floating)})"] if floating else []
+    return [*left_out("free bodies that carry no joint", loose), *stand]
+
+
+def _without_missing_meshes(mujoco: Any, spec: Any, path: Path) -> list[str]:
+    """Leave out meshes whose files are not there, where no mass is taken from them."""
+    missing = [each for each in spec.meshes if each.file and not (path.parent / spec.meshdir / each.file).is_file()]
+    files = {each.name or Path(each.file).stem: each.file for each in missing}
+    forced = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    low, high = spec.compiler.inertiagrouprange
+    for geom in [each for each in spec.geoms if each.meshname in files]:
+        body = geom.parent
+        weighs = geom.mass > 0.0 or (np.isnan(geom.mass) and geom.density > 0.0)
+        held = body.name == _WORLD or (body.explicitinertial and not forced)
+        if weighs and low <= geom.group <= high and not held:
+            raise FileFormatError(
+                f'{path}: no mesh {files[geom.meshname]!r}, from which the mass of body "{body.name}" is taken'
+            )
+        spec.delete(geom)
+    for mesh in missing:
+        spec.delete(mesh)
+    return left_out("meshes whose files are not there", files.values())
 
 
 def _compiled_by(spec: Any) -> Any:
@@ -121,12 +160,12 @@ def _mujocos_errors(mujoco: Any) -> tuple[type[Exception], ...]:
     return (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError)
 
 
-def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any]:
+def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any, tuple[str, ...]]:
     try:
-        spec = _read(mujoco, path)
+        spec, aside = _read(mujoco, path)
         spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
         spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
-        return spec, _compiled_by(spec)
+        return spec, _compiled_by(spec), aside
     except _mujocos_errors(mujoco) as error:
         raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
 
@@ -174,7 +213,7 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel
         root=_WORLD,
         actuation=stated_actuation([n for n in joints.values() if n not in following], _drives(c, joints, following)),
         sources=sources,
-        notes=[*notes, *_notes(c, joints)],
+        notes=[*notes, *c.aside, *_notes(c, joints)],
     )
 
 

@@ -2,8 +2,8 @@
 
 The header's text is c_header.h, a template. Every rigid quantity in it is a traced line (dynamics/lines.py) that
 kernels/c99.py writes, so the law stands in no second place. Friction, rotors, springs and known torques are a block for
-each effect, with its numbers: a line of operations has no sign, tanh or root, so these are written as
-`ActuationLoads.torque` computes them (dynamics/actuation.py).
+each effect, under its name and with its numbers to read and change, as `ActuationLoads.torque` computes them
+(dynamics/actuation_loads.py).
 """
 
 import re

@@ -1,0 +1,141 @@
+"""Torques that something outside asks of the joints: from measured torques, with an interval, and from momentum.
+
+M(q) qdd + C(q, qd) qd + g(q) + friction = tau + tau_ext: a hand that pushes a joint along gives a positive tau_ext, and
+the actuators supply so much less.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array, as_not_negative, as_positive, one_for_all
+from catenary.dynamics.actuation_loads import ActuationLoads
+from catenary.dynamics.inverse_dynamics import coriolis_matrix, inverse_dynamics, mass_matrix, motion_rows
+from catenary.dynamics.kinematics import jacobian
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+
+IN_95_PERCENT = 1.96  # standard deviations
+SINGULAR = 1e-3  # of a Jacobian's largest singular value, with rad and m alike: less, and a direction is not told
+
+
+class ExternalTorque(NamedTuple):
+    """What something outside asks of the joints, and how far it can be off in 95 of 100 cases."""
+
+    torque: Floats  # (n,) or (N, n) [Nm or N]
+    half_width: Floats  # (n,): the interval is torque - half_width to torque + half_width
+
+
+class ExternalWrench(NamedTuple):
+    """A force and a moment about a frame's origin, in base axes, that ask for given torques."""
+
+    wrench: Floats  # (6,) force [N], moment [Nm]; NaN where the arm cannot tell
+    half_width: Floats  # (6,) of intervals that hold 95 of 100
+
+
+def external_torque(
+    model: RobotModel,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    tau: ArrayLike,
+    gravity: ArrayLike,
+    *,
+    deviation: ArrayLike,
+    loads: ActuationLoads | None = None,
+) -> ExternalTorque:
+    """Return what measured torques leave for the world outside: those of the model less those measured.
+
+    Args:
+        model: The robot, its payload included.
+        q: (n,) or (N, n) coordinates [rad or m].
+        qd: The same shape, velocities.
+        qdd: The same shape, accelerations.
+        tau: The same shape, measured at the joints [Nm or N].
+        gravity: (3,) or (N, 3) [m/s2] in base axes.
+        deviation: Standard deviation of torques from the model where nothing touches the arm, one number or (n,): the
+            RMS of an identification on recordings that it did not see, not the noise of a sensor alone.
+        loads: Friction, rotors, springs and known torques, as `known_loads(model)`; nothing when None.
+    """
+    (rows, rates, accelerations, measured), single = motion_rows(model, q, qd=qd, qdd=qdd, tau=tau)
+    spread = as_not_negative("deviation", one_for_all(deviation, model.n), (model.n,))
+    expected = inverse_dynamics(model, rows, rates, accelerations, gravity)
+    if loads is not None:
+        expected = expected + loads.torque(rows, rates, accelerations, expected)
+    left = expected - measured
+    return ExternalTorque(left[0] if single else left, IN_95_PERCENT * spread)
+
+
+def external_wrench(
+    model: RobotModel, q: ArrayLike, external: ExternalTorque, frame: str | None = None
+) -> ExternalWrench:
+    """Return the force and moment on a frame that ask for torques: J^T wrench = torque, by weighted least squares.
+
+    Of an arm with fewer than six joints, or in a singular pose, what no joint feels is NaN; what is told then holds for
+    a wrench without those parts.
+
+    Args:
+        model: The robot.
+        q: (n,) [rad or m].
+        external: Torques (n,) of one configuration, with widths above zero.
+        frame: Whose origin the moment is about; the tip when None.
+    """
+    torque = as_array("external torque", external.torque, (model.n,))
+    spread = as_positive("half-width of the external torque", external.half_width, (model.n,))
+    A = jacobian(model, q, frame).T / spread[:, None]
+    _, sizes, directions = np.linalg.svd(A, full_matrices=False)
+    told = sizes > SINGULAR * sizes[0]
+    inverse = np.linalg.pinv(A, rcond=SINGULAR)
+    hidden = np.ones(6) - np.sum(directions[told] ** 2, axis=0) > SINGULAR
+    wrench = np.where(hidden, np.nan, inverse @ (torque / spread))
+    return ExternalWrench(wrench, np.where(hidden, np.nan, np.linalg.norm(inverse, axis=1)))
+
+
+class MomentumObserver:
+    """External torques from positions, speeds and torques alone: no acceleration is differentiated.
+
+    The momentum p = M(q) qd changes by dp/dt = tau + C^T qd - g - friction + tau_ext, and r follows what it tells of
+    tau_ext as a filter of first order, dr/dt = K (tau_ext - r) [De Luca, Albu-Schaffer, Haddadin, Hirzinger, "Collision
+    detection and safe reaction with the DLR-III lightweight robot arm", IROS 2006].
+    """
+
+    def __init__(self, model: RobotModel, *, cutoff_hz: float = 10.0, loads: ActuationLoads | None = None) -> None:
+        """Take a robot.
+
+        Args:
+            model: The robot, its payload included.
+            cutoff_hz: K / (2 pi), where the filter halves the power.
+            loads: Friction, rotors, springs and known torques, as `known_loads(model)`; nothing when None.
+        """
+        if loads is not None and loads.depends_on_load:
+            raise InputError(
+                f'robot "{model.name}": friction depends on the load: expected loads without, for momentum'
+            )
+        model.require_inertia()
+        self.model, self.loads = model, loads
+        self.gain = 2.0 * np.pi * float(as_positive("cutoff_hz", cutoff_hz, ()))
+        self._rotors = np.zeros((model.n, model.n)) if loads is None else loads.rotors
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        self._before: Floats | None = None
+        self.torque = np.zeros(self.model.n)
+
+    def update(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, gravity: ArrayLike, dt: float) -> Floats:
+        """Return the external torques (n,) [Nm or N] at q, qd, tau (n,), some dt [s] after the last ones."""
+        (rows, rates, torques), _ = motion_rows(self.model, as_array("q", q, (self.model.n,)), qd=qd, tau=tau)
+        momentum = (mass_matrix(self.model, rows[0]) + self._rotors) @ rates[0]
+        still = np.zeros_like(rows)
+        pushed = torques[0] + coriolis_matrix(self.model, rows[0], rates[0]).T @ rates[0]
+        pushed -= inverse_dynamics(self.model, rows[0], still[0], still[0], gravity)
+        if self.loads is not None:
+            pushed -= self.loads.torque(rows, rates, still)[0]
+        if self._before is not None:
+            # p' = pushed + tau_ext, and r' = K (tau_ext - r): both over one step, r by its exact exponential
+            step = float(as_positive("dt", dt, ()))
+            mean = (momentum - self._before[0]) / step - 0.5 * (pushed + self._before[1])
+            self.torque = self.torque + (1.0 - np.exp(-self.gain * step)) * (mean - self.torque)
+        self._before = np.array([momentum, pushed])
+        return self.torque.copy()

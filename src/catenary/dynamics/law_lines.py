@@ -1,0 +1,117 @@
+"""The whole law of a robot as lines of operations: friction and drives beside the links, and accelerations.
+
+What `ActuationLoads.torque` and `forward_dynamics` compute on numbers, traced for other systems.
+"""
+
+from catenary.arrays import Floats
+from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads
+from catenary.dynamics.lines import Placed, Terms, mass_matrix_terms, newton_euler_terms, placed, total
+from catenary.errors import InputError
+from catenary.kernels.tracing import Line, Term, Trace
+from catenary.robots.actuation import ActuationTerm
+from catenary.robots.model import RobotModel
+
+
+def feedforward_line(model: RobotModel, loads: ActuationLoads | None) -> Line:
+    """Trace the torques (n,) that a motion asks of the actuators; inputs q, qd, qdd (n,) and gravity (3,)."""
+    model.require_inertia()
+    p = placed(model)
+    qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
+    links = newton_euler_terms(p, qd, qdd, moving_base=False)
+    return p.trace.line(links if loads is None else _with_loads(p, loads, qd, qdd, links))
+
+
+def forward_dynamics_line(model: RobotModel, loads: ActuationLoads | None) -> Line:
+    """Trace the accelerations (n,) by torques; inputs q, qd, tau (n,) and gravity (3,).
+
+    M qdd = tau - h by M = L D L^T, without a square root.
+    """
+    model.require_inertia()
+    if loads is not None and loads.depends_on_load:
+        raise InputError(
+            f'robot "{model.name}": its friction depends on the load, and so on the accelerations: forward_dynamics of '
+            "it is no line of operations; leave that part out of its loads"
+        )
+    p, n = placed(model), model.n
+    qd, tau = p.trace.inputs("qd", n), p.trace.inputs("tau", n)
+    still = [0.0] * n
+    asked = newton_euler_terms(p, qd, still, moving_base=False)  # type: ignore[arg-type]  # zeros, as symbols would be
+    M = mass_matrix_terms(p)
+    if loads is not None:
+        asked = _with_loads(p, loads, qd, still, asked)
+        M = [[M[i][j] + float(added) for j, added in enumerate(row)] for i, row in enumerate(loads.rotors)]
+    x: list[Term] = [tau[k] - asked[k] for k in range(n)]
+    L: list[list[Term]] = [[0.0] * n for _ in range(n)]
+    D: list[Term] = []
+    for j in range(n):
+        scaled = [L[j][k] * D[k] for k in range(j)]
+        D.append(M[j][j] - total(L[j][k] * scaled[k] for k in range(j)))
+        for i in range(j + 1, n):
+            rest = M[i][j] - total(L[i][k] * scaled[k] for k in range(j))
+            L[i][j] = rest * p.trace.apply("inverse", D[j])
+    for i in range(n):
+        x[i] = x[i] - total(L[i][k] * x[k] for k in range(i))
+    x = [x[i] * p.trace.apply("inverse", D[i]) for i in range(n)]
+    for i in reversed(range(n)):
+        x[i] = x[i] - total(L[k][i] * x[k] for k in range(i + 1, n))
+    return p.trace.line(x)
+
+
+def _with_loads(p: Placed, loads: ActuationLoads, qd: Terms, qdd: Terms | list[float], links: list[Term]) -> list[Term]:
+    """Return the torques of links with what friction, rotors, springs and known torques ask besides."""
+    q, trace = p.q, p.trace
+    out = list(links)
+
+    def add(along: Floats, load: Term) -> None:
+        for k, factor in enumerate(along):
+            if factor != 0.0:
+                out[k] = out[k] + load * float(factor)
+
+    for known in loads.actuation.known_torques:
+        s = _along(known.combination, q)
+        load: Term = 0.0
+        for coefficient in known.polynomial:
+            load = load * s + float(coefficient)
+        add(known.along, load)
+    numbered = list(zip(loads.terms, map(float, loads.values), strict=True))
+    for term, value in numbered:
+        if term.kind == "motor_inertia":
+            add(term.combination, value * _along(term.combination, qdd))
+        elif term.kind == "spring":
+            add(term.combination, value * _spring(trace, term, _along(term.combination, q)))
+    carried = list(out)
+    for term, value in numbered:
+        if term.kind in (*SLIDING, "offset"):
+            rate = _along(term.combination, qd)
+            add(term.combination, value * _friction(trace, term, rate, carried, loads.actuation.coulomb_velocity))
+    return out
+
+
+def _friction(trace: Trace, term: ActuationTerm, rate: Term, carried: list[Term], smooth: float) -> Term:
+    if term.kind == "offset":
+        return 1.0
+    if term.kind == "viscous":
+        return rate
+    if term.kind == "asymmetric":
+        return trace.apply("abs", rate)
+    direction = trace.apply("tanh", rate * (1.0 / smooth)) if smooth > 0.0 else trace.apply("sign", rate)
+    if term.kind == "stribeck":
+        slow = rate * (1.0 / term.scale)
+        return direction * trace.apply("exp", -(slow * slow))
+    if term.kind == "load":
+        c = term.combination
+        return direction * trace.apply("abs", _along(c, carried)) * (1.0 / float(c @ c))
+    return direction  # Coulomb's, and presliding friction in steady sliding
+
+
+def _spring(trace: Trace, term: ActuationTerm, s: Term) -> Term:
+    if term.lever is None:
+        return s
+    r, h = term.lever.arm, term.lever.anchor
+    sine, cosine = trace.sine_cosine(s + term.lever.angle)
+    length = trace.apply("sqrt", r**2 + h**2 - 2.0 * r * h * cosine)
+    return r * h * sine * (1.0 - term.lever.rest * trace.apply("inverse", length))
+
+
+def _along(combination: Floats, values: Terms | list[float] | list[Term]) -> Term:
+    return total(values[k] * float(factor) for k, factor in enumerate(combination) if factor != 0.0)

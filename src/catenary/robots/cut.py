@@ -1,0 +1,171 @@
+"""A robot with some joints locked, and an arm cut out of a scene, a humanoid or a mobile base."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.robots.actuation import Actuation, Effect, actuation_terms
+from catenary.robots.link_inertia import NOTHING, LinkInertia
+from catenary.robots.model import BASE, Frame, RobotModel, Tree
+from catenary.spatial import Pose, identity_pose, rotation_from_vector
+
+
+def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
+    """Return the robot with some coordinates held at values [rad or m]; links that no longer move are folded in.
+
+    Its other coordinates, frames, masses and what loads its joints stay: torques are those of the whole robot at these
+    values and rates of zero. Effects on locked coordinates alone are left out, friction and rotors on others too lose
+    their locked part.
+
+    Raises:
+        InputError: An unknown coordinate, all of them, a value outside the limits or not finite, or a spring or known
+            torque that depends on locked and free coordinates.
+    """
+    where = f'robot "{model.name}": lock'
+    for name, value in locked.items():
+        if name not in model.joint_names:
+            raise InputError(f'{where}: no joint "{name}"; joints: {", ".join(model.joint_names)}')
+        k = model.joint_names.index(name)
+        if not model.lower[k] <= float(as_array(f"{where}: {name}", value, ())) <= model.upper[k]:
+            raise InputError(
+                f'{where}: joint "{name}": {value:g} {model.joint_units[k]} outside '
+                f"[{model.lower[k]:g}, {model.upper[k]:g}]"
+            )
+    free = [k for k, name in enumerate(model.joint_names) if name not in locked]
+    held = np.array([locked.get(name, 0.0) for name in model.joint_names])
+    coupling, offset = model.coupling[:, free], model.offset + model.coupling @ held
+    moving = [i for i in range(len(offset)) if coupling[i].any()]
+    if not moving:
+        raise InputError(f"{where}: no joint is left that moves; expected at least one")
+    carriers, tree = _folded(model, moving, offset)
+    names = tuple(model.link_names[i] for i in moving)
+
+    def whose(links: tuple[str, ...]) -> tuple[str, ...]:
+        kept = {carriers[model.link_names.index(link)].link for link in links}
+        return tuple(name for k, name in enumerate(names) if k in kept)
+
+    frames = {
+        name: Frame(carriers[frame.link].link, carriers[frame.link].pose @ frame.pose)
+        for name, frame in model.frames.items()
+    }
+    per_joint = {key: getattr(model, key)[free] for key in ("lower", "upper", "velocity_limit", "effort_limit")}
+    return replace(
+        model,
+        joint_names=tuple(model.joint_names[k] for k in free),
+        joint_units=tuple(model.joint_units[k] for k in free),
+        link_names=names,
+        tree=tree,
+        coupling=coupling[moving],
+        offset=offset[moving],
+        **per_joint,
+        frames=frames,
+        missing_inertia=whose(model.missing_inertia),
+        missing_tensor=whose(model.missing_tensor),
+        massless=tuple(
+            name for name, mass in zip(names, tree.mass, strict=True) if mass == 0.0 and name in model.massless
+        ),
+        axes_of_com=model.axes_of_com[moving] | (model.tree.mass[moving] != tree.mass)[:, None],
+        closed_form=None,
+        actuation=None if model.actuation is None else _actuation_of(where, model.actuation, free),
+        unseen=(),
+        without_payload=None,
+        notes=(*model.notes, *([f"locked: {', '.join(f'{n} at {v:g}' for n, v in locked.items())}"] if locked else [])),
+    )
+
+
+def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, float] | None = None) -> RobotModel:
+    """Return the arm between two frames of a larger robot, on its own base: the first frame, at rest.
+
+    Coordinates that move nothing between the two are locked: at the values given, or at zero, or the limit that is
+    nearest to it. What hangs on the arm stays as a load, what else the robot has is gone. Gravity is then given in the
+    axes of `base`.
+
+    Raises:
+        InputError: An unknown frame, a tip that the base does not carry, or as `lock_joints`.
+    """
+    start, end = model.frame(base), model.frame(tip)
+    path, link = list[int](), end.link
+    while link not in (start.link, -1):
+        path.append(link)
+        link = int(model.tree.parent[link])
+    if link != start.link or not path:
+        raise InputError(f'robot "{model.name}": frame "{tip}" is not moved by joints on "{base}": no arm is between')
+    kept = np.atleast_1d(model.coupling[path].any(axis=0))
+    nearest = np.clip(0.0, model.lower, model.upper)
+    rest = {name: float(nearest[k]) for k, name in enumerate(model.joint_names) if not kept[k]}
+    arm = lock_joints(model, rest | dict(locked or {}))
+    link, stands = arm.frame(base)
+    if link >= 0:
+        raise InputError(
+            f'robot "{model.name}": frame "{base}" is moved by joints of its own arm: {", ".join(arm.joint_names)}'
+        )
+    back = Pose(stands.rotation.T, -stands.rotation.T @ stands.position)
+    rotation, origin = arm.tree.rotation.copy(), arm.tree.origin.copy()
+    for i in np.flatnonzero(arm.tree.parent < 0):
+        rotation[i], origin[i] = back @ Pose(rotation[i], origin[i])
+    moved = {name: frame._replace(pose=back @ frame.pose) for name, frame in arm.frames.items() if frame.link < 0}
+    moved[base] = Frame(-1, identity_pose())
+    if base != BASE and (BASE not in model.frames or model.base == BASE):
+        moved[BASE] = Frame(-1, identity_pose())
+    tree = arm.tree._replace(rotation=rotation, origin=origin)
+    return replace(
+        arm, tree=tree, frames={**arm.frames, **moved}, tip=tip, notes=(*arm.notes, f"cut out: {base} to {tip}")
+    )
+
+
+def _folded(model: RobotModel, moving: list[int], offset: Floats) -> tuple[dict[int, Frame], Tree]:
+    """Return which moving link carries each link now, and where, and the tree of the moving ones."""
+    tree, places = model.tree, {link: k for k, link in enumerate(moving)}
+    carriers = {-1: Frame(-1, identity_pose())}
+    bodies, parents, poses = [NOTHING] * len(moving), list[int](), list[Pose]()
+    for i, axis in enumerate(tree.axis):
+        parent, pose = carriers[int(tree.parent[i])]
+        here = pose @ Pose(tree.rotation[i], tree.origin[i])
+        if i in places:
+            parents.append(parent)
+            poses.append(here)
+            carriers[i] = Frame(places[i], identity_pose())
+        else:
+            turned = identity_pose() if tree.prismatic[i] else Pose(rotation_from_vector(axis * offset[i]), np.zeros(3))
+            slid = axis * offset[i] if tree.prismatic[i] else np.zeros(3)
+            carriers[i] = Frame(parent, here @ Pose(turned.rotation, slid))
+        link, pose = carriers[i]
+        if link >= 0 and tree.mass[i] > 0.0:
+            body = LinkInertia(float(tree.mass[i]), tree.com[i], tree.inertia[i]).moved(pose)
+            bodies[link] = body if bodies[link] is NOTHING else bodies[link].plus(body)
+    return carriers, Tree(
+        parent=np.array(parents, dtype=np.int64),
+        prismatic=tree.prismatic[moving],
+        rotation=np.array([pose.rotation for pose in poses]),
+        origin=np.array([pose.position for pose in poses]),
+        axis=tree.axis[moving],
+        mass=np.array([body.mass for body in bodies]),
+        com=np.array([body.com for body in bodies]),
+        inertia=np.array([body.inertia for body in bodies]),
+    )
+
+
+def _actuation_of(where: str, actuation: Actuation, free: list[int]) -> Actuation:
+    """Return what acts on free coordinates."""
+    kept: dict[str, tuple[Effect, ...]] = {}
+    for kind in ("friction", "motor_inertia", "springs", "known_torques"):
+        effects = list[Effect]()
+        for effect in getattr(actuation, kind):
+            along = {"along": effect.along[free]} if kind == "known_torques" else {}
+            acts = along.get("along", effect.combination[free])
+            fixed = np.delete(effect.combination, free).any()
+            if kind in ("springs", "known_torques") and fixed and acts.any():
+                raise InputError(f'{where}: {kind[:-1].replace("_", " ")} "{effect.name}" acts on free joints as well')
+            if acts.any():
+                effects.append(replace(effect, combination=effect.combination[free], **along))
+        kept[kind] = tuple(effects)
+    cut = replace(actuation, **kept, values=None)  # type: ignore[arg-type]
+    scale = actuation.effort_scale
+    values = None
+    if actuation.values is not None:
+        known = {(t.kind, t.name): v for t, v in zip(actuation_terms(actuation), actuation.values, strict=True)}
+        values = np.array([known[term.kind, term.name] for term in actuation_terms(cut)])
+    return replace(cut, values=values, effort_scale=None if scale is None else scale[free])

@@ -1,0 +1,93 @@
+"""The tool behind a force/torque sensor at a wrist, and the sensor's biases, from poses at rest.
+
+At rest the sensor reads, in its own axes, force = m g + f0 and torque = c x (m g) + t0: gravity g as the sensor's frame
+sees it, mass m and centre of mass c of all that hangs behind it. Both are linear in (m, m c, f0, t0), ten numbers.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array, as_batch
+from catenary.errors import ExcitationError, InputError
+
+FEWEST = 4  # poses
+TILTED = 0.2  # least share of gravity that its directions must differ by along every axis, RMS
+
+
+class WristTool(NamedTuple):
+    """What hangs behind a sensor, and what it reads without; deviations are standard deviations of the estimates."""
+
+    mass: float  # [kg]
+    center: Floats  # (3,) of mass, in the sensor's frame [m]
+    force_bias: Floats  # (3,) [N]
+    torque_bias: Floats  # (3,) [Nm]
+    mass_deviation: float
+    center_deviation: Floats
+    force_bias_deviation: Floats
+    torque_bias_deviation: Floats
+    force_rms: float  # that is left of the readings [N]
+    torque_rms: float  # [Nm]
+
+    def without(self, force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> tuple[Floats, Floats]:
+        """Return readings (3,) or (N, 3) less bias and the tool at rest: what else acts on it.
+
+        `gravity` (3,) or (N, 3) is as the sensor's frame sees it [m/s2].
+        """
+        down, single = as_batch("gravity", gravity, 3)
+        shape = (3,) if single else down.shape
+        weight = self.mass * down.reshape(shape)
+        forces = as_array("force", force, shape) - weight - self.force_bias
+        return forces, as_array("torque", torque, shape) - np.cross(self.center, weight) - self.torque_bias
+
+
+def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> WristTool:
+    """Fit mass, centre of mass and biases to readings of a force/torque sensor at rest, by least squares.
+
+    Args:
+        force: (N, 3) as the sensor reads it [N], means over each pose; the weight counted along gravity.
+        torque: (N, 3) likewise, about the sensor's origin [Nm].
+        gravity: (N, 3) in the sensor's axes [m/s2], such as R_base_sensor.T @ gravity.
+
+    Raises:
+        ExcitationError: Gravity points nearly the same way in all poses, seen from the sensor.
+        InputError: Fewer than four poses, shapes that differ, or a mass that is not above zero: the sensor reads what
+            it exerts, or another frame's axes.
+    """
+    down = as_array("gravity", gravity, (None, 3))
+    forces, torques = as_array("force", force, down.shape), as_array("torque", torque, down.shape)
+    count = len(down)
+    if count < FEWEST:
+        raise InputError(f"wrist tool: {count} poses, expected {FEWEST} or more")
+    X = np.zeros((count, 6, 10))
+    X[:, :3, 0], X[:, :3, 4:7], X[:, 3:, 7:] = down, np.eye(3), np.eye(3)
+    for k, axis in enumerate(np.eye(3)):
+        X[:, 3:, 1 + k] = np.cross(axis, down)
+    size = float(np.sqrt(np.mean(down**2) * 3.0))
+    directions, spread, _ = np.linalg.svd((down - down.mean(axis=0)).T / np.sqrt(count), full_matrices=False)
+    if not spread[2] > TILTED * size / 3.0:
+        along = ", ".join(f"{v:.2f}" for v in directions[:, 2])
+        raise ExcitationError(
+            f"wrist tool: along ({along}) in the sensor's axes gravity differs by {spread[2]:.2g} m/s2 (RMS) between "
+            f"poses, expected {TILTED * size / 3.0:.2g} or more: turn the wrist about further axes",
+            rank=int(np.linalg.matrix_rank(X.reshape(-1, 10), tol=float(np.sqrt(count)) * TILTED * size / 3.0)),
+            n_base=10,
+        )
+    parts = {"force": (slice(0, 3), [0, 4, 5, 6], forces), "torque": (slice(3, 6), [1, 2, 3, 7, 8, 9], torques)}
+    found, covariance, rms = np.zeros(10), np.zeros((10, 10)), []
+    for rows, columns, readings in parts.values():  # no number is in both
+        A, y = X[:, rows][:, :, columns].reshape(-1, len(columns)), readings.ravel()
+        found[columns] = np.linalg.lstsq(A, y, rcond=None)[0]
+        left = y - A @ found[columns]
+        rms.append(float(np.sqrt(np.mean(left**2))))
+        covariance[np.ix_(columns, columns)] = left @ left / (len(y) - len(columns)) * np.linalg.inv(A.T @ A)
+    mass, moment = float(found[0]), found[1:4]
+    if not mass > 0.0:
+        raise InputError(f"wrist tool: mass {mass:.3g} kg: the sensor counts forces the other way, or has other axes")
+    center = moment / mass
+    deviation = np.sqrt(np.diag(covariance))
+    of_center = np.hypot(deviation[1:4], center * deviation[0]) / mass
+    return WristTool(
+        mass, center, found[4:7], found[7:], float(deviation[0]), of_center, deviation[4:7], deviation[7:], *rms
+    )

@@ -1,0 +1,91 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.kinematics import relative_pose
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.actuation import StatedDrive, actuation_terms, stated_actuation
+from catenary.robots.catalog import load_robot
+from catenary.robots.cut import cut_arm, lock_joints
+from oracles.random_trees import random_robot
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_rest_of_a_locked_robot_moves_as_the_whole_one_does(seed):
+    rng = np.random.default_rng(seed)
+    model = random_robot(seed).model
+    names = list(rng.permutation(model.joint_names))[: model.n // 2]
+    values = {name: float(v) for name, v in zip(names, rng.uniform(-1.0, 1.0, len(names)), strict=True)}
+    small = lock_joints(model, values)
+    free = [k for k, name in enumerate(model.joint_names) if name not in values]
+    q, qd, qdd = np.zeros((3, model.n))
+    q[[model.joint_names.index(name) for name in values]] = list(values.values())
+    own = rng.normal(size=(3, len(free)))
+    q[free], qd[free], qdd[free] = own
+    gravity = rng.normal(size=3) * 6.0
+    whole = inverse_dynamics(model, q, qd, qdd, gravity)[free]
+    assert_allclose(inverse_dynamics(small, *own, gravity), whole, atol=1e-9 * max(1.0, np.abs(whole).max()))
+    assert len(small.link_names) <= len(model.link_names)
+    for frame in model.frames:
+        there, here = (relative_pose(m, at, frame, "base") for m, at in ((model, q), (small, own[0])))
+        assert_allclose(here.position, there.position, atol=1e-10)
+        assert_allclose(here.rotation, there.rotation, atol=1e-10)
+
+
+def test_an_arm_cut_out_of_an_upper_body_holds_what_it_holds_there(rng):
+    body = load_robot("dual_arm_19")
+    trunk = [name for name in body.joint_names if body.coupling[:, body.joint_names.index(name)].any()][:3]
+    shoulder = (
+        body.link_names[int(body.tree.parent[body.link_names.index("left_1")])] if "left_1" in body.link_names else None
+    )
+    base = shoulder or body.link_names[2]
+    bent = dict(zip(trunk, (0.2, -0.1, 0.3), strict=True))
+    arm = cut_arm(body, base, "left_hand", locked=bent)
+    assert (arm.n, arm.tip, arm.base) == (8, "left_hand", "base")
+    q = np.zeros(body.n)
+    q[[body.joint_names.index(name) for name in bent]] = list(bent.values())
+    own = rng.normal(size=arm.n)
+    free = [body.joint_names.index(name) for name in arm.joint_names]
+    q[free] = own
+    gravity = np.array([1.0, -2.0, -9.0])
+    stands = relative_pose(body, q, base, "base")
+    held = gravity_torque(arm, own, stands.rotation.T @ gravity)
+    assert_allclose(held, gravity_torque(body, q, gravity)[free], atol=1e-10)
+    there, here = relative_pose(body, q, "left_hand", base), relative_pose(arm, own, "left_hand", base)
+    assert_allclose(here.position, there.position, atol=1e-12)
+
+
+def test_friction_and_rotors_stay_with_their_joints():
+    arm = load_robot("ur10e")
+    drives = [StatedDrive(name, friction=k + 1.0, armature=0.1 * k) for k, name in enumerate(arm.joint_names)]
+    arm = replace(arm, actuation=stated_actuation(arm.joint_names, drives))
+    small = lock_joints(arm, {"elbow_joint": 1.0, "wrist_3_joint": 0.0})
+    loads = known_loads(small)
+    assert isinstance(loads, ActuationLoads)
+    asked = loads.torque(*np.array([np.zeros(4), np.ones(4), np.ones(4)])[:, None, :])
+    assert_allclose(asked[0], [1.0, 2.1, 4.3, 5.4])
+    assert len(actuation_terms(small.actuation)) == len(small.actuation.values)
+
+
+@pytest.mark.parametrize(
+    ("cut", "said"),
+    [
+        (lambda arm: lock_joints(arm, {"nose": 0.0}), 'lock: no joint "nose"; joints: shoulder_pan_joint'),
+        (
+            lambda arm: lock_joints(arm, {"elbow_joint": 40.0}),
+            'joint "elbow_joint": 40 rad outside [-3.14159, 3.14159]',
+        ),
+        (lambda arm: lock_joints(arm, dict.fromkeys(arm.joint_names, 0.0)), "no joint is left that moves"),
+        (lambda arm: cut_arm(arm, "tool0", "shoulder_link"), 'frame "shoulder_link" is not moved by joints on "tool0"'),
+        (lambda arm: cut_arm(arm, "nose", "tool0"), 'no frame "nose"'),
+    ],
+)
+def test_what_cannot_be_cut_is_refused(cut, said):
+    with pytest.raises(InputError) as caught:
+        cut(load_robot("ur10e"))
+    assert said in str(caught.value)

@@ -1,0 +1,78 @@
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from catenary.errors import ExcitationError, InputError
+from catenary.sensing.wrist_tool import fit_wrist_tool
+
+MASS, CENTER = 0.82, np.array([0.01, -0.02, 0.09])
+BIASES = np.array([3.0, -5.0, 12.0]), np.array([0.2, 0.05, -0.3])
+SENSED = f"""<mujoco><worldbody><body name="wrist"><joint type="ball"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+<site name="sensor"/><body name="tool"><site name="ft"/><inertial mass="{MASS}" pos="{" ".join(map(str, CENTER))}"
+diaginertia="1e-3 1e-3 1e-3"/></body></body></worldbody>
+<sensor><force site="ft"/><torque site="ft"/></sensor></mujoco>"""
+
+
+def poses(count, seed=0):
+    """Return gravity as the sensor sees it in poses at rest."""
+    return Rotation.random(count, rng=np.random.default_rng(seed)).inv().apply([0.0, 0.0, -9.81])
+
+
+def readings(down, noise=0.0, seed=1):
+    rng = np.random.default_rng(seed)
+    force, torque = MASS * down + BIASES[0], np.cross(CENTER, MASS * down) + BIASES[1]
+    return force + rng.normal(0.0, noise, down.shape), torque + rng.normal(0.0, 0.02 * noise, down.shape)
+
+
+def test_mujocos_sensor_shows_the_tool_that_hangs_on_it():
+    model = mujoco.MjModel.from_xml_string(SENSED)
+    data, turns = mujoco.MjData(model), Rotation.random(12, rng=np.random.default_rng(3))
+    force, torque = [], []
+    for turn in turns:
+        data.qpos[:] = np.roll(turn.as_quat(), 1)
+        mujoco.mj_inverse(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        mujoco.mj_sensorAcc(model, data)
+        # MuJoCo reads what the parent exerts on the child: what holds the tool
+        force.append(-data.sensordata[:3])
+        torque.append(-data.sensordata[3:])
+    down = turns.inv().apply([0.0, 0.0, -9.81])
+    tool = fit_wrist_tool(np.array(force) + BIASES[0], np.array(torque) + BIASES[1], down)
+    assert_allclose(tool.mass, MASS, rtol=1e-9)
+    assert_allclose(tool.center, CENTER, atol=1e-9)
+    assert_allclose([tool.force_bias, tool.torque_bias], BIASES, atol=1e-9)
+
+
+def test_deviations_are_those_of_repeated_fits():
+    down = poses(15)
+    fits = [fit_wrist_tool(*readings(down, 0.3, seed), down) for seed in range(300)]
+    for name, truth in (("mass", MASS), ("center", CENTER), ("force_bias", BIASES[0]), ("torque_bias", BIASES[1])):
+        found = np.array([getattr(fit, name) for fit in fits])
+        said = np.mean([getattr(fit, f"{name}_deviation") for fit in fits], axis=0)
+        assert_allclose(found.mean(axis=0), truth, atol=4.0 * said.max() / np.sqrt(300))
+        assert_allclose(found.std(axis=0), said, rtol=0.2)  # 300 fits tell a deviation to 4 %
+
+
+def test_what_acts_on_the_tool_is_what_the_readings_hold_beyond_it():
+    down = poses(10)
+    tool = fit_wrist_tool(*readings(down), down)
+    force, torque = readings(down)
+    pushed, turned = tool.without(force + np.array([1.0, 2.0, 3.0]), torque + np.array([0.1, 0.0, 0.0]), down)
+    assert_allclose(pushed, np.tile([1.0, 2.0, 3.0], (10, 1)), atol=1e-9)
+    assert_allclose(turned, np.tile([0.1, 0.0, 0.0], (10, 1)), atol=1e-9)
+
+
+def test_poses_that_do_not_show_a_tool_are_refused():
+    down = poses(8)
+    flat = Rotation.from_euler("z", np.linspace(0, 3, 8)[:, None]).inv().apply([6.9, 0.0, -6.9])
+    with pytest.raises(
+        ExcitationError, match=r"along \(.*1.00\) in the sensor's axes gravity differs by .* turn the wrist"
+    ):
+        fit_wrist_tool(*readings(flat), flat)
+    with pytest.raises(InputError, match="3 poses, expected 4 or more"):
+        fit_wrist_tool(*readings(down[:3]), down[:3])
+    force, torque = readings(down)
+    with pytest.raises(InputError, match=r"mass -0\.82 kg: the sensor counts forces the other way"):
+        fit_wrist_tool(-force, -torque, down)
