@@ -30,6 +30,7 @@ NAMES = {
     "outliers": "single measurements far from all others",
     "short": "too little to learn from",
     "torques": "torques of another unit, such as motor currents",
+    "gravity": "gravity that pulled along another direction than stated",
     "tested": "recordings both fitted to and tested on",
 }
 

@@ -11,7 +11,7 @@ from catenary.config import plain_data
 from catenary.errors import InputError
 from catenary.identification.identification import Identification, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
-from catenary.identification.identify_options import IdentifyOptions, filter_of
+from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
@@ -49,6 +49,7 @@ class IdentifyResult:
             "physically_consistent": result.phi is not None,
             "prior_weight": result.prior_weight,
             "friction": [asdict(part) for part in result.friction],
+            "rotors": [rotor._asdict() for rotor in result.rotors],
             "training": [plain_data(r) for r in result.training],
             "tests": [plain_data(r) for r in result.tests],
             "notes": list(self.notes),
@@ -100,6 +101,7 @@ def identify_files(
     notes += [f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons]
     notes += _doubts(result, training, held_out)
     notes += choice_notes(result)
+    notes += rotor_notes(model, result)
     notes += judge(stamps, accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
@@ -110,11 +112,11 @@ def identify_files(
 
 def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
     """Return a note on the filter that was assumed where neither the robot's file nor the options choose one."""
-    if model.actuation is not None or options.terms == "static":
+    if options.terms == "static" or (model.actuation is not None and model.actuation.values is None):
         return []
     used = filter_of(model, options)
     return [
-        f"{model.name}: its file states no actuation: assumed friction on every joint, a filter of order {used.order} "
+        f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "
         f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
     ]
 
@@ -149,6 +151,17 @@ def choice_notes(result: Identification) -> list[str]:
             "blocks"
         )
     return notes
+
+
+def rotor_notes(model: RobotModel, result: Identification) -> list[str]:
+    """Return what became of the rotors that the robot's file does not have."""
+    tried = rotors_beside(model) if result.options.find_rotors and result.options.terms == "full" else ()
+    if not tried or result.options.rotors is not None:
+        return []
+    names = ", ".join(rotor.name for rotor in tried)
+    if result.rotors:
+        return [f"rotors: a reflected inertia of {names}: held-out blocks are predicted better"]
+    return [f"rotors: none of {names}: held-out blocks are predicted no better with a reflected inertia"]
 
 
 def _findings(
