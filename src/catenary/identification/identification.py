@@ -15,6 +15,7 @@ from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
 from catenary.identification.consistency import LEAST_PRIOR, consistent_fit, prior_of, unseen_of, weight_of_prior
+from catenary.identification.drive_gains import DriveGains, drive_gains
 from catenary.identification.friction_choice import FrictionPart, choose_friction, rotors_show
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
@@ -126,6 +127,12 @@ class Identification:
     def _known(self, q: Floats, qdd: Floats) -> Floats:
         return known_torque(actuation_of(self.model), q) + known_rotors(self.model, self.options) * qdd
 
+    def with_gains(self, gains: Floats) -> "Identification":
+        """Return it for a robot whose raw efforts times these gains (n,) are its torques."""
+        base, model = self.base, self.model
+        model = replace(model, actuation=replace(actuation_of(model), effort_scale=gains))
+        return replace(self, base=replace(base, parameters=replace(base.parameters, model=model)))
+
     def test(self, samples: Sequence[Samples]) -> "Identification":
         """Return this identification with verdicts on recordings that were not fitted."""
         tests = []
@@ -234,6 +241,26 @@ def identify_samples(samples: Sequence[Samples], model: RobotModel, options: Ide
     """Identify from recordings that are filtered already; see `identify`."""
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
         return _identified(samples, model, options)
+
+
+def gains_of(
+    free: Sequence[Samples], loaded: Sequence[Samples], model: RobotModel, options: IdentifyOptions, load: float
+) -> DriveGains:
+    """Find the drive gains [Nm/A] from currents of an arm alone, and with a load of known mass [kg]; see drive_gains.
+
+    Raises:
+        InputError: Torques that are known beforehand: these are no currents.
+        ExcitationError: The recordings do not show the base parameters, or a gain.
+    """
+    actuation = replace(actuation_of(model), values=None)
+    if options.rotors is not None or actuation.known_torques:
+        raise InputError("currents: torques of known rotors, cables or springs are in Nm: leave them out")
+    beside = rotors_beside(model) if options.find_rotors and options.terms == "full" else ()
+    geared = replace(model, actuation=replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside)))
+    gravity = as_array("gravity", options.gravity, (3,))
+    with threadpool_limits(limits=1):
+        base = _fit([*free, *loaded], geared, replace(options, consistent=False), gravity).base
+        return drive_gains(base, gravity, free, loaded, load)
 
 
 def _identified(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:

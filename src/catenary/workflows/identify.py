@@ -9,7 +9,8 @@ import numpy as np
 
 from catenary.config import plain_data
 from catenary.errors import InputError
-from catenary.identification.identification import Identification, identify_samples, prepared
+from catenary.identification.drive_gains import DriveGains
+from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
@@ -35,6 +36,7 @@ class IdentifyResult:
     notes: tuple[str, ...]
     training: tuple[Samples, ...]
     tests: tuple[Samples, ...]
+    gains: DriveGains | None = None  # where currents were recorded
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
@@ -52,6 +54,7 @@ class IdentifyResult:
             "rotors": [rotor._asdict() for rotor in result.rotors],
             "training": [plain_data(r) for r in result.training],
             "tests": [plain_data(r) for r in result.tests],
+            "drive_gains": None if self.gains is None else plain_data(self.gains),
             "notes": list(self.notes),
         }
 
@@ -64,6 +67,7 @@ def identify_files(
     tests: Sequence[Path] = (),
     rows: tuple[int, int] | None = None,
     reading: Reading | None = None,
+    load: tuple[float, Path] | None = None,
     accept: Sequence[str] = (),
 ) -> IdentifyResult:
     """Identify a robot from recordings, and judge it on others.
@@ -71,12 +75,13 @@ def identify_files(
     Args:
         options: What to choose otherwise than the robot's file.
         rows: First row, and the one after the last, of the recordings to fit; all when None.
+        load: Of currents: a mass [kg] on the robot's tip, and the recording with it, which tell the drives' gains.
         accept: Findings about them to go on with, by name.
 
     Raises:
         DataError: Torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
         FileFormatError: A file is missing, damaged or of another kind.
-        InputError: A recording is not of this robot, in other units, or too short.
+        InputError: A recording is not of this robot, in other units, or too short; or currents without a known load.
         ExcitationError: The recordings do not show all base parameters.
     """
     model = load_robot(robot)
@@ -86,6 +91,11 @@ def identify_files(
     require_names(accept)
     read_tests = [read_torque_recording(path, model, reading) for path in tests]
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
+    gains, weighed = None, list[Samples]()
+    if reading is not None and reading.currents and (model.actuation is None or model.actuation.effort_scale is None):
+        gains, loaded = _gains(read, model, options, reading, load)
+        read, read_tests = ([replace(each, tau=each.tau * gains.gains) for each in part] for part in (read, read_tests))
+        weighed = [prepare(replace(loaded, tau=loaded.tau * gains.gains), model, options)]
     training, held_out = prepared(read, read_tests, model, options)
     whole = [part for part in (*training, *held_out) if not part.name.endswith(HELD_OUT)]
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
@@ -93,6 +103,8 @@ def identify_files(
     free = identify_samples(training, model, replace(options, consistent=False, friction=())).test(held_out)
     doubts = judge(_findings(free, training, held_out), accept)
     result = identify_samples(training, model, options).test(held_out)
+    if gains is not None:
+        result = result.with_gains(gains.gains)
     notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *gaps]
     seen = {log.sha256 for log in read}
     again = [log.name for log in read_tests if log.sha256 in seen]
@@ -102,12 +114,38 @@ def identify_files(
     notes += _doubts(result, training, held_out)
     notes += choice_notes(result)
     notes += rotor_notes(model, result)
+    if gains is not None:
+        found = estimate_payload(result, weighed, at=(model.tip, gains.centre))
+        notes += [
+            *gains.notes(model),
+            f"{weighed[0].name}: by what was identified, the load weighs {found.mass or 0.0:.3f} kg, "
+            f"stated {gains.load:g}",
+        ]
     notes += judge(stamps, accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
     card = identification_card(result, data, tuple(notes), mends_of(read))
-    return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out))
+    return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out), gains)
+
+
+def _gains(
+    read: Sequence[MotionLog],
+    model: RobotModel,
+    options: IdentifyOptions,
+    reading: Reading,
+    load: tuple[float, Path] | None,
+) -> tuple[DriveGains, MotionLog]:
+    """Return the gains that a known load tells, and the recording with it."""
+    if load is None:
+        raise InputError(
+            f'currents of robot "{model.name}", whose drive gains are not known, tell masses up to a factor of each '
+            "axis: give a recording with a known load (--load KG LOG), or the gains (--scale tau:JOINT=GAIN)"
+        )
+    mass, path = load
+    log = read_torque_recording(path, model, reading)
+    free = [prepare(each, model, options) for each in read]
+    return gains_of(free, [prepare(log, model, options)], model, options, mass), log
 
 
 def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
