@@ -5,15 +5,17 @@ import numpy as np
 import pytest
 
 from catenary.arrays import Floats
-from catenary.errors import DataError
+from catenary.errors import DataError, InputError
 from catenary.gravity.torque import gravity_torque
+from catenary.identification.identification_file import save_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.recording.logs import Reading
 from catenary.recording.mend import Mend
 from catenary.reports.identification import excitation_facts, parameter_table, residual_table
 from catenary.robots.catalog import load_robot
-from catenary.workflows.identify import identify_files
+from catenary.workflows.identify import identify_files, payload_of_files
 from moving_arm import recorded, write_npz
+from oracles.geared_arm import ur10_log, write_ur10
 
 
 def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: Path) -> None:
@@ -81,3 +83,28 @@ def test_torques_of_poses_at_rest_are_judged_too(tmp_path: Path) -> None:
     ):
         with pytest.raises(DataError, match=mend):
             identify_files([poses_at_rest(tmp_path / f"{name}.npz", **spoilt)], "raven2", static)  # type: ignore[arg-type]
+
+
+def test_currents_with_a_known_load_give_torques(tmp_path: Path) -> None:
+    urdf, gains = str(write_ur10(tmp_path)), np.array([14.0, 12.0, 11.0, 9.0, 10.0, 8.0])
+    place = [0.0, 0.1, 0.1]
+    for seed, payload in ((0, None), (1, None), (2, (5.0, place)), (3, (3.0, place))):
+        log = ur10_log(seed, payload=payload)
+        assert log.tau is not None
+        write_npz(log, tmp_path / f"run{seed}.npz", tau=None, current=log.tau / gains)
+    options, reading = IdentifyOptions(friction=()), Reading(currents=True)
+    fitted, tested, loaded = (tmp_path / f"run{seed}.npz" for seed in range(3))
+    with pytest.raises(InputError, match=r"drive gains are not known.*--load KG LOG"):
+        identify_files([fitted], urdf, options, reading=reading)
+    with pytest.raises(InputError, match="--currents with a known --load"):
+        identify_files([fitted], urdf, options)
+    result = identify_files([fitted], urdf, options, tests=[tested], reading=reading, load=(5.0, loaded))
+    assert result.gains is not None
+    assert (np.abs(result.gains.gains / gains - 1.0) < 0.03).all()
+    assert result.identification.tests[0].verdict == "holds"
+    assert any("drive gains" in note for note in result.notes)
+    assert any("the load weighs 5.0" in note or "the load weighs 4.9" in note for note in result.notes)
+    # what was identified knows its gains: another load is weighed from its currents
+    save_identification(result.identification, result.card, tmp_path / "arm.npz")
+    weighed = payload_of_files([tmp_path / "run3.npz"], tmp_path / "arm.npz", at=("wrist_3_link", place))
+    assert weighed.payload.mass == pytest.approx(3.0, rel=0.03)

@@ -7,7 +7,17 @@ from pathlib import Path
 import typer
 
 from catenary.cli.gravity_options import IMU_READING, gravity_of_reading
-from catenary.cli.options import REPORT, REQUIRED, TABLES_AS_JSON, Names, Triple, argument, option, robots_beginning
+from catenary.cli.options import (
+    REPORT,
+    REQUIRED,
+    TABLES_AS_JSON,
+    Names,
+    Numbers,
+    Triple,
+    argument,
+    option,
+    robots_beginning,
+)
 from catenary.cli.out_files import NAMED_AS_TYPED, PARAMETERS, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_json, print_notes
@@ -66,7 +76,15 @@ def identify(
     prior: bool = option(
         None, "Draw towards the masses of the robot's file, where it has any.", True, flag="--prior/--no-prior"
     ),
+    rotors: Numbers | None = option(
+        "J,J,...", "Reflected inertia of every joint's rotor, kg m2, kg, as known. [default: identified]"
+    ),
+    no_rotors: bool = option(None, "No rotors but those of the robot's file.", False, not_with="rotors"),
     blocks: float | None = option("S", "Hold out every second block of S seconds (static: S rows)."),
+    currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
+    load: tuple[float, Path] | None = option(
+        "KG LOG", "A known mass on the robot's tip, and a recording with it.", goes_with="currents"
+    ),
     rows: tuple[int, int] | None = option("A:B", "Rows of LOG to fit. [default: all]", read=_rows),
     gravity: Triple | None = GRAVITY,
     imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
@@ -81,7 +99,13 @@ def identify(
     """
     from catenary.identification.identification_file import save_identification
     from catenary.identification.identify_options import FRICTION_PARTS, IdentifyOptions
-    from catenary.reports.identification import absolute_table, excitation_facts, mass_table, residual_table
+    from catenary.reports.identification import (
+        absolute_table,
+        excitation_facts,
+        mass_table,
+        residual_table,
+        rotor_table,
+    )
     from catenary.workflows.identify import identify_files
 
     options = IdentifyOptions(
@@ -93,11 +117,14 @@ def identify(
         consistent=consistent,
         friction=FRICTION_PARTS if friction is None else () if friction == ("none",) else friction,
         prior=prior,
+        find_rotors=not no_rotors,
+        rotors=None if rotors is None else tuple(rotors),
         blocks=blocks,
     )
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
-    result = identify_files(data, robot, options, tests=test, rows=rows, reading=recordings.reading(), accept=accept)
+    reading = replace(recordings.reading(), currents=currents)
+    result = identify_files(data, robot, options, tests=test, rows=rows, reading=reading, load=load, accept=accept)
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:
@@ -108,7 +135,7 @@ def identify(
         print_json({**result.summary(), "file": str(out), "card": str(card_path(out))})
     else:
         print_notes(result.notes)
-        for table in (residual_table(found), absolute_table(found), mass_table(found)):
+        for table in (residual_table(found), absolute_table(found), mass_table(found), rotor_table(found)):
             if table is not None:
                 print(table.text())
         for name, text in excitation_facts(found)[:2]:

@@ -1,12 +1,12 @@
-"""Which friction a recording shows: parts added to each joint's friction while held-out blocks are predicted better.
+"""Which friction and rotors a recording shows: parts are added while held-out blocks are predicted better.
 
 Candidates are viscous friction that differs by direction, Stribeck's and presliding friction on a grid of their
 speeds and distances, and friction that grows with the load. All are linear in their parameters, so that of every
 block the products of all columns are all that is needed. The best candidate is added, again and again, as long as it
-takes enough away from the residuals of blocks that were not fitted.
+takes enough away from the residuals of blocks that were not fitted, and more than that differs from block to block.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from catenary.config import IN_FILES
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.parameters import recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
-from catenary.robots.actuation import Actuation, ActuationTerm, Friction
+from catenary.robots.actuation import Actuation, ActuationTerm, Friction, MotorInertia
 
 Extra = tuple[str, int]  # kind, and which friction
 SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of Stribeck friction, over the rate's RMS
@@ -27,6 +27,10 @@ GAIN = 0.02  # least that each part takes from the sum over axes of log residual
 HARM = 0.05  # most by which any axis may be worse than with the friction that is given
 DISTINCT = 0.05  # least part of a column that others do not give
 MOST_ROWS = 20_000  # that are looked at
+# standard errors of a gain, by how blocks differ, which it exceeds; blocks differ by their motion too, not by chance
+# alone, so that a whole one would leave out parts that predict the rest of a Panda's motion better
+SCATTER = 0.5
+MAD = 1.4826  # standard deviations in a median absolute deviation
 
 
 @dataclass(frozen=True)
@@ -78,30 +82,36 @@ def choose_friction(
     fixed = list(range(base.count))
     moves = [*_together(candidates, terms), *((candidate,) for candidate in candidates)]
     chosen: dict[Extra, _Candidate] = {}
-    parts: dict[Extra, FrictionPart] = {}
-    first = before = _held_out(products, fixed, added=1)
+
+    def with_parts(parts: Collection[_Candidate], added: int) -> Floats | None:
+        return _held_out(products, [*fixed, *(c.column for c in parts)], added=added)
+
+    first = before = with_parts((), 1)
     while first is not None and before is not None:
-        best, best_rms = None, before
+        best, best_squares, most = None, before, 0.0
         for move in moves:
-            added = [c for c in move if chosen.get((c.kind, c.friction)) != c]
-            replaced = {(c.kind, c.friction) for c in added}
-            others = [c.column for key, c in chosen.items() if key not in replaced]
-            columns = [*fixed, *others, *(c.column for c in added)]
-            after = _held_out(products, columns, added=len(added)) if added else None
-            if after is None or (after > (1.0 + HARM) * first).any():
+            added = {(c.kind, c.friction): c for c in move if chosen.get((c.kind, c.friction)) != c}
+            others = [c for key, c in chosen.items() if key not in added]
+            after = with_parts([*others, *added.values()], len(added)) if added else None
+            if after is None or (after.sum(axis=0) > (1.0 + HARM) ** 2 * first.sum(axis=0)).any():
                 continue
-            if _size(after) + GAIN * len(added) < _size(best_rms) + GAIN * (0 if best is None else len(best)):
-                best, best_rms = added, after
+            gain = _gain(before, after, _axes(actuation, added), least=GAIN * len(added))
+            if gain > most:
+                best, best_squares, most = added, after, gain
         if best is None:
             break
-        gain = float(np.mean(1.0 - best_rms / before))
-        for c in best:
-            key = c.kind, c.friction
-            earlier = parts[key].gain if key in parts else 0.0  # with another speed or distance
-            name = actuation.friction[c.friction].name
-            chosen[key] = c
-            parts[key] = FrictionPart(name, c.kind, c.scale, earlier + gain / len(best))
-        before = best_rms
+        chosen |= best
+        before = best_squares
+    # one that came with others, or before them, stays only where it is missed
+    parts = dict[Extra, FrictionPart]()
+    for key, part in list(chosen.items()) if before is not None else ():
+        without = with_parts([c for k, c in chosen.items() if k != key], 1)
+        if without is not None and _gain(without, before, _axes(actuation, [key]), least=GAIN) <= 0.0:
+            before = without
+            del chosen[key]
+        elif without is not None:
+            gain = float(np.mean(1.0 - np.sqrt(before.sum(axis=0) / without.sum(axis=0))))
+            parts[key] = FrictionPart(actuation.friction[part.friction].name, part.kind, part.scale, gain)
     friction = list(actuation.friction)
     for (kind, place), candidate in chosen.items():
         value = True if candidate.scale is None else candidate.scale
@@ -109,9 +119,51 @@ def choose_friction(
     return replace(actuation, friction=tuple(friction)), tuple(parts.values())
 
 
-def _size(rms: Floats) -> float:
-    """Return the sum over axes of log residual: what a part must make less, on whichever axes."""
-    return float(np.log(rms).sum())
+def rotors_show(
+    base: BaseParameters, gravity: Floats, samples: Sequence[Samples], weights: Floats, rotors: Sequence[MotorInertia]
+) -> bool:
+    """Return whether held-out blocks are predicted better with rotors than with the base parameters alone.
+
+    Rotors that move like a link's inertia, as that of an upright first joint, have nothing to add, and do not count.
+    """
+    terms = [ActuationTerm("motor_inertia", rotor.name, rotor.combination) for rotor in rotors]
+    products = _products(base, gravity, samples, terms, weights, 0.0)
+    columns = list(range(base.count))
+    before = _held_out(products, columns, added=1)
+    for k in range(len(terms)):
+        if _held_out(products, [*columns, base.count + k], added=1) is not None:
+            columns.append(base.count + k)
+    added = len(columns) - base.count
+    after = _held_out(products, columns, added=added) if added else None
+    every = np.ones(len(weights), dtype=bool)
+    return before is not None and after is not None and _gain(before, after, every, least=GAIN * added) > 0.0
+
+
+def _axes(actuation: Actuation, parts: Collection[Extra]) -> NDArray[np.bool_]:
+    """Return the axes (n,) on which frictions act."""
+    along: NDArray[np.bool_] = np.any([actuation.friction[place].combination != 0.0 for _, place in parts], axis=0)
+    return along
+
+
+def _gain(before: Floats, after: Floats, axes: NDArray[np.bool_], *, least: float) -> float:
+    """Return by how much the sum over axes of log residual became less, beyond `least`; nothing where it may be chance.
+
+    It may be where neither the gain of all blocks together exceeds its scatter (the jackknife: a block where a joint
+    hardly moves counts as little there as in the sum), nor the usual block's gain that of blocks (by the median).
+
+    Args:
+        before: (folds, n) squares of residuals, and so is `after`.
+        axes: (n,) on which blocks are held against each other: others scatter by what their own parts lack.
+    """
+    whole = np.log(before.sum(axis=0) / after.sum(axis=0))
+    others = np.log((before.sum(axis=0) - before) / (after.sum(axis=0) - after))[:, axes].sum(axis=1)
+    scatter = float(np.sqrt((FOLDS - 1) ** 2 / FOLDS) * others.std(ddof=1))
+    blocks = np.log(before / after)[:, axes].sum(axis=1)
+    usual = float(np.median(blocks))
+    of_blocks = MAD * float(np.median(np.abs(blocks - usual)))
+    if whole[axes].sum() <= SCATTER * scatter and usual <= SCATTER * of_blocks:
+        return 0.0
+    return 0.5 * float(whole.sum()) - least
 
 
 def _together(candidates: list[_Candidate], terms: Sequence[ActuationTerm]) -> list[tuple[_Candidate, ...]]:
@@ -185,7 +237,7 @@ def _products(
 
 
 def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats | None:
-    """Return the RMS (n,) on every fold fitted to the others, or None where an added column is hardly its own."""
+    """Return squares (folds, n) left on folds fitted to the others, or None where an added column is hardly its own."""
     target = products.train.shape[1] - 1
     train = products.train[np.ix_(range(FOLDS), [*columns, target], [*columns, target])]
     scale = np.sqrt(np.maximum(np.einsum("fjj->fj", train), 1e-300))
@@ -201,6 +253,5 @@ def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats 
     beta = solution * scale[:, m:] / scale[:, :m]
     vector = np.zeros((FOLDS, 1, target + 1, 1))
     vector[:, 0, columns, 0], vector[:, 0, target, 0] = -beta, 1.0
-    squares = (vector * (products.each @ vector)).sum(axis=(0, 2, 3))
-    rms: Floats = np.sqrt(np.maximum(squares, 1e-300))
-    return rms
+    squares: Floats = np.maximum((vector * (products.each @ vector)).sum(axis=(2, 3)), 1e-300)
+    return squares

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from catenary.arguments import explained
 from catenary.arrays import Floats, as_array
@@ -17,8 +18,9 @@ from catenary.dynamics.torque_regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
 from catenary.identification.consistency import LEAST_PRIOR, consistent_fit, prior_of, unseen_of, weight_of_prior
-from catenary.identification.friction_choice import FrictionPart, choose_friction
-from catenary.identification.identify_options import IdentifyOptions, actuation_of
+from catenary.identification.drive_gains import DriveGains, drive_gains
+from catenary.identification.friction_choice import FrictionPart, choose_friction, rotors_show
+from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
 from catenary.identification.parameters import Parameters
 from catenary.identification.residuals import (
@@ -32,10 +34,21 @@ from catenary.identification.residuals import (
 )
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
+from catenary.robots.actuation import MotorInertia
 from catenary.robots.model import RobotModel
 
 TILTING = 0.02  # of gravity: recordings in which its direction varies by less are of one base
 ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
+
+
+class Rotor(NamedTuple):
+    """A reflected inertia that was found, along one of the robot's combinations of coordinates."""
+
+    name: str
+    inertia: float | None  # [kg m2 or kg]; None where only torques were fitted, and these show it with others
+    error: (
+        float | None
+    )  # standard error; None where torques show it only together with a link's inertia, or it is known
 
 
 @dataclass(frozen=True)
@@ -67,6 +80,25 @@ class Identification:
         """Standard deviations (b,) of the base parameters."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def rotors(self) -> tuple[Rotor, ...]:
+        """The rotors that were identified, or stated."""
+        if self.options.rotors is not None:
+            stated = zip(self.model.joint_names, self.options.rotors, strict=True)
+            return tuple(Rotor(name, value, None) for name, value in stated)
+        base, found = self.base, list[Rotor]()
+        first = len(base.parameters.links) * base.parameters.per_link
+        for k, term in enumerate(base.parameters.actuation):
+            if term.kind == "motor_inertia":
+                column = first + k
+                value = None if self.phi is None else float(self.phi[column])
+                error = None
+                if base.identifiable[column] == "alone" and column in base.columns:
+                    place = int(np.flatnonzero(base.columns == column)[0])
+                    error, value = float(self.std[place]), float(self.beta[place]) if value is None else value
+                found.append(Rotor(term.name, value, error))
+        return tuple(found)
+
     def predict(
         self, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None, gravity: ArrayLike | None = None
     ) -> Floats:
@@ -86,14 +118,23 @@ class Identification:
             raise InputError(f'"{self.model.name}" was identified from poses at rest: it predicts no motion')
         g = as_array("gravity", self.options.gravity if gravity is None else gravity, (3,))
         tau = self.predict_unknown(motion[0], motion[1], motion[2], g)
-        tau = tau + known_torque(actuation_of(self.model), motion[0])
+        tau = tau + self._known(motion[0], motion[2])
         return tau[0] if single else tau
 
     def predict_unknown(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
         """Predict torques (N, n) without those that are known beforehand, friction as in steady sliding."""
-        known, down = known_torque(actuation_of(self.model), q), np.broadcast_to(gravity, (len(q), 3))
+        known, down = self._known(q, qdd), np.broadcast_to(gravity, (len(q), 3))
         rows = np.arange(len(q), dtype=float)
         return self.predict_samples(Samples("", q, qd, qdd, np.zeros_like(q), known, rows, 1.0, gravity=down))
+
+    def _known(self, q: Floats, qdd: Floats) -> Floats:
+        return known_torque(actuation_of(self.model), q) + known_rotors(self.model, self.options) * qdd
+
+    def with_gains(self, gains: Floats) -> Identification:
+        """Return it for a robot whose raw efforts times these gains (n,) are its torques."""
+        base, model = self.base, self.model
+        model = replace(model, actuation=replace(actuation_of(model), effort_scale=gains))
+        return replace(self, base=replace(base, parameters=replace(base.parameters, model=model)))
 
     def test(self, samples: Sequence[Samples]) -> Identification:
         """Return this identification with verdicts on recordings that were not fitted."""
@@ -142,6 +183,10 @@ class Identification:
             none: dict[str, Any] = {"coulomb": False, "viscous": False, "asymmetric": False, "load": False}
             still = [replace(f, stribeck=None, presliding=None, **none) for f in actuation.friction if f.offset]
             actuation = replace(actuation, friction=tuple(still), motor_inertia=())
+        elif self.options.rotors is not None:  # behind friction, before springs, as `actuation_terms` has them
+            rows = zip(self.model.joint_names, np.eye(self.model.n), strict=True)
+            values = np.insert(values, len(values) - len(actuation.springs), self.options.rotors)
+            actuation = replace(actuation, motor_inertia=tuple(MotorInertia(name, row) for name, row in rows))
         what = "mass and its centre" if static else "inertia, friction, rotors and springs"
         return replace(
             self.model,
@@ -198,9 +243,44 @@ def prepared(
 
 def identify_samples(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
     """Identify from recordings that are filtered already; see `identify`."""
+    with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
+        return _identified(samples, model, options)
+
+
+def gains_of(
+    free: Sequence[Samples], loaded: Sequence[Samples], model: RobotModel, options: IdentifyOptions, load: float
+) -> DriveGains:
+    """Find the drive gains [Nm/A] from currents of an arm alone, and with a load of known mass [kg]; see drive_gains.
+
+    Raises:
+        InputError: Torques that are known beforehand: these are no currents.
+        ExcitationError: The recordings do not show the base parameters, or a gain.
+    """
+    actuation = replace(actuation_of(model), values=None)
+    if options.rotors is not None or actuation.known_torques:
+        raise InputError("currents: torques of known rotors, cables or springs are in Nm: leave them out")
+    beside = rotors_beside(model) if options.find_rotors and options.terms == "full" else ()
+    geared = replace(model, actuation=replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside)))
     gravity = as_array("gravity", options.gravity, (3,))
-    plain = _fit(samples, model, replace(options, consistent=False), gravity)
-    actuation, parts = actuation_of(model), tuple[FrictionPart, ...]()
+    with threadpool_limits(limits=1):
+        base = _fit([*free, *loaded], geared, replace(options, consistent=False), gravity).base
+        return drive_gains(base, gravity, free, loaded, load)
+
+
+def _identified(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
+    gravity = as_array("gravity", options.gravity, (3,))
+    known_rotors(model, options)  # refuses another number than there are joints
+    actuation, parts = replace(actuation_of(model), values=None), tuple[FrictionPart, ...]()
+    if options.rotors is not None:
+        actuation = replace(actuation, motor_inertia=())
+    beside = rotors_beside(model) if options.find_rotors and options.rotors is None else ()
+    model = model if model.actuation is None and not beside else replace(model, actuation=actuation)
+    free = replace(options, consistent=False)
+    plain = _fit(samples, model, free, gravity)
+    if options.terms == "full" and beside and rotors_show(plain.base, gravity, samples, plain.weights, beside):
+        actuation = replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside))
+        model = replace(model, actuation=actuation)
+        plain = _fit(samples, model, free, gravity)
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples, gravity)
         actuation, parts = choose_friction(plain.base, gravity, heard, plain.weights, actuation, options.friction)

@@ -6,9 +6,10 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 from pydantic import Field
 
+from catenary.arrays import Floats
 from catenary.config import IN_FILES
 from catenary.errors import InputError
-from catenary.robots.actuation import Actuation, SignalFilter, Weighting, default_actuation
+from catenary.robots.actuation import Actuation, MotorInertia, SignalFilter, Weighting, default_actuation
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
@@ -32,6 +33,8 @@ class IdentifyOptions:
     weighting: Weighting | None = None
     consistent: bool = True  # only parameters that bodies and friction can have
     friction: tuple[str, ...] = FRICTION_PARTS  # parts that held-out blocks may add to that of the robot's file
+    find_rotors: bool = True  # one a joint, where held-out blocks show them; those of the robot's file in any case
+    rotors: tuple[float, ...] | None = None  # (n,) [kg m2 or kg] as known, in place of those
     prior: bool = True  # towards the masses of the robot's file, where it has any and the fit is consistent
     blocks: float | None = None  # [s, or rows at rest] hold out every second block of this length
     seed: Annotated[int, Field(ge=0)] = 0  # of the random motion that the base parameters are found with
@@ -44,6 +47,9 @@ class IdentifyOptions:
         unknown = [part for part in self.friction if part not in FRICTION_PARTS]
         if unknown:
             raise InputError(f'friction "{unknown[0]}": expected some of {", ".join(FRICTION_PARTS)}, or none')
+        for value in self.rotors or ():
+            if not 0.0 <= value < np.inf:
+                raise InputError(f"rotors: expected numbers of zero or more, got {value}")
         for name in ("cutoff_hz", "blocks"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < np.inf:
@@ -57,6 +63,29 @@ class IdentifyOptions:
 def actuation_of(model: RobotModel) -> Actuation:
     """Return the robot's actuation; friction on every coordinate where its file says nothing."""
     return default_actuation(model.joint_names) if model.actuation is None else model.actuation
+
+
+def known_rotors(model: RobotModel, options: IdentifyOptions) -> Floats:
+    """Return rotors (n,) [kg m2 or kg] that the options state, zero where they state none."""
+    if options.rotors is None or options.terms == "static":
+        return np.zeros(model.n)
+    if len(options.rotors) != model.n:
+        raise InputError(
+            f"rotors: expected {model.n} numbers, for {', '.join(model.joint_names)}, got {len(options.rotors)}"
+        )
+    return np.array(options.rotors)
+
+
+def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
+    """Return a rotor for every joint without one; none where the robot's table says what is to be identified."""
+    if model.actuation is not None and model.actuation.values is None:
+        return ()
+    own, rows = actuation_of(model).motor_inertia, np.eye(model.n)
+    return tuple(
+        MotorInertia(name, row)
+        for i, (name, row) in enumerate(zip(model.joint_names, rows, strict=True))
+        if not any(rotor.combination[i] for rotor in own)
+    )
 
 
 def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:

@@ -19,7 +19,7 @@ from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.errors import InputError
 from catenary.identification.friction_history import FrictionHistory
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
+from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, known_rotors
 from catenary.plant import MotionLog
 from catenary.robots.actuation import SignalFilter
 from catenary.robots.model import RobotModel
@@ -221,7 +221,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions) -> Samp
         None if of[0] is None else np.concatenate([values[cut : len(values) - cut] for values in of])
         for of in zip(*((part.gravity, part.base) for part in parts), strict=True)
     )
-    known = known_torque(actuation, q)
+    known = known_torque(actuation, q) + known_rotors(model, options) * qdd
     rate = 1.0 / float(np.median(np.diff(time)))
     history = FrictionHistory(tuple((part.q, part.qd) for part in parts), cut, parts[0].sections, np.arange(len(q)))
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)

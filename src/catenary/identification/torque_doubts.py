@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.torque_regressor import link_parameters, torque_regressor
 from catenary.identification.identification import Identification
 from catenary.identification.least_squares import solve, triangles
+from catenary.identification.mounting import mounting_finding
 from catenary.identification.samples import Samples
 from catenary.verdict.finding import Finding
 
@@ -22,19 +23,24 @@ LEAST = 1e-3  # relative residual that counts as none
 DOUBTFUL = 0.1  # relative residual from which on it is asked whether axes are swapped or turned
 ROWS = 600  # that are looked at
 EXPLAINED = 0.8  # least correlation of measured torques with the model's own, to speak of their ratio
+TOLD = 1e-6  # of a torque: less than that beside friction, rotor and constant is rounding
 RATIO = (0.4, 2.5)  # of a torque to the model's own: assumed masses are wrong by less
 
 
 def torque_findings(
     result: Identification, samples: Samples, *, fitted: bool, may_carry: bool = False
 ) -> list[Finding]:
-    """Find torques of the wrong sign, of swapped axes, or in another unit.
+    """Find torques under another gravity, of the wrong sign, of swapped axes, or in another unit.
 
     Args:
         result: What was identified; where the recording was fitted, by a free fit: friction of a wrong sign tells.
         fitted: It is one of those that were fitted.
         may_carry: The arm may carry a load, which makes torques of some axes many times those of the arm alone.
     """
+    if fitted:
+        stated = np.array(result.options.gravity)
+        if (mounting := mounting_finding(result.model, _some_rows(samples), stated)) is not None:
+            return [mounting]
     own = result.training if fitted else result.tests
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
@@ -124,21 +130,26 @@ def _known_torques(
     """
     model = result.model
     whose = "the robot's own masses" if fitted else "what was identified"
+    rows = _some_rows(samples)
     if not fitted:
-        own = result.predict_samples(samples)
+        own = result.predict_samples(rows)
     elif model.missing_inertia:
         return [], set()
     else:
-        down, base = samples.gravity_rows(np.array(result.options.gravity)), samples.base_motion()
-        own = np.asarray(inverse_dynamics(model, samples.q, samples.qd, samples.qdd, down, base))
+        down = rows.gravity_rows(np.array(result.options.gravity))
+        own = torque_regressor(model, rows.q, rows.qd, rows.qdd, down, rows.base_motion()) @ link_parameters(model.tree)
     found, against, as_expected = [], set[int](), 0
     for i in range(model.n):
-        # friction and offsets beside the model's own torque
-        columns = np.column_stack([own[:, i], np.sign(samples.qd[:, i]), samples.qd[:, i], np.ones(len(own))])
-        if not (np.ptp(own[:, i]) > 0.0 and np.ptp(samples.tau[:, i]) > 0.0):
+        # friction, a constant and, of a file that has none, a rotor are beside the model's own torque, of any size
+        speed, one = rows.qd[:, i], np.ones(len(rows))
+        beside = np.column_stack([np.sign(speed), speed, one, *([rows.qdd[:, i]] if fitted else [])])
+        given, measured = (v - beside @ np.linalg.lstsq(beside, v)[0] for v in (own[:, i], rows.tau[:, i]))
+        size, torque = float(np.linalg.norm(given)), float(np.linalg.norm(measured))
+        if size <= TOLD * np.linalg.norm(own[:, i]) or torque <= TOLD * np.linalg.norm(rows.tau[:, i]):
             continue
-        ratio = float(np.linalg.lstsq(columns, samples.tau[:, i], rcond=None)[0][0])
-        correlation = float(np.corrcoef(own[:, i], samples.tau[:, i])[0, 1])
+        ratio, correlation = float(given @ measured) / size**2, float(given @ measured) / size / torque
+        if not fitted:  # what was identified has them itself
+            correlation = float(np.corrcoef(own[:, i], rows.tau[:, i])[0, 1])
         if correlation < -EXPLAINED and ratio < 0.0:
             against.add(i)
         if abs(correlation) > EXPLAINED:

@@ -49,6 +49,7 @@ class Reading:
     joint_names: tuple[str, ...] | None = None
     mapping: "RecordingMapping | None" = None  # of a recording of another make, with its own units
     mend: Mend = NOTHING  # what to change of them
+    currents: bool = False  # torques are motor currents, or what the robot reports raw
     as_trained: bool = True  # mend them also as the training data of a model that they are given to
 
 
@@ -89,14 +90,14 @@ def read_log(
     return _as_given(path, log, units, joint_names)
 
 
-def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
+def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False) -> MotionLog:
     """Read a recording of a robot for identification: a `.parquet` motion log, or a `.npz` of positions and torques.
 
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
     `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
-    base axes, where the base tilts or turns. `effort` (N, n) in place of `tau` is what the robot reports raw; the
-    robot's file then gives the torque per unit of it. With `joint_names` (n,) the joints are put into the robot's
-    order; without, and without `units`, they are taken to be the robot's.
+    base axes, where the base tilts or turns. `effort` or `current` (N, n) in place of `tau` is what the robot reports
+    raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. With `joint_names` (n,) the
+    joints are put into the robot's order; without, and without `units`, they are taken to be the robot's.
 
     Raises:
         FileFormatError: No such file, unknown kind, damaged, or an array is missing.
@@ -109,7 +110,7 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     from catenary.recording.import_formats.known_layouts import read_torques
 
-    return read_torques(path, model)
+    return read_torques(path, model, raw=raw)
 
 
 def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
@@ -134,8 +135,13 @@ def read_torque_recording(
     """
     reading = reading if reading is not None else Reading()
     mapping = reading.mapping
-    log = read_torque_log(path, model) if mapping is None else _by_mapping(path, mapping, model)
-    return reading.mend(log, trained if reading.as_trained else None)
+    raw = reading.currents
+    log = read_torque_log(path, model, raw=raw) if mapping is None else _by_mapping(path, mapping, model)
+    log = reading.mend(log, trained if reading.as_trained else None)
+    scale = None if model.actuation is None else model.actuation.effort_scale
+    if not raw or scale is None or log.tau is None:
+        return log
+    return replace(log, tau=log.tau * scale, notes=(*log.notes, "currents times the robot's effort_scale"))
 
 
 def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | None) -> MotionLog:

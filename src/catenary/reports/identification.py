@@ -54,6 +54,8 @@ def write_identification_report(
         blocks += [Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
     if (masses := mass_table(found)) is not None:
         blocks += [Heading("Links beside the robot's file"), masses]
+    if (rotors := rotor_table(found)) is not None:
+        blocks += [Heading("Rotors"), rotors]
     blocks += [
         Heading("Base parameters"),
         parameter_table(found),
@@ -115,6 +117,20 @@ def mass_table(found: Identification) -> Table | None:
     links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]
     title = "Links beside the robot's file; single masses are plausible, not measured"
     return Table(columns, links, title)
+
+
+def rotor_table(found: Identification) -> Table | None:
+    """Return the rotors as seen at the joints; None where there are none."""
+    known = found.options.rotors is not None
+    columns = [
+        TableColumn("rotor", "name"),
+        TableColumn("reflected inertia [kg m2, kg]", "inertia", ".3g"),
+        TableColumn("std", "error", ".2g"),
+        TableColumn(
+            "told", lambda r: "as stated" if known else "by itself" if r.error is not None else "with its link's"
+        ),
+    ]
+    return Table(columns, found.rotors, "Rotors, as seen at the joints") if found.rotors else None
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:

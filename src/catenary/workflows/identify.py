@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from catenary.config import plain_data
+from catenary.errors import InputError
 from catenary.gravity.mass_doubts import mass_doubts
-from catenary.identification.identification import Identification, identify_samples, prepared
+from catenary.identification.drive_gains import DriveGains
+from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
-from catenary.identification.identify_options import IdentifyOptions, filter_of
+from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
@@ -35,6 +37,7 @@ class IdentifyResult:
     notes: tuple[str, ...]
     training: tuple[Samples, ...]
     tests: tuple[Samples, ...]
+    gains: DriveGains | None = None  # where currents were recorded
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
@@ -49,8 +52,10 @@ class IdentifyResult:
             "physically_consistent": result.phi is not None,
             "prior_weight": result.prior_weight,
             "friction": [asdict(part) for part in result.friction],
+            "rotors": [rotor._asdict() for rotor in result.rotors],
             "training": [plain_data(r) for r in result.training],
             "tests": [plain_data(r) for r in result.tests],
+            "drive_gains": None if self.gains is None else plain_data(self.gains),
             "notes": list(self.notes),
         }
 
@@ -63,6 +68,7 @@ def identify_files(
     tests: Sequence[Path] = (),
     rows: tuple[int, int] | None = None,
     reading: Reading | None = None,
+    load: tuple[float, Path] | None = None,
     accept: Sequence[str] = (),
 ) -> IdentifyResult:
     """Identify a robot from recordings, and judge it on others.
@@ -70,12 +76,13 @@ def identify_files(
     Args:
         options: What to choose otherwise than the robot's file.
         rows: First row, and the one after the last, of the recordings to fit; all when None.
+        load: Of currents: a mass [kg] on the robot's tip, and the recording with it, which tell the drives' gains.
         accept: Findings about them to go on with, by name.
 
     Raises:
         DataError: Torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
         FileFormatError: A file is missing, damaged or of another kind.
-        InputError: A recording is not of this robot, in other units, or too short.
+        InputError: A recording is not of this robot, in other units, or too short; or currents without a known load.
         ExcitationError: The recordings do not show all base parameters.
     """
     model = load_robot(robot)
@@ -85,6 +92,11 @@ def identify_files(
     require_names(accept)
     read_tests = [read_torque_recording(path, model, reading) for path in tests]
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
+    gains, weighed = None, list[Samples]()
+    if reading is not None and reading.currents and (model.actuation is None or model.actuation.effort_scale is None):
+        gains, loaded = _gains(read, model, options, reading, load)
+        read, read_tests = ([replace(each, tau=each.tau * gains.gains) for each in part] for part in (read, read_tests))
+        weighed = [prepare(replace(loaded, tau=loaded.tau * gains.gains), model, options)]
     training, held_out = prepared(read, read_tests, model, options)
     whole = [part for part in (*training, *held_out) if not part.name.endswith(HELD_OUT)]
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
@@ -92,6 +104,8 @@ def identify_files(
     free = identify_samples(training, model, replace(options, consistent=False, friction=())).test(held_out)
     doubts = judge(_findings(free, training, held_out), accept)
     result = identify_samples(training, model, options).test(held_out)
+    if gains is not None:
+        result = result.with_gains(gains.gains)
     notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *gaps]
     seen = {log.sha256 for log in read}
     again = [log.name for log in read_tests if log.sha256 in seen]
@@ -101,21 +115,48 @@ def identify_files(
     notes += _doubts(result, training, held_out)
     notes += mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     notes += choice_notes(result)
+    notes += rotor_notes(model, result)
+    if gains is not None:
+        found = estimate_payload(result, weighed, at=(model.tip, gains.centre))
+        notes += [
+            *gains.notes(model),
+            f"{weighed[0].name}: by what was identified, the load weighs {found.mass or 0.0:.3f} kg, "
+            f"stated {gains.load:g}",
+        ]
     notes += judge(stamps, accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
     card = identification_card(result, data, tuple(notes), mends_of(read))
-    return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out))
+    return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out), gains)
+
+
+def _gains(
+    read: Sequence[MotionLog],
+    model: RobotModel,
+    options: IdentifyOptions,
+    reading: Reading,
+    load: tuple[float, Path] | None,
+) -> tuple[DriveGains, MotionLog]:
+    """Return the gains that a known load tells, and the recording with it."""
+    if load is None:
+        raise InputError(
+            f'currents of robot "{model.name}", whose drive gains are not known, tell masses up to a factor of each '
+            "axis: give a recording with a known load (--load KG LOG), or the gains (--scale tau:JOINT=GAIN)"
+        )
+    mass, path = load
+    log = read_torque_recording(path, model, reading)
+    free = [prepare(each, model, options) for each in read]
+    return gains_of(free, [prepare(log, model, options)], model, options, mass), log
 
 
 def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
     """Return a note on the filter that was assumed where neither the robot's file nor the options choose one."""
-    if model.actuation is not None or options.terms == "static":
+    if options.terms == "static" or (model.actuation is not None and model.actuation.values is None):
         return []
     used = filter_of(model, options)
     return [
-        f"{model.name}: its file states no actuation: assumed friction on every joint, a filter of order {used.order} "
+        f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "
         f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
     ]
 
@@ -142,6 +183,17 @@ def choice_notes(result: Identification) -> list[str]:
             "blocks"
         )
     return notes
+
+
+def rotor_notes(model: RobotModel, result: Identification) -> list[str]:
+    """Return what became of the rotors that the robot's file does not have."""
+    tried = rotors_beside(model) if result.options.find_rotors and result.options.terms == "full" else ()
+    if not tried or result.options.rotors is not None:
+        return []
+    names = ", ".join(rotor.name for rotor in tried)
+    if result.rotors:
+        return [f"rotors: a reflected inertia of {names}: held-out blocks are predicted better"]
+    return [f"rotors: none of {names}: held-out blocks are predicted no better with a reflected inertia"]
 
 
 def _findings(

@@ -158,17 +158,21 @@ def read_commands(
     return import_sources(_sources(path, content), mapping.model_copy(update=given))
 
 
-def read_torques(path: Path, model: RobotModel) -> MotionLog:
+_TORQUES = ("tau", "effort", "current")  # arrays of a torque log, the first that it has; the others raw
+
+
+def read_torques(path: Path, model: RobotModel, *, raw: bool = False) -> MotionLog:
     """Read a `.npz` of a robot's positions and torques; see `recording.logs.read_torque_log`."""
     content = read_arrays(path)
-    if "q" not in content or not {"tau", "effort"} & set(content):
+    torque = next((name for name in _TORQUES if name in content), None)
+    if "q" not in content or torque is None:
         raise FileFormatError(
             f"{path}: expected arrays q (N, n) and tau (N, n), and dq, fs or t where the robot moves; "
             f"{content_in_words(content)}"
         )
-    _require_rows(path, content, ("q", "tau", "effort", "dq"), ("t",))
+    _require_rows(path, content, ("q", *_TORQUES, "dq"), ("t",))
     sources = _sources(path, content)
-    mapping = layout_mapping("recording/torque_log", torque="tau" if "tau" in content else "effort")
+    mapping = layout_mapping("recording/torque_log", torque=torque)
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
     names = sources.streams[0].texts.get("joint_names") or (model.joint_names if n == model.n else nameless(n))
     own = dict(zip(model.joint_names, model.joint_units, strict=True))
@@ -177,12 +181,13 @@ def read_torques(path: Path, model: RobotModel) -> MotionLog:
     given = {"joint_names": tuple(names), "joint_units": units, "default_robot": model.name}
     log = import_sources(sources, mapping.model_copy(update=given))
     log = log.in_order_of(model, of=f'robot "{model.name}" has')
-    if "tau" in content:
+    if raw or torque == "tau":
         return log
     scale = None if model.actuation is None else model.actuation.effort_scale
     if scale is None:
         raise InputError(
-            f'{path}: has raw efforts, and robot "{model.name}" gives no effort_scale; expected an array tau [Nm or N]'
+            f'{path}: has raw efforts, and robot "{model.name}" gives no effort_scale; expected an array tau [Nm or N]; '
+            "or catenary identify --currents with a known --load"
         )
     assert log.tau is not None  # for the type checker
     return replace(log, tau=log.tau * scale, notes=(*log.notes, "raw efforts times the robot's effort_scale"))

@@ -1,0 +1,119 @@
+"""A geared arm whose truth is Pinocchio's: rotors are found, masses stay, and a payload is weighed."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.identification.identification import Identification, identify
+from catenary.identification.identify_options import IdentifyOptions
+from catenary.identification.payload import estimate_payload
+from catenary.identification.samples import prepare
+from catenary.identification.torque_doubts import torque_findings
+from catenary.robots.actuation import default_actuation
+from catenary.robots.catalog import load_robot
+from catenary.robots.urdf import load_urdf
+from moving_arm import recorded
+from oracles.geared_arm import ROTORS, ur10_gravity, ur10_log, write_ur10
+
+LEVEL = [0.0, 0.0, -9.81]
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return load_urdf(write_ur10(tmp_path_factory.mktemp("ur10")))
+
+
+@pytest.fixture(scope="module")
+def wrong(arm):
+    """The arm with masses that its file has 20 % too large."""
+    tree = arm.tree._replace(mass=1.2 * arm.tree.mass, inertia=1.2 * arm.tree.inertia)
+    return replace(arm, tree=tree)
+
+
+log = cache(ur10_log)
+
+
+@pytest.fixture(scope="module")
+def found(arm) -> Identification:
+    return identify([log(0)], arm, tests=[log(1)])
+
+
+def gravity_errors(robot):
+    q = np.random.default_rng(9).uniform(-np.pi, np.pi, (200, 6))
+    return np.sqrt(np.mean((gravity_torque(robot, q, LEVEL) - ur10_gravity(q)) ** 2, axis=0))
+
+
+def test_gravity_of_an_identified_geared_arm_is_true(found, wrong):
+    assert (gravity_errors(found.robot()) < 0.2).all()
+    assert found.tests[0].verdict == "holds"
+    assert len(found.friction) <= 2  # there is Coulomb and viscous friction alone
+    # masses of a file that is 20 % off: torques tell better
+    q = np.random.default_rng(9).uniform(-np.pi, np.pi, (200, 6))
+    off = np.sqrt(np.mean((0.2 * ur10_gravity(q)) ** 2, axis=0))
+    other = gravity_errors(identify([log(0), log(1)], wrong).robot())
+    assert (other[1:3] < 0.05 * off[1:3]).all()
+    assert (other < 0.3).all()
+
+
+def test_rotors_are_found_each_with_its_error(found):
+    assert len(found.rotors) == 6
+    for rotor, true in zip(found.rotors, ROTORS, strict=True):
+        assert rotor.inertia == pytest.approx(true, rel=0.03)
+        if rotor.error is not None:  # that of the pan moves like its link, with the file's inertia beside it
+            assert abs(rotor.inertia - true) < 4.0 * rotor.error
+    assert found.rotors[0].error is None
+    assert all(rotor.error is not None for rotor in found.rotors[2:])
+
+
+def test_torques_of_a_geared_arm_are_in_no_doubt(arm):
+    options = IdentifyOptions(consistent=False, friction=())
+    for rotors in (ROTORS, 0.0 * ROTORS):
+        samples = prepare(ur10_log(0, rotors=rotors), arm, options)
+        for find in (True, False):
+            result = identify([log(0)], arm, replace(options, find_rotors=find))
+            assert torque_findings(replace(result, training=(result.compare(samples),)), samples, fitted=True) == []
+
+
+def test_a_payload_of_a_geared_arm_is_weighed(found, arm):
+    place = [0.02, 0.1922, 0.05]
+    samples = [prepare(ur10_log(2, payload=(5.0, place)), arm, IdentifyOptions())]
+    estimate = estimate_payload(found, samples, at=("wrist_3_link", place))
+    assert estimate.mass == pytest.approx(5.0, rel=0.005)
+
+
+def test_rotors_that_are_known_are_taken_as_they_are(arm, found):
+    stated = identify([log(0)], arm, IdentifyOptions(rotors=tuple(ROTORS), friction=()), tests=[log(1)])
+    assert (gravity_errors(stated.robot()) < 0.2).all()
+    assert [(rotor.inertia, rotor.error) for rotor in stated.rotors] == [(value, None) for value in ROTORS]
+    still, turned = np.zeros((2, 6)), np.vstack([np.zeros(6), np.ones(6)])
+    for result in (stated, found):
+        link = result.predict(still, still, turned)
+        loads = result.robot().actuation
+        assert loads is not None
+        assert len(loads.motor_inertia) == 6
+        assert np.isfinite(link).all()
+    assert_allclose(
+        stated.predict(still, still, turned), found.predict(still, still, turned), rtol=0.05, atol=0.5
+    )  # what a datasheet says, and what was found
+    with pytest.raises(InputError, match="rotors: expected 6 numbers, for shoulder_pan_joint"):
+        identify([log(0)], arm, IdentifyOptions(rotors=(1.0,)))
+    with pytest.raises(InputError, match="rotors: expected numbers of zero or more"):
+        IdentifyOptions(rotors=(-1.0,))
+
+
+def test_an_arm_without_rotors_gets_none_that_weigh_anything():
+    model = load_robot("raven2")
+    plain = identify([recorded(model, 0, noise=0.3)], model, IdentifyOptions(friction=()))
+    assert all(rotor.inertia < 0.02 for rotor in plain.rotors)
+
+
+def test_a_table_says_what_is_identified(arm):
+    model = replace(arm, actuation=default_actuation(arm.joint_names))
+    assert identify([log(0)], model, IdentifyOptions(friction=())).rotors == ()
+    known = replace(model.actuation, values=np.zeros(18))  # numbers of a description, as of an MJCF
+    assert len(identify([log(0)], replace(model, actuation=known), IdentifyOptions(friction=())).rotors) == 6
