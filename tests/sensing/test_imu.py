@@ -116,7 +116,7 @@ def test_a_sensor_away_from_the_origin_feels_the_turning_and_the_origin_does_not
 )
 def test_an_interrupted_sensor_is_held_then_falls_back_without_a_leap_and_no_base_turns_on(fallback, expected):
     base = Base(angular=True, fallback=fallback, stale_after=0.05, age_limit=0.2)
-    base.run(1.0, TILTED, [0.0, 0.0, 0.1])
+    base.run(1.0, TILTED, -0.1 * TILTED / 9.81)  # about the vertical
     readings = base.run(2.0)
     statuses = [r.status for r in readings]
     # the last sample was taken 10 ms before they stopped
@@ -355,3 +355,88 @@ def test_reset_forgets_a_jump_that_was_not_believed():
 def test_options_that_make_no_sense_are_refused(options, said):
     with pytest.raises(InputError, match=said):
         SensedGravity(Mailbox(), **options)
+
+
+def turned(angle, rate, ramp, t):
+    """Angle [rad] and rate [rad/s] at times (N,) of a turn that begins at 1 s: a trapezoid of rates."""
+    inside, whole = np.clip(t - 1.0, 0.0, angle / rate + ramp), angle / rate
+    w = rate * np.clip(np.minimum(inside, whole + ramp - inside) / ramp, 0.0, 1.0)
+    return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (w[1:] + w[:-1]))]), w
+
+
+@pytest.mark.parametrize("angular", [True, False])
+@pytest.mark.parametrize("mounted_on", ["table", "cart", "vehicle", "ship"])
+@pytest.mark.parametrize(
+    ("angle", "rate", "axis", "ramp"),
+    [
+        (90, 40, (1.0, 0.0, 0.0), 0.2),
+        (180, 60, (0.0, 1.0, 0.0), 0.2),
+        (360, 200, (1.0, 1.0, 0.5), 0.2),
+        (180, 200, (1.0, 0.0, 0.0), 0.02),  # as no base begins to
+        (360, 100, (0.0, 0.0, 1.0), 0.1),
+    ],
+)
+def test_a_base_that_turns_is_live_where_gravity_is_known_and_nowhere_else(
+    angle, rate, axis, ramp, mounted_on, angular, rng
+):
+    t = np.arange(round(100 * (2.0 + angle / rate))) / 100.0
+    along = np.asarray(axis) / np.linalg.norm(axis)
+    turn, w = turned(np.radians(angle), np.radians(rate), ramp, t)
+    # about the axis backwards, by Rodrigues' formula
+    c, s, start = np.cos(turn)[:, None], -np.sin(turn)[:, None], tilted_gravity(0.2, 0.1)
+    gravity = c * start + s * np.cross(along, start) + (1.0 - c) * (along @ start) * along
+    readings, base = [], Base(angular=angular, mounted_on=mounted_on, rules=None)
+    for k, now in enumerate(t):
+        base.mailbox.put(now, w[k] * along + 9e-4 * rng.normal(size=3), Kind.ANGULAR_RATE)
+        base.mailbox.put(now, gravity[k] + 0.03 * rng.normal(size=3), Kind.FREE_FALL)
+        readings.append(base.source.read(now))
+    off = np.linalg.norm([r.gravity for r in readings] - gravity, axis=1)
+    live = np.array([r.status is ReadingStatus.LIVE for r in readings])
+    assert off[live & (t > 0.5)].max() < 0.5
+    fastest = math.radians(rate) * 9.81 * (abs(along[2]) < 1.0)  # [m/s3]
+    if mounted_on != "ship" or fastest < 12.0:  # what its filter follows, half a second long
+        assert live[t > 0.5].all()
+        slow = ramp > 0.1 and math.radians(rate) < base.source._rules.max_rate
+        assert not slow or {r.faults for r, at in zip(readings, t, strict=True) if at > 0.5} == {Fault.NONE}
+
+
+def test_a_fallback_turns_with_the_rates():
+    base = Base(angular=True)
+    base.run(1.0, LEVEL, [0.0, 0.0, 0.0])
+    # the accelerometer alone is silent while the base rolls by 0.25 rad
+    for k in range(2000):
+        if k % 10 == 0:
+            base.mailbox.put(base.time, [0.25 * (k < 1000), 0.0, 0.0], Kind.ANGULAR_RATE)
+        reading = base.source.read(base.time)
+        base.time = (round(base.time * 1000) + 1) / 1000.0
+    assert reading.status is ReadingStatus.FALLBACK
+    assert_allclose(reading.gravity, tilted_gravity(0.25, 0.0), atol=0.4)  # of 2.4; its first moments are doubted
+
+
+@pytest.mark.parametrize("hz", [20.0, 25.0, 50.0])
+def test_a_slow_unit_tells_the_turning_too(hz):
+    base, (gravity, rate) = Base(angular=True), rocking(0.1, 0.5)
+    base.run(1.0, gravity, rate, hz=hz)
+    readings = base.run(2.0, gravity, rate, hz=hz)
+    assert {r.faults for r in readings} <= {Fault.NONE}
+    said = [r.base_rates[0, 0] for r in readings]
+    assert_allclose(said, [rate(1.0 + 0.001 * k)[0] for k in range(2000)], atol=0.03)  # of 0.31 rad/s
+
+
+def test_a_jump_that_no_base_makes_is_believed_after_ten_seconds_or_never_if_so_ruled():
+    for after, left in ((2.0, True), (math.inf, False)):
+        base = Base(rules=SensorRules(stuck_samples=0, trust_again_after=after))
+        base.run(1.0, LEVEL)
+        readings = base.run(4.0, tilted_gravity(0.4, 0.25))
+        assert Fault.JUMP in readings[1900].faults
+        assert (readings[-1].faults is Fault.NONE) is left
+
+
+def test_what_is_not_live_while_it_comes_back_is_stale():
+    base = Base(fallback="static")
+    base.run(1.0, TILTED)
+    base.run(2.0)
+    readings = base.run(1.5, TILTED)
+    off = np.linalg.norm([r.gravity - TILTED for r in readings], axis=1)
+    assert all(r.status is not ReadingStatus.LIVE for r, o in zip(readings, off, strict=True) if o > 0.35)
+    assert readings[-1].status is ReadingStatus.LIVE

@@ -25,7 +25,6 @@ class BaseSpectrum:
     slowest_hz: float = 1.0  # lowest frequency of slow accelerations
     fastest_hz: float = 1.0  # their highest
     rocking_hz: float = 3.0  # highest frequency that gravity is followed to
-    angle: float = 0.0  # [rad] rocking to either side, which shortens the mean of gravity
     turning: float = 4.0  # [rad/s] the fastest
     jolt: float = 1.0  # [m/s2] accelerations that appear from one sample to the next
     push: float = 1.4  # [m/s2] the hardest across gravity while the base does not turn; inf where that tells nothing
@@ -45,14 +44,12 @@ BASES: dict[str, BaseSpectrum] = {
     "table": BaseSpectrum(),
     "cart": BaseSpectrum(slow_acceleration=1.0, slowest_hz=0.2, fastest_hz=0.5, push=2.0),
     "vehicle": BaseSpectrum(
-        acceleration=8.0, slow_acceleration=4.0, slowest_hz=0.1, fastest_hz=0.5, angle=math.radians(15.0),
-        turning=2.5, push=5.0,
+        acceleration=8.0, slow_acceleration=4.0, slowest_hz=0.1, fastest_hz=0.5, turning=2.5, push=5.0
     ),
     "ship": BaseSpectrum(
-        slow_acceleration=3.0, slowest_hz=0.05, fastest_hz=0.3, rocking_hz=0.3, angle=math.radians(25.0),
-        turning=1.5, jolt=0.4, push=math.inf,
+        slow_acceleration=3.0, slowest_hz=0.05, fastest_hz=0.3, rocking_hz=0.3, turning=1.5, jolt=0.4, push=math.inf
     ),
-}  # fmt: skip
+}
 
 
 def base_spectrum(base: str | BaseSpectrum) -> BaseSpectrum:
@@ -71,9 +68,9 @@ def rules_for(
 
     With s the noise of a reading: a step may be the base's jolt and 5 s; readings at rest spread by 4 s on each of
     three axes, 0.3 m/s2 at least; slow accelerations a of frequencies from f on average out over `mean_time` T to
-    3 a / (2 pi f T) at most, for which T is chosen; lengths in the mean are then gravity's, shortened by rocking, give
-    or take what is left and what a sensor that nobody calibrated is off by. For a table and a cheap sensor these are
-    the defaults of SensorRules.
+    3 a / (2 pi f T) at most, for which T is chosen; lengths in the mean are then gravity's, give or take what is left
+    and what a sensor that nobody calibrated is off by. For a table and a cheap sensor these are the defaults of
+    SensorRules.
 
     Args:
         base: table, cart, vehicle or ship, or how it moves.
@@ -86,12 +83,11 @@ def rules_for(
     slow = spectrum.slow_acceleration
     mean_time = max(1.0, 3.0 * slow / (2.0 * math.pi * spectrum.slowest_hz * LEFT))
     left = UNCALIBRATED + (LEFT if slow > 0.0 else 0.0)
-    shortened = STANDARD_GRAVITY * spectrum.angle**2 / 4.0  # mean cosine of a sine of that amplitude
     rules = SensorRules(
         max_step=round(spectrum.jolt + SURE * noise, 3),
         max_rate=spectrum.turning,
         max_acceleration=spectrum.acceleration,
-        rest_lower=round(STANDARD_GRAVITY - left - shortened, 1),
+        rest_lower=round(STANDARD_GRAVITY - left, 1),
         rest_upper=round(STANDARD_GRAVITY + left, 1),
         rest_spread=round(max(0.3, 4.0 * math.sqrt(3.0) * noise), 3),
         mean_time=round(mean_time, 1),

@@ -11,7 +11,7 @@ from catenary.errors import InputError
 from catenary.spatial import STANDARD_GRAVITY, cross
 
 Vector = tuple[float, float, float]
-_MAY_BE_ZERO = ("slow_acceleration", "slow_jerk", "stuck_samples", "accept_jump_after", "future")
+_MAY_BE_ZERO = ("slow_acceleration", "slow_jerk", "stuck_samples", "accept_jump_after", "trust_again_after", "future")
 _ORDERS = [np.array(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))]
 
 
@@ -46,6 +46,12 @@ class Fault(Flag):
     RATE_TOO_FAST = auto()
     RATE_CONTRADICTS = auto()
     DISAGREEMENT = auto()
+    NOT_FOLLOWED = auto()
+    RATE_SIGN = auto()
+    RATE_AXES = auto()
+    RATE_UNIT = auto()
+    RATE_SCALE = auto()
+    RATE_DELAY = auto()
 
     @property
     def message(self) -> str:
@@ -67,7 +73,8 @@ _MESSAGES = {
     Fault.STUCK: "the accelerometer repeats one reading bit for bit: it has stopped measuring",
     Fault.SATURATED: "the accelerometer is at the end of its range: choose a larger one, or damp the base",
     Fault.SPIKE: "single readings far from those before and after: loose wiring, or knocks on the base",
-    Fault.JUMP: "gravity changed at once by more than a base can turn, and stayed there: did the sensor come loose?",
+    Fault.JUMP: "gravity changed at once by more than a base can turn, and stayed there: did the sensor come loose? "
+    "It is believed again when it comes back, or after trust_again_after of good readings",
     Fault.WRONG_SIGN: "gravity turned into its opposite: at rest specific force points up, free-fall acceleration down",
     Fault.UPSIDE_DOWN: "the base seems to hang upside down: specific force and free-fall acceleration mixed up? "
     "If it does hang so, raise max_tilt",
@@ -90,6 +97,13 @@ _MESSAGES = {
     "bias, or deg/s for rad/s",
     Fault.DISAGREEMENT: "the accelerometer says that the base tips, the gyroscope that it stands still: neither is "
     "believed until they agree; is the gyroscope dead, or is the base pushed hard (max_push)?",
+    Fault.NOT_FOLLOWED: "gravity changes faster than the filter follows: raise its cut-off, or say what carries it",
+    Fault.RATE_SIGN: "gravity turns against the gyroscope: the sign of an axis of it is wrong (--axes)",
+    Fault.RATE_AXES: "gravity turns about other axes than the gyroscope says: their order or signs differ from the "
+    "accelerometer's (--axes)",
+    Fault.RATE_UNIT: "the gyroscope seems to be in deg/s, or divided by 57 once too often: say its unit (--units)",
+    Fault.RATE_SCALE: "gravity turns farther, or less far, than the gyroscope says: its range or scale is set wrong",
+    Fault.RATE_DELAY: "gravity turns earlier or later than the gyroscope says: do stamps differ, is one filtered?",
 }
 
 
@@ -121,6 +135,8 @@ class SensorRules:
     confirm: int = 5  # good readings in a row before a sensor is believed, at first or after a fault
     # [s] for which a jump that nothing explains must last to be believed, and sensors that disagreed must agree
     accept_jump_after: float = 0.5
+    # [s] of good readings after which a sensor is believed that jumped as no base can; inf: after reset() alone
+    trust_again_after: float = 10.0
     future: float = 0.005  # [s] by which a stamp may lie ahead of the reader's clock
 
     def __post_init__(self) -> None:
@@ -178,14 +194,18 @@ class GravityCheck:
     """Faults of readings that cannot be gravity seen from a base, or do not follow from those before.
 
     Works on free-fall acceleration in base axes. What no base can do is rejected until the readings come back:
-    mistakes of a sensor (opposite sign, swapped axes, another unit), and jumps from one sample to the next. Another
-    gravity than the last believed is accepted after a while where it may be true: after a gap or other faults.
+    mistakes of a sensor (opposite sign, swapped axes, another unit), and jumps from one sample to the next. How a fault
+    is left is one rule: the readings are back at gravity as last believed, turned along with the gyroscope, for
+    `confirm` of them; or they have changed smoothly for a while, explained by no mistake: for `accept_jump_after` where
+    another gravity may be true, after a gap or other faults, for `trust_again_after` where no base can turn so.
     """
 
     MEMORY = 0.15  # [s] over which the spread of readings at rest is taken
     REST = 0.5  # [s] for which it must hold
     GAP = 0.05  # [s] without samples, in which a base may have gone anywhere
     FEW = 3  # bad samples in a row that are a spike, after which the next good one is believed at once
+    JERKY = 50.0  # [rad/s2] with which a base may begin to turn between two samples
+    LEVER = 0.5  # [m] from the axis that a base turns about, at most: by it readings are longer or shorter
 
     def __init__(self, rules: SensorRules) -> None:
         self._rules = rules
@@ -202,7 +222,7 @@ class GravityCheck:
         self._impossible = False
         self.doubted_until = -math.inf  # [s] by a disagreement, whose end may be a jump
         self._mean, self._variance = np.zeros(3), 0.0
-        self._long_mean, self._mean_since = np.zeros(3), math.inf
+        self._mean_length, self._mean_since = 0.0, math.inf
         self.steady_since = math.inf
 
     @property
@@ -219,24 +239,28 @@ class GravityCheck:
         rules = self._rules
         dt = stamp - self.last_stamp
         step = norm(gravity - self._last) if math.isfinite(dt) else math.inf
-        self._watch_rest(stamp, gravity, dt, step)
-        self._last, self.last_stamp = gravity, stamp
         length = norm(gravity)
-        fault = self._length_fault(length, None if self.reference is None else expected)
+        self._watch_rest(stamp, gravity, dt, length)
+        self._last, self.last_stamp = gravity, stamp
+        outwards = 0.0 if rate is None else self.LEVER * float(rate @ rate)
+        fault = self._length_fault(length, outwards, None if self.reference is None else expected)
         if self.reference is None:
             return self._begin(gravity, length, step, fault)
+        max_step = rules.max_step + 0.5 * self.JERKY * min(dt, 2.0 * self.GAP) ** 2 * length
         if self._bad > 0 and rate is not None and dt < 0.1:
             self.reference = self.reference - dt * cross(rate, self.reference)
         # after a fault the prediction is old: gravity as last believed is what to come back to
         wanted = expected if self._bad == 0 else self.reference
-        if fault is Fault.NONE and norm(gravity - wanted) <= rules.max_step + self._moved_on(stamp):
+        off = norm(gravity - wanted) if self._bad > 0 else min(step, norm(gravity - wanted))
+        if fault is Fault.NONE and off <= max_step + self._moved_on(stamp):
             self._good += 1
             if self._bad > self.FEW and self._good < rules.confirm:
                 return self._fault  # one good sample may be luck
             return self._believe(gravity)
         self._bad += 1
         self._good = 0
-        if fault is Fault.NONE:
+        # a mistake shows at once: where gravity is like it later, the base has turned so meanwhile
+        if fault is Fault.NONE and (self._bad <= self.FEW or self._fault in (Fault.WRONG_SIGN, Fault.AXES_SWAPPED)):
             fault = explain(gravity, wanted)
         if self._bad == 1:
             self._bad_since = stamp
@@ -246,9 +270,10 @@ class GravityCheck:
             if fault is Fault.MAGNITUDE and self._bad <= self.FEW and not self.is_steady:
                 fault = Fault.SPIKE
         else:
-            if step > rules.max_step or self._jump_since == math.inf:
+            if step > max_step or self._jump_since == math.inf:
                 self._jump_since = stamp
-            if not self._impossible and stamp - self._jump_since >= rules.accept_jump_after:
+            after = rules.trust_again_after if self._impossible else rules.accept_jump_after
+            if stamp - self._jump_since >= after:
                 return self._believe(gravity)
             fault = Fault.SPIKE if self._bad <= self.FEW else Fault.JUMP
         self._fault = fault
@@ -280,14 +305,15 @@ class GravityCheck:
             self._believe(gravity)
         return Fault.NONE
 
-    def _length_fault(self, length: float, expected: Floats | None) -> Fault:
+    def _length_fault(self, length: float, outwards: float, expected: Floats | None) -> Fault:
         rules, slow = self._rules, self._rules.slow_acceleration
         if abs(length - STANDARD_GRAVITY) <= rules.max_acceleration:
             young = self.last_stamp - self._mean_since < rules.mean_time
-            fits = self._is_gravity(norm(self._long_mean), slow if young else 0.0)
+            # lengths, and not vectors, are averaged: those of a base that turns point everywhere
+            fits = self._is_gravity(self._mean_length, outwards + (slow if young else 0.0))
             if self.is_steady:
                 # what stands still for half a second is at rest, or in the middle of a slow acceleration
-                fits = self._is_gravity(norm(self._mean), slow) and (fits or slow == 0.0)
+                fits = self._is_gravity(norm(self._mean), outwards + slow) and (fits or slow == 0.0)
             return Fault.NONE if fits else Fault.MAGNITUDE
         off = 0.15 + slow / STANDARD_GRAVITY
         in_g, stripped = abs(length - 1.0) <= off, length < 2.5
@@ -304,14 +330,14 @@ class GravityCheck:
         """Return whether a length is gravity's, give or take a slow acceleration."""
         return self._rules.rest_lower - slow <= length <= self._rules.rest_upper + slow
 
-    def _watch_rest(self, stamp: float, gravity: Floats, dt: float, step: float) -> None:
-        """Update running means and variance, to know when the readings stand still, and what gravity is in the mean."""
-        if not 0.0 < dt < self.REST or step > self._rules.max_step:
-            self._long_mean, self._mean_since = gravity, stamp
+    def _watch_rest(self, stamp: float, gravity: Floats, dt: float, length: float) -> None:
+        """Update running means and variance, to know when readings stand still, and how long they are in the mean."""
+        if not 0.0 < dt < self.REST or abs(length - norm(self._last)) > self._rules.max_step:
+            self._mean_length, self._mean_since = length, stamp
         else:
             # at first over all readings there were: of a wave's first part one that forgets would keep most
             share = max(dt / (stamp - self._mean_since), 1.0 - math.exp(-dt / self._rules.mean_time))
-            self._long_mean = self._long_mean + share * (gravity - self._long_mean)
+            self._mean_length += share * (length - self._mean_length)
         if not 0.0 < dt < self.REST:
             self._mean, self._variance, self.steady_since = gravity, 0.0, stamp
             return

@@ -1,5 +1,7 @@
 """A vector and its derivative now, from noisy samples of a moment ago, without the delay of a filter."""
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,6 +11,8 @@ from catenary.errors import InputError
 # where the response of the filter to a sine falls to half power: cut-off times window, of continuous sampling
 CUTOFF_BY_WINDOW = 2.527
 ROOM = 1280  # samples per second of the window, 128 at least
+FEWEST = 5  # steps between samples that a window spans: that of a slow sensor is as long as it must be
+LONGEST = 0.4  # [s] to which a window is stretched for it
 
 
 class DelayFreeFilter:
@@ -28,11 +32,12 @@ class DelayFreeFilter:
     """
 
     def __init__(self, cutoff_hz: float) -> None:
-        """Take the frequency of half power [Hz]."""
+        """Take the frequency of half power [Hz], which is lower where samples are too far apart for it."""
         if not 0.0 < cutoff_hz < np.inf:
             raise InputError(f"cutoff_hz: expected a positive frequency, got {cutoff_hz}")
-        self.window = CUTOFF_BY_WINDOW / cutoff_hz
+        self._shortest = self.window = CUTOFF_BY_WINDOW / cutoff_hz
         self._room = max(128, round(ROOM * self.window))
+        self._last, self._steps = -np.inf, deque[float](maxlen=9)
         self._stamps, self._vectors = np.empty(self._room), np.zeros((self._room, 3))
         self._coefficients = np.empty((3, 3))  # of 1, t, t2, each of a vector; t from the newest
         self.clear()
@@ -46,6 +51,11 @@ class DelayFreeFilter:
 
     def add(self, stamp: float, vector: ArrayLike) -> None:
         """Take a sample (3,) newer than those before."""
+        if stamp - self._last < LONGEST:
+            self._steps.append(stamp - self._last)
+            step = sorted(self._steps)[len(self._steps) // 2]
+            self.window = max(self._shortest, min(FEWEST * step, LONGEST))
+        self._last = stamp
         self._stamps[self._next], self._vectors[self._next] = stamp, vector
         self._next = (self._next + 1) % self._room
         recent = self._stamps >= stamp - (1.0 + 1e-9) * self.window

@@ -3,7 +3,7 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.spatial import LEVEL, STANDARD_GRAVITY
+from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross
 
 # hold: the last vector; fade: gravity along the mean direction of the last seconds; static: of a level base;
 # stop: the last vector, and the robot is stopped
@@ -25,6 +25,10 @@ class SlowAttitude:
         share = 1.0 if not np.isfinite(dt) else 1.0 - np.exp(-dt / self._time_constant)
         self._mean += share * (gravity - self._mean)
         self._newest = stamp
+
+    def turn(self, angle: Floats) -> None:
+        """Turn along with a base that has turned by an angle (3,) [rad], small, about its own axes."""
+        self._mean = self._mean - cross(angle, self._mean)
 
     def gravity(self) -> Floats:
         """Return gravity (3,) of standard length along the mean direction; that of a level base before any sample."""
@@ -59,6 +63,11 @@ class SmoothTransfer:
         self._target = targets.copy()
         outputs: Floats = targets + self._offset
         return outputs
+
+    @property
+    def behind(self) -> float:
+        """How far the first output still is from its target."""
+        return float(np.linalg.norm(self._offset[0]))
 
     def restart(self) -> None:
         """Take the next targets as they are."""

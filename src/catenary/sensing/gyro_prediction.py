@@ -20,6 +20,8 @@ class RestRate:
     MEMORY = 1.0  # [s] over which mean and spread are taken
     SPREAD = 0.01  # [rad/s] standard deviation of the three axes together: five times a cheap sensor's
     DRAW = 5.0  # [s] over which the bias is drawn to the mean
+    # [rad/s] of noise alone, three axes together: no gyroscope has so much; a cheap one has 0.0015, or 0.09 deg/s
+    ABSURD = 0.03
 
     def __init__(self, largest: float) -> None:
         """Take the largest rate that may be bias [rad/s]."""
@@ -27,14 +29,27 @@ class RestRate:
         self.bias = np.zeros(3)
         self._mean, self._variance = np.zeros(3), 0.0
         self._last, self._since = -math.inf, math.inf
+        self._before, self._noise, self._noisy_since = np.zeros((2, 3)), 0.0, math.inf
+
+    @property
+    def is_in_degrees(self) -> bool:
+        """Its noise at rest is that of numbers in deg/s."""
+        return self._last - self._noisy_since >= 0.5 * self.REST
 
     def add(self, stamp: float, rate: Floats, *, steady: bool) -> None:
         """Take a rate (3,) [rad/s], and whether the accelerometer is steady."""
         dt, self._last = stamp - self._last, stamp
         if not 0.0 < dt < self.MEMORY:
             self._mean, self._variance, self._since = rate, 0.0, math.inf
+            self._before, self._noise, self._noisy_since = np.array([rate, rate]), 0.0, math.inf
             return
         share = 1.0 - math.exp(-dt / self.MEMORY)
+        # what neither a rate nor its change explains
+        rough = rate - 2.0 * self._before[1] + self._before[0]
+        self._before = np.array([self._before[1], rate])
+        self._noise += share * (min(float(rough @ rough) / 6.0, 4.0 * self.ABSURD**2) - self._noise)
+        is_noisy = steady and self._noise > self.ABSURD**2
+        self._noisy_since = min(self._noisy_since, stamp) if is_noisy else math.inf
         off = rate - self._mean
         self._mean = self._mean + share * off
         self._variance = (1.0 - share) * (self._variance + share * float(off @ off))
@@ -57,6 +72,7 @@ class PredictedSwing:
     # shares of `large` as far as it is followed: absurd rates are forgotten within half a second
     LARGEST = 3.0
     LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
+    LASTS = 0.1  # [s] for which it must be large: readings show a turn that begins a little later
 
     def __init__(self, large: float = 0.3) -> None:
         """Take the standard deviation that a base's own accelerations cannot hide [m/s2].
@@ -65,14 +81,14 @@ class PredictedSwing:
         """
         self._large = large
         self._last = -math.inf
-        self._swing, self._variance = np.zeros(3), 0.0
+        self._swing, self._variance, self._large_since = np.zeros(3), 0.0, math.inf
 
     def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
         """Take a rate (3,) [rad/s], and gravity (3,) as last believed, None where it is not known."""
         dt = stamp - self._last
         self._last = stamp
         if gravity is None or not 0.0 < dt < GravityCheck.REST:
-            self._swing, self._variance = np.zeros(3), 0.0
+            self._swing, self._variance, self._large_since = np.zeros(3), 0.0, math.inf
             return
         change = cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
         if norm(change) < self.LEAN * norm(rate) * norm(gravity):
@@ -82,11 +98,12 @@ class PredictedSwing:
         largest = self.LARGEST * self._large
         self._swing = swing * min(1.0, largest / max(norm(swing), largest))
         self._variance += share * (float(self._swing @ self._swing) - self._variance)
+        self._large_since = min(self._large_since, stamp) if self._variance > self._large**2 else math.inf
 
     @property
     def is_large(self) -> bool:
         """Gravity should have moved by more than it may where it stands still."""
-        return self._variance > self._large**2
+        return self._last - self._large_since >= self.LASTS
 
 
 class PredictedGravity:
@@ -99,6 +116,8 @@ class PredictedGravity:
     """
 
     START = 1.0  # [s] over which the first readings are averaged before any is judged
+    AWHILE = 5.0  # [s] in its place where the base moved meanwhile
+    MOVED = 0.15  # [m/s2] by which it shows that it did
     # [s] over which gravity is drawn to readings, and their length and the rates at rest are taken
     DRAW = 10.0
     SHORTENING = 1.0  # [s] over which the length follows shorter readings: pushes lengthen them
@@ -114,8 +133,9 @@ class PredictedGravity:
         """Forget all readings."""
         self._gravity: Floats | None = None
         self._off = np.zeros(3)  # of readings from it, smoothed
-        self._length, self._bias, self._began = 0.0, np.zeros(3), math.inf
+        self._length, self._bias, self._began, self._judged_from = 0.0, np.zeros(3), math.inf, math.inf
         self._stamp = self._rate_stamp = -math.inf
+        self._last, self._rate = np.zeros((2, 3))  # reading and rate
         self._turning = 0.0  # [rad/s] the largest rate of late
         self._disagree_since = math.inf
         self.disagrees = False
@@ -127,22 +147,23 @@ class PredictedGravity:
             self._gravity = None
             return
         self._turning = max(norm(rate), self._turning * math.exp(-dt / self.AFTER_TURNING))
-        if norm(rate) < self._rules.still_rate:
-            self._bias = self._bias + self._share(stamp, dt, self.DRAW) * (rate - self._bias)
+        self._rate = rate
         if self._gravity is not None:
             turned = self._gravity - dt * cross(rate - self._bias, self._gravity)
             self._gravity = turned * (norm(self._gravity) / norm(turned))
 
     def compare(self, stamp: float, gravity: Floats) -> bool:
         """Take a reading (3,) [m/s2]; return whether the sensors disagree."""
-        dt, self._stamp = stamp - self._stamp, stamp
+        dt, self._stamp, last, self._last = stamp - self._stamp, stamp, self._last, gravity
         if self._gravity is None or not 0.0 < dt < GravityCheck.REST:
             # without rates nothing is predicted
             self._gravity = gravity if stamp - self._rate_stamp < GravityCheck.GAP else None
             self._off, self._length, self._bias, self._began = np.zeros(3), norm(gravity), np.zeros(3), stamp
+            self._judged_from = stamp + self.START
             self.disagrees = False
             return False
         off = gravity - self._gravity
+        self._learn_bias(stamp - self._began, dt, cross(last, gravity) / (dt * float(gravity @ gravity)))
         self._gravity = self._gravity + self._share(stamp, dt, self.DRAW) * off
         self._off = self._off + (1.0 - math.exp(-dt / self.SMOOTH)) * (off - self._off)
         now = self._gravity + self._off
@@ -151,7 +172,7 @@ class PredictedGravity:
         apart = norm(self._off) - self._leant(now) - self._leant(self._gravity)
         # once they disagreed, they are held to half as much
         limit = 0.5 * self._rules.max_push if self.disagrees else self._rules.max_push
-        judged = self._turning < self._rules.still_rate and stamp - self._began > self.START
+        judged = self._turning < self._rules.still_rate and stamp > self._judged_from
         if judged and apart > limit:
             self.disagrees, self._disagree_since = True, stamp
             self._gravity, self._off = now, np.zeros(3)
@@ -159,10 +180,21 @@ class PredictedGravity:
             self.disagrees = False
         return self.disagrees
 
+    def _learn_bias(self, age: float, dt: float, back: Floats) -> None:
+        """Draw the bias to what a gyroscope reads at rest, or beyond what readings turn by, `back` of it [rad/s]."""
+        if age <= self.START and norm(self._off) > self.MOVED:
+            self._judged_from, self._bias = self._began + self.AWHILE, np.zeros(3)
+        at_rest = self._judged_from <= self._began + self.START
+        if norm(self._rate) < self._rules.still_rate:
+            known = self.START if at_rest else self.DRAW
+            # of the noise of readings the sum leaves the first and the last
+            read = self._rate if at_rest and age <= self.START else self._rate + back
+            self._bias = self._bias + min(1.0, dt / (age if age < known else self.DRAW)) * (read - self._bias)
+
     def _share(self, stamp: float, dt: float, memory: float) -> float:
         """Return the weight of a sample in a mean over `memory` [s], at first in one over all there were."""
         age = stamp - self._began
-        return min(1.0, dt / (memory if age > self.START else max(age, dt)))
+        return min(1.0, dt / (memory if stamp > self._judged_from else max(age, dt)))
 
     def _leant(self, gravity: Floats) -> float:
         """Return the acceleration across gravity that makes a reading as long as it is [m/s2]."""

@@ -7,8 +7,9 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
+from catenary.sensing.agreement import AgreementWatch
 from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, rules_for, unseen_swing
-from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules
+from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules, norm
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import FALLBACKS, SlowAttitude, SmoothTransfer
 from catenary.sensing.gyro_prediction import PredictedGravity, PredictedSwing, RestRate
@@ -24,6 +25,8 @@ _TAKEN_AT_ONCE = 64  # samples in a tick: a queue that built up does not hold th
 _MEMORY = 0.1  # [s] for which a fault is reported after the sample that showed it
 _PAUSE = 0.5  # [s] between reads, after which they begin anew
 _FORGET = 1.0  # [s] without samples, after which a sensor is met anew
+_EASED = 0.3  # [m/s2] by which a reading that is live may be behind, on its way from a fallback
+_FOLLOWS = 0.02  # [s] over which noise averages out of what readings are ahead of the filter
 
 
 class SensedGravity:
@@ -42,7 +45,8 @@ class SensedGravity:
     parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
     gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that
     of a level base, or `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps
-    (SmoothTransfer). `read` raises nothing. A robot that shall stop without a sensor (`stop`) also stops when none
+    (SmoothTransfer); on its way from one to the other, and where the filter is behind the readings, gravity is not
+    live. `read` raises nothing. A robot that shall stop without a sensor (`stop`) also stops when none
     was heard for a second.
     """
 
@@ -70,7 +74,7 @@ class SensedGravity:
             mounted_on: table, cart, vehicle or ship, or how the base moves: gives what is None below.
             angular: A gyroscope is there; without, angular rates are left aside.
             fallback: hold, fade, static or stop.
-            cutoff_hz: Half power of the low-pass; must leave five samples to 2.5 / cutoff_hz seconds.
+            cutoff_hz: Half power of the low-pass; lower where fewer than five samples lie in 2.5 / cutoff_hz seconds.
             stale_after: Age of the newest sample from which it counts as held [s].
             age_limit: Age from which the fallback takes its place [s].
             attitude_time: Time constant of the mean direction that `fade` goes to [s].
@@ -99,6 +103,7 @@ class SensedGravity:
         self._raw_rate = RawCheck(r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED))
         self._check, self._check_rate, self._swing = (GravityCheck(r), RateCheck(r), PredictedSwing(unseen_swing(r)))
         self._predicted, self._rest_rate = PredictedGravity(r), RestRate(r.still_rate)
+        self._agreement = AgreementWatch(r)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
         self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
@@ -108,6 +113,8 @@ class SensedGravity:
         self._last_time, self._first_time = math.nan, math.nan
         self._gaps = 0  # after which the parabola of gravity began anew
         self._mode: tuple[ReadingStatus, bool, int] = (ReadingStatus.NOMINAL, False, 0)
+        self._said = ReadingStatus.NOMINAL
+        self._ahead, self._ahead_limit = np.zeros(3), 0.8 * r.rest_spread  # of the filter: readings of late [m/s2]
         self._dropped = 0
 
     def read(self, time: float) -> GravityReading:
@@ -120,23 +127,36 @@ class SensedGravity:
             if self._feed is not None:
                 self._feed(time)
             self._take(time, _TAKEN_AT_ONCE)
-        live, turning = self._status(time), self._turning(time)
-        changed = (live, turning, self._gaps) != self._mode
-        self._mode = (live, turning, self._gaps)
+        status, turning = self._status(time), self._turning(time)
+        changed = (status, turning, self._gaps) != self._mode
+        self._mode = (status, turning, self._gaps)
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
-        gravity, *rates = self._transfer.follow(self._target(time, live, turning), dt, changed=changed)
-        nominal = live is ReadingStatus.NOMINAL or (live is ReadingStatus.FALLBACK and self.fallback == "static")
+        gravity, *rates = self._transfer.follow(self._target(time, status, turning), dt, changed=changed)
+        is_behind = self._transfer.behind > _EASED or norm(self._ahead) > self._ahead_limit
+        if status is not ReadingStatus.LIVE or not is_behind:
+            self._said = status
+        elif self._said is ReadingStatus.LIVE:
+            self._said = ReadingStatus.STALE
+        said = self._said
+        nominal = said is ReadingStatus.NOMINAL or (said is ReadingStatus.FALLBACK and self.fallback == "static")
         age = math.inf if nominal or self._force.newest == -math.inf else max(0.0, time - self._force.newest)
-        return GravityReading(gravity, age, np.array(rates), live, self._faults(time, live, turning))
+        return GravityReading(gravity, age, np.array(rates), said, self._faults(time, status))
+
+    @property
+    def remedy(self) -> str:
+        """What mends a gyroscope that does not turn as gravity does, in words; empty where none was found wrong."""
+        return self._agreement.found.remedy
 
     def reset(self) -> None:
         """Forget what was believed: the base was moved, or the sensor repaired, while it was not read."""
         self._check.forget()
         self._predicted.forget()
+        self._agreement.forget()
         self._force.clear()
         self._rate.clear()
         self._mode, self._last_time = (ReadingStatus.NOMINAL, False, 0), math.nan
+        self._said, self._ahead = ReadingStatus.NOMINAL, np.zeros(3)
 
     def _begin(self, time: float) -> None:
         """Begin to be read, or again after a pause: what piled up meanwhile is no fault, and nothing is to be eased."""
@@ -171,12 +191,12 @@ class SensedGravity:
     def _take_force(self, sample: SensorSample) -> Fault:
         stamp, vector, kind = sample
         gravity = self.mounting.gravity(np.array(vector), kind)
+        in_sensor = gravity @ self.mounting.rotation
         if self._predicted.disagrees:
+            self._agreement.add_gravity(stamp, in_sensor)  # which of them is wrong may be found meanwhile
             if self._predicted.compare(stamp, gravity):
                 return Fault.DISAGREEMENT
-            self._check.forget()  # both are met anew
-            self._check.doubted_until = stamp + PredictedGravity.DRAW
-            self._force.clear()
+            self._meet_anew(stamp)
         # after a second without any sample; wrong ones keep their reason to be doubted
         if self._force.newest > -math.inf and stamp - self._check.last_stamp > _FORGET:
             self._check.forget()
@@ -185,32 +205,62 @@ class SensedGravity:
         expected = self._force.at(min(stamp, self._force.newest + self._horizon))[0]
         fault = self._check.fault(stamp, gravity, expected, rate)
         if fault is Fault.NONE and self._check.reference is not None:
+            self._agreement.add_gravity(stamp, in_sensor)
             if self._predicted.compare(stamp, gravity):
                 return Fault.DISAGREEMENT
-            if stamp - self._force.newest > 0.5 * self._force.window:
+            dt = stamp - self._force.newest
+            if dt > 0.5 * self._force.window:
                 self._force.clear()  # a parabola over a gap would be a guess
                 self._gaps += 1
             self._force.add(stamp, gravity)
+            ahead = gravity - self._force.at(stamp)[0]
+            self._ahead = self._ahead + (1.0 - math.exp(-dt / _FOLLOWS)) * (ahead - self._ahead)
+            if norm(self._ahead) > self._ahead_limit:
+                self._seen[Fault.NOT_FOLLOWED] = stamp
             self._attitude.add(stamp, gravity)
         return fault
+
+    def _meet_anew(self, stamp: float) -> None:
+        """Meet the accelerometer anew after a disagreement."""
+        self._check.forget()
+        self._check.doubted_until = stamp + PredictedGravity.DRAW
+        self._force.clear()
 
     def _take_rate(self, sample: SensorSample) -> Fault:
         stamp, vector, _ = sample
         read = self.mounting.rate(np.array(vector))
-        self._rest_rate.add(stamp, read, steady=self._check.is_steady)
+        steady = self._check.is_steady and stamp - self._check.last_stamp < 2.0 * GravityCheck.GAP
+        self._rest_rate.add(stamp, read, steady=steady)
         rate = read - self._rest_rate.bias
+        self._agreement.add_rate(stamp, rate @ self.mounting.rotation)
         expected = self._rate.at(min(stamp, self._rate.newest + self._horizon))[0]
         fault = self._check_rate.fault(rate, expected if self._rate_is_fresh(stamp) else None)
         self._swing.add(stamp, rate, self._check.reference)
-        if fault is Fault.NONE and self._check.is_steady and self._swing.is_large:
+        if fault is Fault.NONE and steady and self._swing.is_large:
             fault = Fault.RATE_CONTRADICTS
+        if fault is Fault.NONE and self._rest_rate.is_in_degrees:
+            fault = Fault.RATE_UNIT
+        if self._agreement.found.fault is not Fault.NONE:
+            fault = self._agreement.found.fault
+        if fault in (Fault.RATE_UNIT, self._agreement.found.fault) and fault is not Fault.NONE:
+            # it foretells nothing, and what it said is not used any more
+            if self._predicted.disagrees:
+                self._meet_anew(stamp)
+            self._predicted.forget()
+            self._rate.clear()
+            return fault
+        if fault is Fault.RATE_TOO_FAST:
+            self._predicted.forget()  # whatever it is, it does not say that the base stands still
         if fault is not Fault.NONE or not self._check_rate.believed:
             return fault
         self._predicted.turn(stamp, rate)
         if self._predicted.disagrees:
             return Fault.DISAGREEMENT
-        if stamp - self._rate.newest > 0.5 * self._rate.window:
+        dt = stamp - self._rate.newest
+        if dt > 0.5 * self._rate.window:
             self._rate.clear()
+        if dt <= self._age_limit:
+            self._attitude.turn(dt * rate)
         self._rate.add(stamp, rate)
         return Fault.NONE
 
@@ -268,7 +318,7 @@ class SensedGravity:
         p = self.mounting.position
         return np.array([gravity + cross(alpha, p) + cross(omega, cross(omega, p)), omega, alpha])
 
-    def _faults(self, time: float, status: ReadingStatus, turning: bool) -> Fault:
+    def _faults(self, time: float, status: ReadingStatus) -> Fault:
         faults = Fault.NONE
         for fault, seen in self._seen.items():
             if time - seen <= _MEMORY:

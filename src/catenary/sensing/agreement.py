@@ -1,0 +1,291 @@
+"""Do accelerometer and gyroscope agree: gravity, seen from axes that turn, changes by dg/dt = -omega x g.
+
+What is wrong between the two shows as soon as the base turns about anything but the vertical: signs and order of axes,
+unit, scale, and delay. Which of them is wrong cannot be told of the two alone; an accelerometer is judged at rest, so
+the gyroscope is named.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import permutations, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.sensing.checks import Fault, SensorRules
+
+HIGH_PASS = 0.5  # [s] over which what is slower than turning is forgotten, of gravity and of what rates make of it
+_RATE_HZ = 50.0  # rows of a comparison a second, at most
+_FEWEST = 8  # samples that tell anything
+# What may go beside a turn, and what each costs. Where something is found right or wrong, a bias of 0.05 rad/s costs as
+# much as 0.3 m/s2 that nothing explains, and 0.1 m/s2 in favour of a gyroscope as it is; an axis of turning 0.3 m away
+# 0.3 m/s2. Seen from far above that axis, as on a base that rocks about its feet, gravity moves more than it turns, and
+# in step: where it does, 1.3 m cost as much. From below it moves less, which bases that hang do and little else: 0.1 m.
+_BIAS_COST, _BIAS_COST_AS_IS, _FIRM, _LOOSE, _HANGING = 40.0, 4.0, 1.0, 0.05, 9.0
+_EXPLAINS = 0.15  # share of what is left that other axes, units or scales must leave at most
+_AGREES = 0.3  # share of gravity's change that rates leave which agree with it
+_STILL = 0.15  # share of a limit that gravity moves by at least where anything can be told
+_OFF_SCALE = 1.15  # beyond which a scale is wrong
+_LEAST_SCALE = 0.5  # below which rates are worse than none
+_MOST_SCALE = 5.0  # beyond which it is none: a gyroscope with a bias, and no more, seems to turn with anything
+_DELAYS = (-0.2, -0.15, -0.1, -0.06, -0.03, 0.03, 0.06, 0.1, 0.15, 0.2)  # [s]
+_LATE_FROM = 2.0  # [s] of samples that tell a delay
+_TURNED = slice(0, 9)  # columns: turning about axis i as the gyroscope's axis j reads it
+_BIAS, _AXIS, _GRAVITY = slice(9, 12), slice(12, 15), 15  # a bias, where the axis of turning is, and what it makes
+_BESIDE = slice(9, 15)
+_SIZE = 16
+
+
+def _axes() -> list[Floats]:
+    """Return all ways to order three axes with signs, the plainest first: those that drivers have, then few changes."""
+    ways = [
+        np.eye(3)[list(p)] * np.array(s)[:, None] for p in permutations(range(3)) for s in product((1, -1), repeat=3)
+    ]
+    usual = [np.eye(3), np.diag([1.0, -1.0, -1.0]), np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]), -np.eye(3)]
+
+    def rank(way: Floats) -> tuple[int, int, int]:
+        known = next((k for k, each in enumerate(usual) if (each == way).all()), len(usual))
+        return known, int(np.sum(np.diag(way) == 0.0)), int(np.sum(way < 0.0))
+
+    return sorted(ways, key=rank)
+
+
+AXES = _axes()
+_UNITS = {1.0: "", math.pi / 180.0: "deg/s", 180.0 / math.pi: "divided by 57.3"}
+_CANDIDATES = [(way, unit) for unit in _UNITS for way in AXES]
+_FLAT = np.array([np.r_[unit * way.ravel(), -1.0] for way, unit in _CANDIDATES])
+
+
+Piece = tuple[Floats, Floats, Floats, Floats]  # arguments of `evidence`
+
+
+class Agreement(NamedTuple):
+    """What a comparison found."""
+
+    fault: Fault  # of the gyroscope; NONE also where nothing can be told
+    agrees: bool  # it turns as gravity does, for certain
+    remedy: str = ""  # what mends it, in words
+    readings: NDArray[np.bool_] | None = None  # of its axes and unit, among all that there are, that would agree
+    may_be_late: bool = False  # something is left that a delay may explain
+
+
+def axes_text(matrix: Floats) -> str:
+    """Return an order of axes (3, 3) as options have it: which of the sensor's gives x, y and z, as x,-y,-z."""
+    columns = np.argmax(np.abs(matrix), axis=1)
+    return ",".join(("-" if matrix[i, j] < 0.0 else "") + "xyz"[j] for i, j in enumerate(columns))
+
+
+def integrated(times: Floats, rates: Floats) -> Floats:
+    """Return the integral of rates (M, 3) [rad/s] at times (M,) [s] since the first, (M, 3) [rad]."""
+    steps = 0.5 * np.diff(times)[:, None] * (rates[1:] + rates[:-1])
+    return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+
+
+def evidence(times: Floats, gravity: Floats, rate_times: Floats, angles: Floats, delay: float = 0.0) -> Floats:
+    """Return the products of all that may explain how gravity changed (16, 16), [m2/s4] times seconds; they add up.
+
+    Gravity and the turning of it by rates, g x omega, go through the same high-pass. Samples (N,) and (M,) [s],
+    gravity (N, 3) [m/s2] and integrated rates (M, 3) [rad] are in the same axes, those of the sensor; the rates are
+    taken as `delay` [s] late.
+    """
+    total = np.zeros((_SIZE, _SIZE))
+    inside = (times >= rate_times[0] - delay) & (times <= rate_times[-1] - delay)
+    t, g = times[inside], gravity[inside]
+    step = max(1, int(len(t) / max((t[-1] - t[0]) * _RATE_HZ, 1.0))) if len(t) > 1 else 1
+    t, g = t[::step], g[::step]
+    if len(t) < _FEWEST:
+        return total
+    angle = np.column_stack([np.interp(t + delay, rate_times, angles[:, j]) for j in range(3)])
+    dt, by, middle = np.diff(t), np.diff(angle, axis=0), 0.5 * (g[1:] + g[:-1])
+    steps = np.zeros((len(dt), 3, _SIZE))
+    steps[:, :, _BIAS] = _times_axes(middle)
+    steps[:, :, _TURNED] = (steps[:, :, _BIAS, None] * by[:, None, None, :]).reshape(-1, 3, 9)
+    steps[:, :, _BIAS] *= dt[:, None, None]
+    alpha = np.diff(by / dt[:, None], axis=0) / dt[1:, None]
+    steps[2:, :, _AXIS] = _times_axes(np.diff(alpha, axis=0))
+    steps[:, :, _GRAVITY] = np.diff(g, axis=0)
+    weight = np.exp((t[1:] - t[-1]) / HIGH_PASS)[:, None, None]
+    rows = np.cumsum(weight * steps, axis=0) / weight * np.sqrt(dt)[:, None, None]
+    flat = rows.reshape(-1, _SIZE)
+    total += flat.T @ flat
+    return total
+
+
+def judge(found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] | None = None) -> Agreement:
+    """Judge a gyroscope by `evidence` over a span [s].
+
+    limit [m2/s4 s] is what a base's own accelerations leave. One of which other readings were found to agree,
+    `doubted`, agrees where none of these does.
+    """
+    plain = _left_by(found, _BIAS, np.full(3, _BIAS_COST * span))
+    firm, loose, hanging = (
+        float(_FLAT[0] @ _left_by(found, _BESIDE, np.repeat([_BIAS_COST_AS_IS, cost], 3) * span) @ _FLAT[0])
+        for cost in (_FIRM, _LOOSE, _HANGING)
+    )
+    moved = float(found[_GRAVITY, _GRAVITY])
+    left = np.sum((_FLAT @ plain) * _FLAT, axis=1)
+    shows = _STILL * limit
+    if left[0] < _AGREES * moved and moved > shows and (doubted is None or left[doubted].min() - left[0] > shows):
+        return Agreement(Fault.NONE, agrees=True)
+    turned = _FLAT[0][:9]
+    scale = float(turned @ plain[:9, 9] / max(turned @ plain[:9, :9] @ turned, 1e-12))
+    scaled = np.r_[scale * turned, -1.0]
+    off = float(scaled @ plain @ scaled)
+    # of all that explain it about as well, the plainest; a scale alone may do better
+    alike = left <= 1.2 * left.min() + 0.02 * limit
+    best = int(np.argmax(alike))
+    explained = left[best] < _EXPLAINS * min(firm, moved) and left[best] < 2.0 * off + 0.1 * limit
+    if best > 0 and explained and firm - left[best] > limit:
+        way, unit = _CANDIDATES[best]
+        return Agreement(_kind(way, unit), agrees=False, remedy=_remedy(way, unit), readings=alike)
+    as_is = hanging if scale < _LEAST_SCALE else loose
+    is_off = not 1.0 / _OFF_SCALE < scale < _OFF_SCALE and 1.0 / _MOST_SCALE < abs(scale) < _MOST_SCALE
+    if is_off and off < _EXPLAINS * min(as_is, moved) and as_is - off > limit:
+        kind = Fault.RATE_SCALE if scale > 0.0 else Fault.RATE_SIGN
+        said = f"gravity turns {scale:.3g} times as far as it says"
+        return Agreement(kind, agrees=False, remedy=said)
+    if loose > 1.5 * moved + limit:
+        return Agreement(Fault.RATE_CONTRADICTS, agrees=False, may_be_late=True)
+    return Agreement(Fault.NONE, agrees=False, may_be_late=loose > limit)
+
+
+def compare(pieces: Sequence[Piece], limit: float, doubted: NDArray[np.bool_] | None = None) -> Agreement:
+    """Compare a gyroscope with an accelerometer over pieces of time, as those between the rests of a tumble."""
+    span = sum(float(times[-1] - times[0]) for times, *_ in pieces)
+    if sum(len(g) and float(np.var(g, axis=0).sum()) * (t[-1] - t[0]) for t, g, *_ in pieces) < _STILL * limit:
+        return Agreement(Fault.NONE, agrees=False)
+    found = judge(sum((evidence(*piece) for piece in pieces), np.zeros((_SIZE, _SIZE))), span, limit, doubted)
+    if not found.may_be_late or span < _LATE_FROM:
+        return found
+    inner: list[Piece] = []
+    for times, gravity, rate_times, angles in pieces:
+        kept = (times > times[0] + _DELAYS[-1]) & (times < times[-1] - _DELAYS[-1])
+        inner.append((times[kept], gravity[kept], rate_times, angles))
+    left = {}
+    for delay in (0.0, *_DELAYS):
+        total = sum((evidence(*piece, delay) for piece in inner), np.zeros((_SIZE, _SIZE)))
+        left[delay] = float(_FLAT[0] @ _left_by(total, _BIAS, np.full(3, _BIAS_COST * span)) @ _FLAT[0])
+    best = min(left, key=lambda delay: left[delay])
+    if best != 0.0 and left[best] < _AGREES * left[0.0] and left[0.0] - left[best] > limit:
+        side = "late" if best > 0.0 else "early"
+        return Agreement(Fault.RATE_DELAY, agrees=False, remedy=f"its rates are about {1000 * abs(best):.0f} ms {side}")
+    return found
+
+
+def accelerations(rules: SensorRules, span: float) -> float:
+    """Return what a base's own accelerations may leave over a span [s], to judge by [m2/s4 s]."""
+    return 0.1 + 0.5 * min(rules.slow_acceleration, HIGH_PASS * rules.slow_jerk) ** 2 * span
+
+
+class AgreementWatch:
+    """Compares the last seconds of two streams of samples now and then, and remembers what it found.
+
+    A gyroscope that was found wrong is wrong until it agrees with the accelerometer in a turn that shows it.
+    """
+
+    EVERY = 0.2  # [s] between comparisons
+    SPANS = (0.8, 4.0)  # [s] over which: the first finds what is new soon, the other what is small
+    GAP = 0.5  # [s] without samples, after which both begin anew
+
+    def __init__(self, rules: SensorRules) -> None:
+        self._rules = rules
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all samples and what was found."""
+        self.found = Agreement(Fault.NONE, agrees=False)
+        self._gravity, self._angles = _Recent(self.SPANS[-1]), _Recent(self.SPANS[-1])
+        self._angle, self._rate, self._rate_stamp = np.zeros(3), np.zeros(3), -math.inf
+        self._compared = self._right_since = -math.inf
+
+    def add_rate(self, stamp: float, rate: Floats) -> None:
+        """Take a rate (3,) [rad/s] in the sensor's axes."""
+        dt = stamp - self._rate_stamp
+        if 0.0 < dt < self.GAP:
+            self._angle = self._angle + 0.5 * dt * (rate + self._rate)
+        else:
+            self._angles.clear()
+        self._rate, self._rate_stamp = rate, stamp
+        self._angles.add(stamp, self._angle)
+
+    def add_gravity(self, stamp: float, gravity: Floats) -> None:
+        """Take gravity (3,) [m/s2] in the sensor's axes, and compare now and then."""
+        if not 0.0 < stamp - self._gravity.newest < self.GAP:
+            self._gravity.clear()
+        self._gravity.add(stamp, gravity)
+        if stamp - self._compared < self.EVERY:
+            return
+        self._compared = stamp
+        for span in self.SPANS:
+            begin = max(stamp - span, self._right_since)
+            (t, g), (rate_times, angles) = (each.since(begin) for each in (self._gravity, self._angles))
+            if min(len(t), len(rate_times)) < _FEWEST:
+                continue
+            limit = accelerations(self._rules, span)
+            found = compare([(t, g, rate_times, angles)], limit, self.found.readings)
+            # what contradicts does so now; a while ago another may have
+            if found.agrees or (found.fault is not Fault.NONE and (found.remedy or span == self.SPANS[0])):
+                if found.agrees and not self.found.agrees:
+                    self._right_since = begin  # what was before is of a gyroscope that was wrong, or not known
+                self.found = found
+                return
+
+
+class _Recent:
+    """The last seconds of a stream of samples, a hundred a second at most."""
+
+    APART = 0.0095  # [s]
+
+    def __init__(self, seconds: float) -> None:
+        self._kept = int(seconds / self.APART) + 1
+        self._rows = np.empty((2 * self._kept, 4))
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._end, self.newest = 0, -math.inf
+
+    def add(self, stamp: float, vector: Floats) -> None:
+        """Take a sample (3,), unless one was taken just before."""
+        if stamp - self.newest < self.APART:
+            return
+        if self._end == len(self._rows):
+            self._rows[: self._kept] = self._rows[-self._kept :]
+            self._end = self._kept
+        self._rows[self._end, 0], self._rows[self._end, 1:] = stamp, vector
+        self._end, self.newest = self._end + 1, stamp
+
+    def since(self, stamp: float) -> tuple[Floats, Floats]:
+        """Return stamps (N,) and vectors (N, 3) from a time on."""
+        first = int(np.searchsorted(self._rows[: self._end, 0], stamp))
+        return self._rows[first : self._end, 0], self._rows[first : self._end, 1:]
+
+
+def _times_axes(vectors: Floats) -> Floats:
+    """Return vectors (N, 3) times x, y and z, the cross products in columns (N, 3, 3)."""
+    x, y, z = vectors.T
+    out = np.zeros((len(vectors), 3, 3))
+    out[:, 1, 0], out[:, 2, 0], out[:, 0, 1], out[:, 2, 1], out[:, 0, 2], out[:, 1, 2] = z, -y, -z, x, y, -x
+    return out
+
+
+def _left_by(found: Floats, free: slice, cost: Floats) -> Floats:
+    """Return what is left of products (10, 10) of turning and gravity once some columns explain what they can."""
+    kept = np.r_[0:9, _GRAVITY]
+    A, B = found[free, free] + np.diag(cost), found[free][:, kept]
+    left: Floats = found[np.ix_(kept, kept)] - B.T @ np.linalg.solve(A, B)
+    return left
+
+
+def _kind(way: Floats, unit: float) -> Fault:
+    if unit != 1.0:
+        return Fault.RATE_UNIT
+    return Fault.RATE_SIGN if (np.abs(way) == np.eye(3)).all() else Fault.RATE_AXES
+
+
+def _remedy(way: Floats, unit: float) -> str:
+    axes = "" if (way == np.eye(3)).all() else f"its x, y, z seem to be {axes_text(way)}"
+    scale = {"": "", "deg/s": "it seems to be in deg/s"}.get(_UNITS[unit], "it seems to be divided by 57.3")
+    return ", and ".join(text for text in (scale, axes) if text)
