@@ -92,6 +92,7 @@ def model_card(
         else {
             "coverage": intervals.level,
             "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
+            "margin": "half_width where training rows lay, growing to half_width_outside halfway from them to the edge",
             "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
             f"watched input is than its edge, at most {FARTHEST:g}",
         },

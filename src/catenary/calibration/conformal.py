@@ -89,35 +89,23 @@ def expected(
     from scipy.stats import t
 
     parts = [fold == k for k in np.unique(fold)]
-    rmse = np.array([np.sqrt(np.mean(np.square(errors.after_model[part]), axis=0)) for part in parts])
-    rmse = np.log(np.maximum(rmse, 1e-12))
+    rmse = np.log([np.maximum(np.sqrt(np.mean(errors.after_model[k] ** 2, axis=0)), 1e-12) for k in parts])
     apart = float(t.ppf(0.5 + 0.5 * SURE, (len(parts) - 1) * rmse.shape[1]) * math.sqrt(2.0 / len(parts)))
-
-    def about(blocks: Floats) -> tuple[Floats, Floats]:
-        off = apart * math.sqrt(blocks.var(axis=0, ddof=1).mean())
-        return blocks.mean(axis=0) - off, blocks.mean(axis=0) + off
-
-    low, high = (np.exp(each - rmse.mean(axis=0)) for each in about(rmse))
+    times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
-    low = np.minimum(low, SEEN * np.minimum(known, 1.0) + 1.0 - SEEN)
-    found = []
-    for j, joint in enumerate(spread):
-        most = joint.rmse_mean * float(high[j])
-        found.append(
-            replace(
-                joint,
-                rmse_low=joint.rmse_mean * float(low[j]),
-                rmse_high=most,
-                rmse_margin=max(most, joint.offset_rmse_mean),
-            )
-        )
-    if intervals is None:
-        return tuple(found)
-    near = np.where(errors.inside, intervals.inside, intervals.outside)
-    held = np.abs(errors.after_model) <= near
-    least, most_held = about(np.array([held[part].mean(axis=0) for part in parts]))
-    shares = zip(found, np.maximum(least, 0.0).tolist(), np.minimum(most_held, 1.0).tolist(), strict=True)
-    return tuple(replace(joint, held_low=a, held_high=b) for joint, a, b in shares)
+    mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
+    stated = {
+        "rmse_low": mean * np.minimum(1.0 / times, SEEN * np.minimum(known, 1.0) + 1.0 - SEEN),
+        "rmse_high": mean * times,
+        "rmse_margin": np.maximum(mean * times, offset),
+    }
+    if intervals is not None:
+        held = np.abs(errors.after_model) <= np.where(errors.inside, intervals.inside, intervals.outside)
+        shares = np.array([held[part].mean(axis=0) for part in parts])
+        off = apart * math.sqrt(shares.var(axis=0, ddof=1).mean())
+        stated["held_low"] = np.maximum(shares.mean(axis=0) - off, 0.0)
+        stated["held_high"] = np.minimum(shares.mean(axis=0) + off, 1.0)
+    return tuple(replace(s, **{name: float(v[j]) for name, v in stated.items()}) for j, s in enumerate(spread))
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:

@@ -11,7 +11,7 @@ from catenary.reports.joint_errors import in_units
 from catenary.reports.page import Block, Heading, Picture, Remarks, Table, TableColumn, Text, picture, write_page
 from catenary.units import DISPLAY
 
-BEFORE, AFTER = "#b8c0cc", "#4b6b94"
+BEFORE, AFTER, PROMISED = "#b8c0cc", "#4b6b94", "#d9622b"
 PROMISE = "promised: between what the RMSE of other minutes of this day lies, of motion like these, 19 times of 20"
 
 
@@ -55,12 +55,12 @@ def refresh_picture(refreshed: Refreshed, data: CalibrationData) -> Picture:
     for j, axes in enumerate(figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]):
         change = refreshed.changes[j]
         scale = DISPLAY[data.joint_units[j]][1]
-        axes.axhspan(-change.rmse_high, change.rmse_high, color=AFTER, alpha=0.12, linewidth=0.0, label="promised RMSE")
         axes.plot(row, scale * refreshed.before[:, j], color=BEFORE, linewidth=1.0, label="before")
         axes.plot(row, scale * refreshed.left[:, j], color=AFTER, linewidth=1.0, label="after, on blocks")
-        axes.axhline(0.0, color="black", linewidth=0.5)
+        for side, label in ((1.0, "promised RMSE"), (-1.0, None)):
+            axes.axhline(side * change.rmse_high, color=PROMISED, linewidth=1.2, linestyle="--", label=label)
         axes.set_ylabel(f"{change.name} [{change.unit}]")
     axes.set_xlabel("row")
     axes.set_xlim(0, max(1, len(data) - 1))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
-    return picture(figure, "Errors of the corrected positions; shaded: the promised RMSE at its largest, both ways.")
+    return picture(figure, "Errors of the corrected positions; dashed: the promised RMSE at its largest, both ways.")
