@@ -329,13 +329,21 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
 
 def _write_fit_report(path: Path, result: "FitResult", robot: "RobotModel | None") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
+    from catenary.recording.mend import retimed_by
     from catenary.reports.calibration import write_calibration_report
+    from catenary.reports.joint_errors import left_out_table
+    from catenary.reports.overlay import overlay_picture
+    from catenary.reports.page import Block, Heading
 
+    further: list[Block] = [Heading("Delay"), *(overlay_picture(log, retimed_by(log)) for log in result.logs)]
+    if result.left_out:
+        further += [Heading("Rows left out"), left_out_table(result.left_out)]
     tested_on, evaluation = "the held-out part of each recording", result.held_out
     if evaluation is None:
         tested_on = "the data that it was fitted to; the cross-validation below is the honest error"
         evaluation = evaluate_rows(result.model, result.data)
     write_calibration_report(
         path, result.model, result.card, evaluation,
-        tested_on=tested_on, spread=result.spread, notes=result.notes, unseen=result.held_out is not None, robot=robot,
+        tested_on=tested_on, spread=result.spread, notes=result.notes, further=further,
+        unseen=result.held_out is not None, robot=robot,
     )  # fmt: skip
