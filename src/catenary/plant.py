@@ -235,7 +235,6 @@ class MotionLog:
     q_nominal: Floats  # (N, n)
     ok: NDArray[np.bool_]  # (N,) rows whose q_encoder can be trusted
     q_encoder: Floats | None = None  # (N, n)
-    q_reported: Floats | None = None  # (N, n) what the robot reports, where q_nominal is a setpoint
     time: Floats | None = None  # (N,) [s]
     # [s] what the recording's own clock said at time zero: since 1970 where it is a calendar's
     began: float = 0.0
@@ -250,9 +249,10 @@ class MotionLog:
     repeated: int = 0  # rows that its reader left out, since their time stamp was there before
     # options by which it was mended, by step and array ("shift", "sign:q_encoder"); none where the file states it
     settled: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()  # what the reader had to decide
+    q_reported: Floats | None = None  # (N, n) what the robot reports, where q_nominal is a setpoint
     # by quantity, how long before its arrival a message was stamped, by its median, and how far messages are apart [s]
     arrivals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()  # what the reader had to decide
 
     def __post_init__(self) -> None:
         rows, n = len(self), len(self.joint_names)

@@ -17,6 +17,7 @@ from catenary.calibration.model import REACH, CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
 from catenary.units import DISPLAY
 
+OF_THE_ARM = ("instrument", "tool", "date")  # that a run states, and no option of the fit
 LIBRARIES = ("numpy", "scikit-learn", "numba")
 
 
@@ -41,13 +42,15 @@ def model_card(
     of_joint = [choice.chosen for choice in choices] or [model.kind] * len(model.joint_names)
     kinds = set(of_joint)
     group_of = {j: group for group in model.groups for j in group.joints}
-    asked = {key: value for key, value in asdict(run).items() if key != "robot"}
+    asked = {key: value for key, value in asdict(run).items() if key not in ("robot", *OF_THE_ARM)}
     # JSON has no infinity: null is no limit
     asked["max_error"] = run.max_error and [e if math.isfinite(e) else None for e in run.max_error]
     asked["accept"] = list(run.accept)
     mean, spread_of = data.X.mean(axis=0), data.X.std(axis=0)
     return {
         "robot": run.robot if run.robot is not None else data.robot,
+        "instrument": run.instrument,
+        "tool": run.tool,
         "simulated": any(source.simulated for source in data.sources),
         "kind": model.kind,
         "preset": model.preset,
@@ -99,7 +102,7 @@ def model_card(
         "data": [asdict(source) for source in data.sources],
         "mends": {key: list(texts) for key, texts in model.mends.items()},
         "rows": len(data),
-        "recorded": data.dates[1],
+        "recorded": data.dates[1] or run.date,
         "run": {"seed": options.seed, **asked},
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {
@@ -114,6 +117,13 @@ def model_card(
         },
         "notes": list(notes),
     }
+
+
+def clock_delay(card: Card) -> float | None:
+    """Return the delay of the recordings that a model was fitted to, as they were recorded [s]; None where unknown."""
+    left = [each["seconds"] for each in card.get("delays", ()) if each.get("unit") == "s"]
+    mended = sum(map(float, card.get("mends", {}).get("delay", ())))
+    return mended + sorted(left)[len(left) // 2] if left else mended or None
 
 
 def valid_inputs(model: CalibrationModel) -> dict[str, dict[str, float]]:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import date as day
 from typing import Literal, get_args
 
 from catenary.calibration.feature_prior import PRIORS
@@ -125,6 +126,9 @@ class FitRun:
     folds: int = FOLDS  # of the cross-validation; 0 for none
     accept: tuple[str, ...] = ()  # findings about the data to go on with, by name
     coverage: float = COVERAGE  # share of errors that the model's intervals are to hold
+    instrument: str | None = None  # for the card: which one the arm held
+    tool: str | None = None  # the kind of tool
+    date: str | None = None  # of recordings that have none (ISO 8601)
 
     def __post_init__(self) -> None:
         if self.held_out is not None and not 0.0 < self.held_out < 1.0:
@@ -132,6 +136,15 @@ class FitRun:
         if self.folds < 0 or self.folds == 1:
             raise InputError(f"folds: expected 2 or more, or 0 for no cross-validation, got {self.folds}")
         check_level(self.coverage)
+        if self.date is not None and not _is_date(self.date):
+            raise InputError(f"date: expected a day such as 2026-05-14, got {self.date!r}")
+
+
+def _is_date(text: str) -> bool:
+    try:
+        return day.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
 
 
 def require_folds(options: FitOptions, run: FitRun) -> None:

@@ -40,6 +40,7 @@ class FitResult:
     notes: tuple[str, ...]
     choices: tuple[JointChoice, ...] = ()  # of model auto, one per joint
     left_out: tuple[LeftOut, ...] = ()  # by joint, where measured rows were left out
+    logs: tuple[MotionLog, ...] = ()
 
 
 def fit_logs(
@@ -157,7 +158,7 @@ def _concluded(
         for log, delay in zip(logs, found.delays, strict=True)
     ]
     card["left_out"] = [asdict(each) for each in left_out]
-    return FitResult(model, card, data, spread, held_out, notes, choices, left_out)
+    return FitResult(model, card, data, spread, held_out, notes, choices, left_out, tuple(logs))
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:

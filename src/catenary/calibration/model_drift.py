@@ -3,19 +3,22 @@
 A recording is cut where the encoders' offsets change, which a homing writes, and where its clock goes back.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import LENIENCE
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.maintenance import last_date
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.raven2.transmission import OFFSETS
+from catenary.units import DISPLAY
 
 BEYOND = 2.0  # times the error that the card tells, where a model has no interval
 
@@ -31,6 +34,17 @@ class Stretch:
     rmse: tuple[float, ...]
     coverage: tuple[float, ...] | None  # share of errors within the model's intervals; None where it has none
     beyond: tuple[bool, ...]  # per joint: the model no longer holds
+
+
+@dataclass(frozen=True)
+class CardStretch(Stretch):
+    """What a card tells of its model, on data that it did not see; zeros in deg and mm, delays in s."""
+
+    instrument: str | None
+    tool: str | None
+    delay: float | None  # of measurements behind commands, as they were recorded
+    mends: Mapping[str, Sequence[str]]
+    zeros: tuple[float, ...]  # what is added to each joint where nothing else is known
 
 
 @dataclass(frozen=True)
@@ -103,6 +117,34 @@ def find_drift(
     )
     since = tuple(_since([stretch.beyond[j] for stretch in stretches]) for j in range(len(model.joint_names)))
     return DriftFound(model.joint_names, model.joint_units, tuple(stretches), since, judged)
+
+
+def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor: float = BEYOND) -> DriftFound:
+    """Return errors, delays and zeros that cards tell of, by date; beyond is `factor` times the first one's error.
+
+    Args:
+        cards: Name, card, and (n,) errors that it tells [deg|mm]; None where it tells none.
+        factor: More than 0.
+    """
+    cards = sorted(cards, key=lambda each: last_date(each[1]) or "9")
+    joints = [[(joint["name"], joint["unit"]) for joint in card["joints"]] for _, card, _ in cards]
+    for (name, *_), has in zip(cards, joints, strict=True):
+        if has != joints[0]:
+            raise InputError(f"card {name}: is of joints {has}; expected those of {cards[0][0]}, {joints[0]}")
+    names, units = zip(*joints[0], strict=True)
+    stretches: list[CardStretch] = []
+    for name, card, errors in cards:
+        if errors is None:
+            raise InputError(f"card {name}: tells no error on data that its model did not see")
+        beyond = tuple(np.greater(errors, factor * np.array(stretches[0].rmse if stretches else errors)).tolist())
+        zeros = [DISPLAY[joint["unit"]][1] * joint["fixed_offset"] for joint in card["joints"]]
+        of_arm = card.get("instrument"), card.get("tool"), clock_delay(card), card.get("mends", {}), tuple(zeros)
+        stretches.append(
+            CardStretch(name, 0, last_date(card), card["rows"], tuple(errors.tolist()), None, beyond, *of_arm)
+        )
+    since = tuple(_since([stretch.beyond[j] for stretch in stretches]) for j in range(len(names)))
+    judged = f"RMSE beyond {factor:g} times that of the first card, {cards[0][0]}"
+    return DriftFound(names, units, tuple(stretches), since, judged)
 
 
 def since_in_words(found: DriftFound) -> list[str]:

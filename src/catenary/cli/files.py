@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one, robots_beginning
-from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, out_path
+from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, ModelRecordingOptions, RecordingOptions
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
 from catenary.cli.terminal import print_fact, print_json, print_notes, without_notes
@@ -24,6 +24,9 @@ def check(
     ),
     max_error: Numbers | None = MAX_ERROR,
     robot: str | None = option("ROBOT", "Robot of a recording: its limits, and joints' names and units."),
+    picture: Path | None = option(
+        "FILE", "Also draw commands over measurements of the fastest joint, .png, .svg or .pdf.", writes=PICTURE
+    ),
     as_json: bool = AS_JSON,
 ) -> None:
     """Say what a file is, what is wrong with it, and the command to use next.
@@ -39,6 +42,12 @@ def check(
     with without_notes(True):  # what is doubtful is among the faults below
         typed = recordings.typed(robot)
         found = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
+    if picture is not None:
+        from catenary.reports.page import write_picture
+
+        if found.draw is None:
+            raise InputError("--picture: is of a recording with measured joint positions")
+        write_picture(found.draw(), picture, PICTURE.endings)
     if as_json:
         print_json(found.as_data())
     else:

@@ -24,6 +24,7 @@ from catenary.cli.options import (
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_json, print_notes, progress_bar
+from catenary.errors import InputError
 from catenary.files import card_path
 
 if TYPE_CHECKING:
@@ -108,6 +109,9 @@ class ModelOptions:
     folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, least=0)
     coverage: float = option("SHARE", "Share of errors that the intervals about corrected joints hold.", 0.9)
     max_error: Numbers | None = MAX_ERROR
+    instrument: str | None = option("NAME", "For the card: which instrument the arm held, such as its serial number.")
+    tool: str | None = option("NAME", "For the card: the kind of tool, such as large-needle-driver.")
+    date: str | None = option("DAY", "For the card: day of recordings whose stamps tell none, e.g. 2026-05-14.")
 
     def options(self, seed: int) -> "FitOptions":
         """Return the options of the model, its training by this seed."""
@@ -121,7 +125,9 @@ class ModelOptions:
         from catenary.calibration.fit_options import FitRun
 
         return FitRun(
-            robot=robot, accept=tuple(accept), **values_of(self, "max_error", "held_out", "folds", "coverage")
+            robot=robot,
+            accept=tuple(accept),
+            **values_of(self, "max_error", "held_out", "folds", "coverage", "instrument", "tool", "date"),
         )
 
 
@@ -256,26 +262,33 @@ def drift(
     report: Path | None = REPORT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Print a model's error over days and homings.
+    """Print a model's error over days and homings, or what several models' cards tell.
 
-    Recordings come in the order of time. The exit code is 1 where a joint is beyond at the end, or where something is
+    Recordings come in the order of time. Where DATA are models, or their .card.json, it prints errors, delays and zeros
+    by date. The exit code is 1 where a joint is beyond at the end, or where something is
     wrong with a recording, which is no drift.
 
     Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """
     from catenary.calibration.model_drift import since_in_words
-    from catenary.reports.drift import drift_table, write_drift_report
-    from catenary.workflows.calibration_model import drift_summary, held_against
+    from catenary.reports.drift import drift_tables, write_drift_report
+    from catenary.workflows.calibration_model import card_history, drift_summary, held_against
 
-    held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
-    found, notes = held.drift(factor)
+    if all(path.suffix == ".json" or (path.is_file() and MODEL.is_one(path)) for path in data):
+        if recordings != ModelRecordingOptions() or accept or max_error:
+            raise InputError("drift: options of recordings do not go with models and cards")
+        found, notes = card_history([model, *data], factor), list[str]()
+    else:
+        held = held_against(model, data, recordings.reading(), accept=accept, max_error=max_error)
+        found, notes = held.drift(factor)
     if as_json:
         print_json(drift_summary(found, notes))
     else:
         print_notes(notes)
-        print(drift_table(found).text())
+        for table in drift_tables(found):
+            print(table.text())
         print(f"beyond: {found.judged_by}")
-        print("\n".join(since_in_words(found)) or "the model holds on the last of them")
+        print("\n".join(since_in_words(found)) or "no joint is beyond at the end")
     if report is not None:
         write_drift_report(report, found, model=model.name, notes=notes)
         if not as_json:
@@ -332,13 +345,21 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
 
 def _write_fit_report(path: Path, result: "FitResult", robot: "RobotModel | None") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
+    from catenary.recording.mend import retimed_by
     from catenary.reports.calibration import write_calibration_report
+    from catenary.reports.joint_errors import left_out_table
+    from catenary.reports.overlay import overlay_picture
+    from catenary.reports.page import Block, Heading
 
+    further: list[Block] = [Heading("Delay"), *(overlay_picture(log, retimed_by(log)) for log in result.logs)]
+    if result.left_out:
+        further += [Heading("Rows left out"), left_out_table(result.left_out)]
     tested_on, evaluation = "the held-out part of each recording", result.held_out
     if evaluation is None:
         tested_on = "the data that it was fitted to; the cross-validation below is the honest error"
         evaluation = evaluate_rows(result.model, result.data)
     write_calibration_report(
         path, result.model, result.card, evaluation,
-        tested_on=tested_on, spread=result.spread, notes=result.notes, unseen=result.held_out is not None, robot=robot,
+        tested_on=tested_on, spread=result.spread, notes=result.notes, further=further,
+        unseen=result.held_out is not None, robot=robot,
     )  # fmt: skip

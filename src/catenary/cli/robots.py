@@ -1,6 +1,5 @@
 """catenary robots, fk, ik, plot, regressor: what is known of a robot without any recording."""
 
-import io
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -229,7 +228,7 @@ def plot(
 
     Example: catenary plot panda --q-deg 0,-30,0,-120,0,90,45 --base-tilt-deg 0,20 --out panda.png
     """
-    from catenary.files import write_atomically
+    from catenary.reports.page import write_picture
     from catenary.reports.robot_plot import middle_pose
     from catenary.reports.robot_plot import plot as draw
 
@@ -248,10 +247,7 @@ def plot(
     if out is None:
         _show()
         return
-    kind = out.suffix.lower().removeprefix(".") if out.suffix.lower() in PICTURE.endings else "png"
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
-    write_atomically(out, buffer.getvalue())
+    write_picture(figure, out, PICTURE.endings)
     if as_json:
         print_json({"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)})
         return

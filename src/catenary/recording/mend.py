@@ -258,6 +258,12 @@ def _delay(log: MotionLog, text: str) -> MotionLog:
     return replace(log, q_encoder=measured, ok=ok)
 
 
+def retimed_by(log: MotionLog) -> float:
+    """Return by how much measurements were read later, seconds, or rows of a log without time."""
+    step = "shift" if log.time is None else "delay"
+    return sum(map(float, log.settled.get(step, ())))
+
+
 def _time_unit(log: MotionLog, unit: str) -> MotionLog:
     if unit not in TIME_UNITS:
         raise InputError(f"--time-unit: unknown {unit!r}; choices: {', '.join(TIME_UNITS)}")

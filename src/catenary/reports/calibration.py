@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, Spread
 from catenary.calibration.kind_choice import CLOSE, JointChoice
@@ -115,6 +116,8 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
     return [
         *(("chosen", str(JointChoice(**choice))) for choice in card.get("choice") or ()),
+        *((name, card[name]) for name in ("instrument", "tool", "recorded") if card.get(name)),
+        *(("delay", text) for text in [delay_in_words(card)] if text),
         ("target", f"joint {card['target']}"),
         ("inputs", shortened([entry["name"] for entry in card["inputs"]])),
         ("scaling", card["scaling"]),
@@ -122,6 +125,13 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
         ("seed", str(card["run"]["seed"])),
         ("version", version),
     ]
+
+
+def delay_in_words(card: Card) -> str:
+    """Return by how much measurements of a fit lay behind commands, and what of it was mended; empty where unknown."""
+    seconds = clock_delay(card)
+    mended = ", ".join(card.get("mends", {}).get("delay", ()))
+    return "" if seconds is None else f"{seconds:+.3f} s" + (f", of which {mended} s was mended" if mended else "")
 
 
 def shortened(names: Sequence[str], most: int = 8) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.calibration.model_drift import DriftFound, Stretch, since_in_words
+from catenary.calibration.model_drift import CardStretch, DriftFound, Stretch, since_in_words
 from catenary.reports.page import (
     Block,
     Heading,
@@ -24,17 +24,29 @@ HOLDS, BEYOND = "#4b6b94", "#d9622b"
 MOST_LABELS = 12  # below a picture
 
 
-def drift_table(found: DriftFound) -> Table:
-    """Return a row for each stretch between homings: RMSE of every joint, ! where the model is beyond."""
+def drift_tables(found: DriftFound) -> list[Table]:
+    """Return a row for each stretch between homings, or each card: RMSE of every joint, ! where it is beyond."""
     joints = [(n, DISPLAY[u][0]) for n, u in zip(found.joint_names, found.joint_units, strict=True)]
+    errors = joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
+    if any(isinstance(stretch, CardStretch) for stretch in found.stretches):
+        card = [TableColumn("card", "recording"), TableColumn("date", "date")]
+        about = [TableColumn("instrument", "instrument"), TableColumn("tool", "tool")]
+        delay = TableColumn("delay [s]", "delay", "+.3f")
+        zeros = joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
+        return [
+            Table(
+                [*card, *about, delay, *errors], found.stretches, "RMSE on data that each model did not see; ! beyond"
+            ),
+            Table([*card, *zeros], found.stretches, "Zeros: what is added to each joint"),
+        ]
     columns = [
         TableColumn("recording", "recording"),
         TableColumn("homing", "homing"),
         TableColumn("date", lambda stretch: stretch.date or "-"),
         TableColumn("rows", "rows"),
-        *joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", ""),
+        *errors,
     ]
-    return Table(columns, found.stretches, "RMSE between homings; ! beyond")
+    return [Table(columns, found.stretches, "RMSE between homings; ! beyond")]
 
 
 def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
@@ -47,8 +59,8 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
         *([Remarks(list(notes))] if notes else []),
         Heading("Error over days and homings"),
         drift_picture(found),
-        Heading("RMSE between homings"),
-        drift_table(found),
+        Heading("Numbers"),
+        *drift_tables(found),
         Text("! beyond. A recording is cut where the encoders' offsets change, and where its clock goes back."),
     ]
     write_page(path, f"Drift of {model}", lead, blocks)

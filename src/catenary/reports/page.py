@@ -160,6 +160,14 @@ def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     return Picture(base64.b64encode(buffer.getvalue()).decode(), caption, alt)
 
 
+def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
+    """Write a matplotlib figure of the kind that the name ends in, PNG where that is none of `endings`."""
+    kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
+    write_atomically(path, buffer.getvalue())
+
+
 def write_page(
     path: Path,
     title: str,

@@ -83,7 +83,7 @@ def _delay(found: Delay) -> Finding:
             "stamps of arrival; or, where q_nominal is a setpoint, the controller's lag (q_reported tells them apart)"
         )
     else:
-        culprit = "commands stamped late: no mechanics leads its command"
+        culprit = "commands stamped late, or measurements too early"
     remedy = f"--delay {found.seconds:.3g}" if found.unit == "s" else f"--shift {round(found.seconds)}"
     return Finding("delay", (), str(found), culprit, remedy, delay=found)
 

@@ -17,9 +17,10 @@ from catenary.calibration.fit_options import FitOptions, FitRun, Progress, silen
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.maintenance import NewDay, judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_drift import BEYOND, DriftFound, find_drift, since_in_words
+from catenary.calibration.model_drift import BEYOND, DriftFound, find_card_drift, find_drift, since_in_words
 from catenary.calibration.model_file import load_model
 from catenary.calibration.onnx import OPSET, save_onnx
+from catenary.documents import json_table
 from catenary.errors import InputError
 from catenary.files import sha256_of, table_ending
 from catenary.plant import Joints, MotionLog, nameless
@@ -255,6 +256,17 @@ def known_errors(card: Card) -> Floats | None:
     if errors["cross_validation"]:
         return np.array([joint["rmse_mean"] for joint in errors["cross_validation"]["joints"]])
     return None
+
+
+def card_history(paths: Sequence[Path], factor: float = BEYOND) -> DriftFound:
+    """Return what cards of models, or of files beside them, tell of errors, delays and zeros over days."""
+    cards = [_card(path) for path in paths]
+    names = [path.stem.removesuffix(".card") for path in paths]
+    return find_card_drift([*zip(names, cards, map(known_errors, cards), strict=True)], factor=factor)
+
+
+def _card(path: Path) -> Card:
+    return dict(json_table(path.read_text(), str(path))) if path.suffix == ".json" else load_model(path)[1]
 
 
 def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from zipfile import is_zipfile
 import numpy as np
 
 from catenary.archives import read_arrays
+from catenary.calibration.card import clock_delay
 from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
 from catenary.errors import ExcitationError, FileFormatError, InputError
@@ -31,7 +32,7 @@ from catenary.recording.import_formats.sources import is_bag
 from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
 from catenary.recording.mend import NOTHING, Mend, units_of
-from catenary.reports.calibration import shortened
+from catenary.reports.calibration import delay_in_words, shortened
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -323,7 +324,9 @@ def _check_model(path: Path) -> FileReport:
         "model": model.kind,
         "preset": model.preset,
         "robot": card["robot"],
+        **{key: card.get(key) for key in ("instrument", "tool", "recorded")},
         "simulated": card["simulated"],
+        "delay_s": clock_delay(card),
         "joints": joints,
         "inputs": inputs,
         "target": model.target,
@@ -335,6 +338,8 @@ def _check_model(path: Path) -> FileReport:
     lines = [
         ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
         ("robot", card["robot"] or "not stated"),
+        *((key, card[key]) for key in ("instrument", "tool", "recorded") if card.get(key)),
+        *(("delay", text) for text in [delay_in_words(card)] if text),
         ("simulated", "yes: fitted to simulated recordings" if card["simulated"] else "no"),
         ("joints", joints_text(model)),
         ("inputs", f"{len(inputs)}: {shortened(inputs)}"),

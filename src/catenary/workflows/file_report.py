@@ -1,11 +1,15 @@
 """What check says of a file: kind, facts, faults, and the command to use next."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from textwrap import shorten
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from catenary.reports.page import Table
 from catenary.verdict.finding import Finding
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORMAT = "catenary.check.1"  # of what --json prints
 ROWS = 18  # of a screen of 24, that facts, joints, faults and remarks of two rows share
@@ -26,6 +30,7 @@ class FileReport:
     findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
     joints: Table | None = None  # of a recording
     sound: str = SOUND  # the verdict where there is no fault
+    draw: "Callable[[], Figure] | None" = None  # a recording's delay
     next: str = ""  # the command line to use next, or what else to do
 
     @property

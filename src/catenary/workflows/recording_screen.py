@@ -11,7 +11,8 @@ import numpy as np
 from catenary.calibration.dataset import date_of, error_limits
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.mend import NOTHING, Mend
+from catenary.recording.mend import NOTHING, Mend, retimed_by
+from catenary.reports.overlay import overlay
 from catenary.reports.page import Table, TableColumn
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
@@ -93,6 +94,10 @@ def check_recording(
     found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
     found.faults += [f"{each.name}: {each}" for each in findings if each.refuses]
     _tell(found, findings)
+    if log.q_encoder is not None:
+        delay = found.facts["delay"] or {}
+        before, shift = retimed_by(log), delay["seconds"] if delay.get("sure") in ("certain", "likely") else 0.0
+        found.draw = lambda: overlay(log, before, -shift)
     return found
 
 
