@@ -71,9 +71,7 @@ class FitOptions:
         if self.ridge is not None and self.kind not in TAKE_RIDGE:
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(TAKE_RIDGE[1:])} take one")
         if self.coupled and not self.takes_friction:
-            raise InputError(
-                f"coupled joints of model {self.kind}: only hysteretic and best take any"
-            )
+            raise InputError(f"coupled joints of model {self.kind}: only hysteretic and best take any")
         if self.kind == "auto" and self.target != "error":
             raise InputError(f'target "{self.target}": models of it are not chosen; give a kind in place of auto')
 
