@@ -134,7 +134,7 @@ def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: py
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"kind": "cubic"}, 'model "cubic": expected one of auto, offset, linear, polynomial, neural'),
+        ({"kind": "cubic"}, 'model "cubic": expected one of auto, offset, linear, polynomial, hysteretic, neural'),
         ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": only neural has presets'),
         ({"kind": "neural", "preset": "worst"}, "paper and best"),
         ({"target": "torque"}, 'target "torque": expected one of error, position'),
@@ -143,8 +143,8 @@ def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: py
         ({"play": (0.0,)}, "play: expected shares"),
         ({"ridge": -1.0}, "ridge: expected a number of zero or more"),
         ({"ridge": float("nan")}, "ridge: expected a number of zero or more"),
-        ({"kind": "neural", "ridge": 1.0}, "only linear and polynomial take one"),
-        ({"kind": "offset", "ridge": 0.0}, "only linear and polynomial take one"),
+        ({"kind": "neural", "ridge": 1.0}, "only linear, polynomial, hysteretic take one"),
+        ({"kind": "offset", "ridge": 0.0}, "only linear, polynomial, hysteretic take one"),
         ({"prior": "dvrk"}, "expected simulated"),
         ({"prior": "simulated", "kind": "polynomial"}, 'prior "simulated"'),
         ({"prior": "simulated", "kind": "neural", "preset": "paper"}, 'prior "simulated"'),

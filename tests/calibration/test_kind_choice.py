@@ -14,7 +14,7 @@ from catenary.calibration import calibration
 from catenary.calibration.evaluate import CrossValidation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
-from catenary.calibration.kind_choice import CLOSE, choose, tried
+from catenary.calibration.kind_choice import CLOSE, SIMPLEST_FIRST, choose, tried
 from catenary.calibration.model_file import load_model, save_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -126,7 +126,7 @@ def test_it_is_saved_with_its_reasons(chosen: FitResult, log: MotionLog, tmp_pat
     save_model(chosen.model, chosen.card, tmp_path / "arm.npz")
     model, card = load_model(tmp_path / "arm.npz")
     assert [joint["kind"] for joint in card["joints"]] == [choice.chosen for choice in chosen.choices]
-    assert card["choice"][0]["errors"].keys() == set(KINDS)
+    assert card["choice"][0]["errors"].keys() == set(SIMPLEST_FIRST)
     assert_array_equal(model.calibrate(log), chosen.model.calibrate(log))
 
 

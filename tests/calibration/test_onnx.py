@@ -41,7 +41,7 @@ def step_through(session: onnxruntime.InferenceSession, signals: Floats, q: Floa
     memory = {
         name: np.full((1, *tensor.shape[1:]), np.nan)
         for tensor in session.get_inputs()
-        if (name := tensor.name) in ("previous", "play", "friction")
+        if (name := tensor.name) in ("previous", "midline", "play", "friction")
     }
     wants_q = any(tensor.name == "q_nominal" for tensor in session.get_inputs())
     corrections, flags = [], []
@@ -80,17 +80,19 @@ def test_graph_gives_the_correction_of_every_kind_of_model(kind: str, per_joint:
     history=st.integers(0, 3),
     plays=st.integers(0, 2),
     coupled=st.sampled_from([0, 2]),
+    midlines=st.booleans(),
     decimation=st.integers(1, 3),
     target=st.sampled_from(["error", "position"]),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_a_graph_stepped_through_a_motion_is_the_corrector(
-    kind: str, history: int, plays: int, coupled: int, decimation: int, target: Any, seed: int
+    kind: str, history: int, plays: int, coupled: int, midlines: bool, decimation: int, target: Any, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
     motion = np.cumsum(0.2 * rng.normal(size=(60, 3)), axis=0)
     model = random_model(
-        kind, motion, rng, joints=2, torques=1, history=history, plays=plays, coupled=coupled, target=target,
+        kind, motion, rng, joints=2, torques=1, history=history, plays=plays, coupled=coupled,
+        midlines=midlines, target=target,
         rate_hz=100.0,
     )  # fmt: skip
     # history at another spacing than in training: a box alone, so that rows inside remain

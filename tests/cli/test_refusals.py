@@ -80,7 +80,7 @@ REFUSALS = {
     "home --ros 3": "expected 1 or 2",
     "home --ros 1 --seed 1": "not with --ros",
     # options of fit; the last of an option counts
-    f"{FIT} --model forest": "expected one of auto, offset, linear, polynomial, neural",
+    f"{FIT} --model forest": "expected one of auto, offset, linear, polynomial, hysteretic, neural",
     f"{FIT} --model neural --preset worst": 'preset "worst"',
     f"{FIT} --preset best": "only neural has presets",
     f"{FIT} --inputs nonsense": 'has no input "nonsense"',

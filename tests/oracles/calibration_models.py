@@ -79,6 +79,7 @@ def random_model(
     history: int = 0,
     plays: int = 0,
     coupled: int = 0,
+    midlines: bool = False,
     target: Target = "error",
     per_joint: bool = False,
     rate_hz: float | None = None,
@@ -94,6 +95,7 @@ def random_model(
         history: Previous positions.
         plays: Play states of every position.
         coupled: How many joints, the first, have friction states.
+        midlines: Whether torques have midlines.
         target: What the predictors give.
         per_joint: Every joint takes its own signals only.
         rate_hz: Rate of the training data.
@@ -106,6 +108,7 @@ def random_model(
         (*units, *(force[unit] for unit in units[:torques])),
         history,
         tuple((f"q:{name}", 0.1 * (k + 1)) for name in names for k in range(plays)),
+        tuple((f"tau:{name}", f"q:{name}", 0.1, 1.0) for name in names[:torques]) if midlines else (),
         random_friction(names[:coupled], rng) if coupled else None,
     )
     X = features.matrix(log_of(names, units, signals, torques))

@@ -348,7 +348,7 @@ CASES: dict[str, dict] = {
     "logistic": {"history": 2, "plays": 1, "torques": 1, "target": "position"},
     "tanh, skip": {"per_joint": True, "history": 1, "plays": 1},
     "logistic, skip": {"torques": 3},
-    MIXED: {"history": 1, "plays": 2, "torques": 1, "coupled": 3},
+    MIXED: {"history": 1, "plays": 2, "torques": 1, "coupled": 3, "midlines": True},
 }
 
 

@@ -113,7 +113,7 @@ def monomials(Z: Floats, P: Floats) -> None:
 
 
 @inlined
-def _expm1(v: float) -> float:
+def exp_minus_1(v: float) -> float:
     """Return exp(v) - 1 for |v| <= 40, to a few units in the last place.
 
     Taylor's series of v / 64 to the ninth power, then exp(2 t) - 1 = e (2 + e), e = exp(t) - 1, six times; the
@@ -139,7 +139,7 @@ def tanh(Z: Floats) -> None:
     """Replace numbers by their hyperbolic tangents, exact to 3e-15 of themselves."""
     for row in range(len(Z)):
         for k in range(Z.shape[1]):
-            e = _expm1(2.0 * _within(Z[row, k], 20.0))  # 1 in float64 beyond 20
+            e = exp_minus_1(2.0 * _within(Z[row, k], 20.0))  # 1 in float64 beyond 20
             Z[row, k] = e / (e + 2.0)
 
 
@@ -148,7 +148,7 @@ def logistic(Z: Floats) -> None:
     """Replace numbers v by 1 / (1 + exp(-v)), exact to 1e-15."""
     for row in range(len(Z)):
         for k in range(Z.shape[1]):
-            e = _expm1(_within(Z[row, k], 40.0))  # 0 or 1 to 1e-17 beyond 40
+            e = exp_minus_1(_within(Z[row, k], 40.0))  # 0 or 1 to 1e-17 beyond 40
             Z[row, k] = (e + 1.0) / (e + 2.0)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.calibration.arithmetic import Step
+from catenary.calibration.midline import FULL, STATES
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.spike_filter import CONFIRM, FADE, FAST, SEVERAL
 from catenary.errors import InputError
@@ -145,8 +146,28 @@ for (k = 0; k < owners_size; ++k) {
     play[k] = what == PREFIX_ANOTHER ? followed[k] : PREFIX_after(before, position, widths[k]);
     if (what != PREFIX_AWAY) kept[k] = play[k];
   }
-  X[at++] = play[k] - position;
+  X[skipped[0] + at++] = play[k] - position;
 }""",
+    "follow_midlines": """\
+int i;
+for (i = 0; i < sources_size; ++i) {
+  const double x = signals[places[i]], s = signals[sources[i]];
+  double *const of = midline + STATES * i;
+  if (PREFIX_is_finite(x) && PREFIX_is_finite(s) && course[owners[i]] != PREFIX_AWAY) {
+    const int first = of[0] != of[0];
+    const double moved = first ? 0.0 : x - of[0], radius = radii[i];
+    const double far = (first ? 0.0 : of[1]) + moved, stop = far < -radius ? -radius : far > radius ? radius : far;
+    const int side = stop >= FULL * radius ? 2 : stop <= -FULL * radius ? 3 : 0;
+    of[0] = x;
+    of[1] = stop;
+    if (side > 0) {
+      const double travel = fabs(moved) / travels[i];
+      const double share = -PREFIX_expm1(-(travel < 40.0 ? travel : 40.0));
+      of[side] = of[side] != of[side] ? s : of[side] + share * (s - of[side]);
+    }
+  }
+  X[at[0] + i] = 0.5 * (of[2] + of[3]);
+}""".replace("FULL", str(FULL)).replace("STATES", str(STATES)),
     "rub": """\
 const int n = places_size, m = slip_size, systems = thresholds_size / slip_size, size = n + systems * m;
 int finite = 1, away = 0, back = 0, another = 0, c, j, k, version;
@@ -254,6 +275,7 @@ typedef struct {{
   double play[{play}];
   double kept[{kept}]; /* play states before a leap */
   double followed[{followed}]; /* play states that followed every position */
+  double midline[{midline}]; /* of each midline: position before, stop, means forwards and backwards */
   double friction[{friction}]; /* friction states: now, before a leap, and of every position */
   double seen[{seen}];
   double strange[1]; /* steps of another motion than that of training, as far as they are remembered */
@@ -267,6 +289,7 @@ static inline void PREFIX_reset(PREFIX_state *state) {{
   state->now[0] = 0;
   for (i = 0; i < {ring}; ++i) state->ring[i] = NAN;
   for (i = 0; i < {play}; ++i) state->play[i] = state->kept[i] = state->followed[i] = NAN;
+  for (i = 0; i < {midline}; ++i) state->midline[i] = NAN;
   for (i = 0; i < {friction}; ++i) state->friction[i] = NAN;
   for (i = 0; i < {seen}; ++i) state->seen[i] = i % 3 ? 0.0 : NAN;
   state->strange[0] = 0.0;

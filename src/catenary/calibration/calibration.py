@@ -190,6 +190,7 @@ def fit(
     robot: str | None = None,
     seed: int = 0,
     prior: str | None = None,
+    coupled: Sequence[str] | None = None,
     accept: Sequence[str] = (),
     progress: Progress = silent,
     **arrays: Unpack[MotionArrays],
@@ -201,7 +202,7 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        model: "offset", "linear", "polynomial" or "neural"; "auto" chooses one of them for every joint, the simplest
+        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses one of them for every joint, the simplest
             that will do (kind_choice.py).
         preset: Of "neural": "paper" or "best", which is taken when None.
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
@@ -218,6 +219,7 @@ def fit(
         seed: Of a network's training.
         prior: What a linear model or the linear part of preset "best" begins at, for few minutes of data:
             "simulated", what simulated robots have in common.
+        coupled: Joints that friction couples; found in the recordings when None, none when empty.
         accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
         arrays: What else is known, where positions are an array: torques are taken as inputs, velocities when `inputs`
@@ -239,6 +241,7 @@ def fit(
         ridge=ridge,
         seed=seed,
         prior=prior,
+        coupled=None if coupled is None else tuple(coupled),
     )
     run = FitRun(
         robot=robot,

@@ -58,6 +58,11 @@ class CalibrationData:
         return len(self.X)
 
     @property
+    def places(self) -> Floats:
+        """Where each row lies, (N,): the number of its recording, and how far into it."""
+        return np.asarray(self.recording + self.position)
+
+    @property
     def dates(self) -> tuple[str | None, str | None]:
         """Days of the first and the last row (ISO 8601, UTC); None where no clock was a calendar's."""
         if not self.has_time or not len(self):

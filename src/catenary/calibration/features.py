@@ -11,6 +11,7 @@ from pydantic import Field
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Flags, Integers, Step, run
 from catenary.calibration.friction_states import FrictionStates, rub
+from catenary.calibration.midline import STATES, Midline, follow_midlines
 from catenary.calibration.spike_filter import ANOTHER, ANY, AWAY, BACK, find_leaps, room_of
 from catenary.config import IN_FILES
 from catenary.errors import InputError
@@ -32,6 +33,7 @@ class Memory(NamedTuple):
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
     kept: Floats  # (K,) those before a leap, which count again when it returns
     followed: Floats  # (K,) those that followed every position
+    midline: Floats  # (M, STATES) see `follow_midlines`
     friction: Floats  # (3, L) friction states likewise, NaN until the first position: now, kept, followed
     seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
     strange: Floats  # (1,) see find_leaps
@@ -41,7 +43,7 @@ class Memory(NamedTuple):
         """Forget all earlier rows: another motion begins; what was counted stays."""
         self.now[:] = 0
         self.ring[:] = np.nan
-        for states in (self.play, self.kept, self.followed, self.friction):
+        for states in (self.play, self.kept, self.followed, self.midline, self.friction):
             states[:] = np.nan
         self.seen[:], self.strange[:] = [np.nan, 0.0, 0.0], 0.0
 
@@ -58,10 +60,11 @@ class FeatureRows(NamedTuple):
 class FeatureSet:
     """Which features a model takes.
 
-    Order: the signals as they are; then, oldest last, the `history` previous rows of every position; then
-    the play states; then the friction states of coupled joints. A play state of half-width r follows its position
-    only after it has moved by r: y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable
-    lies, whatever the speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
+    Order: the signals as they are; then, oldest last, the `history` previous rows of every position; then midlines
+    (midline.py), play states, and friction states of coupled joints (friction_states.py). A play state of half-width r
+    follows its position only after it has moved by r: y <- min(max(y, x - r), x + r). It remembers on which side of
+    the slack the cable lies, whatever the speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and
+    Sprekels 1996]
     The feature is y - x, which stays within -r and r.
 
     A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
@@ -75,6 +78,7 @@ class FeatureSet:
     units: Many[str]  # one per signal
     history: Annotated[int, Field(ge=0, le=1_000)] = 0
     play: Many[tuple[str, Positive]] = ()  # (position signal, half-width in its unit)
+    midlines: Many[Midline] = ()
     friction: FrictionStates | None = None  # of coupled joints
     steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit)
     period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
@@ -102,9 +106,10 @@ class FeatureSet:
 
     @property
     def played(self) -> tuple[str, ...]:
-        """The positions that play and friction states follow, J."""
+        """The positions that play states, friction states and midlines follow, J."""
         coupled = () if self.friction is None else self.friction.positions
-        return tuple(dict.fromkeys([*(name for name, _ in self.play), *coupled]))
+        loaded = (position for _, position, _, _ in self.midlines)
+        return tuple(dict.fromkeys([*(name for name, _ in self.play), *coupled, *loaded]))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -132,6 +137,7 @@ class FeatureSet:
         return [
             *((signal, unit[signal], signal) for signal in self.signals),
             *((f"{p}[-{k}]", unit[p], p) for k in range(1, self.history + 1) for p in self.positions),
+            *((f"midline({name})", unit[name], name) for name, *_ in self.midlines),
             *((f"play({p}, {width:.4g})", unit[p], p) for p, width in self.play),
             *((name, unit[p], p) for name, p in (self.friction.columns if self.friction is not None else ())),
         ]
@@ -182,9 +188,10 @@ class FeatureSet:
         ring = np.empty((self.history * decimation, len(self.positions)))
         joints = len(self.played)
         play, kept, followed = np.empty((3, len(self.play)))
+        midline = np.empty((len(self.midlines), STATES))
         friction = np.empty((3, 0 if self.friction is None else self.friction.size))
         places = (np.empty((joints, 3)), np.empty(1), np.zeros(joints))
-        memory = Memory(np.zeros(1, dtype=np.int64), ring, play, kept, followed, friction, *places)
+        memory = Memory(np.zeros(1, dtype=np.int64), ring, play, kept, followed, midline, friction, *places)
         memory.clear()
         return memory
 
@@ -200,12 +207,20 @@ class FeatureSet:
         leaps = Step(
             find_leaps, (signals, played, limits, room), (memory.seen, memory.strange, memory.rejected, course, leaping)
         )
+        others = np.array([len(self.midlines)], dtype=np.int64)
         features = Step(
             gather,
-            (signals, self._places(self.positions), lags, played, owners, widths, course),
+            (signals, self._places(self.positions), lags, played, owners, widths, course, others),
             (memory.now, memory.ring, memory.play, memory.kept, memory.followed, X),
         )
         steps = [leaps, features] if self.steps else [features]
+        if self.midlines:
+            names, positions, radii, travels = zip(*self.midlines, strict=True)
+            owner = np.array([self.played.index(name) for name in positions], dtype=np.int64)
+            at = np.array([len(self.signals) + self.history * len(self.positions)], dtype=np.int64)
+            where = (self._places(names), self._places(positions), owner, course)
+            arrays = (signals, *where, np.array(radii), np.array(travels), at)
+            steps.append(Step(follow_midlines, arrays, (memory.midline, X)))
         if self.friction is not None:
             constants, coupled = self.friction.constants, self.friction.positions
             at = np.array([X.shape[1] - len(self.friction.columns)], dtype=np.int64)
@@ -230,6 +245,7 @@ def gather(
     owners: Integers,
     widths: Floats,
     course: Integers,
+    skipped: Integers,
     now: Integers,
     ring: Floats,
     play: Floats,
@@ -249,7 +265,8 @@ def gather(
         owners: (K,) which of these each follows.
         widths: (K,) half-widths of the play states.
         course: (N, J) see `find_leaps`.
-        X: (N, S + H P + K) receives the features.
+        skipped: (1,) columns between previous positions and play states that are others'.
+        X: (N, F) receives the features.
     """
     for row in range(len(signals)):
         at = signals.shape[1]
@@ -271,7 +288,7 @@ def gather(
                 play[i] = followed[i] if what == ANOTHER else after(before, position, widths[i])
                 if what != AWAY:
                     kept[i] = play[i]
-            X[row, at + i] = play[i] - position
+            X[row, at + skipped[0] + i] = play[i] - position
 
 
 @inlined

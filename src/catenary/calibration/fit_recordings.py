@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, c
 from catenary.calibration.feature_prior import load_prior
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
-from catenary.calibration.fit_rows import SMALLEST_DATA, choose_inputs, fit
+from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
@@ -67,9 +68,13 @@ def fit_logs(
     kinds: dict[str, FitOptions] = {options.kind: options}
     if options.kind == "auto":
         kinds = tried(options, len(inputs.features.names), len(data))
+    of_kinds = {name: _rows_of_kind(logs, of_kind, run) for name, of_kind in kinds.items()}
+    shared = reduce(np.intersect1d, (data.places for _, data in of_kinds.values()))  # all kinds are asked about these
     attempts = {
-        name: _attempt(logs, of_kind, run, part_of(progress, i, len(kinds)))
-        for i, (name, of_kind) in enumerate(kinds.items())
+        name: _attempt(
+            chosen, data.rows(np.isin(data.places, shared)), kinds[name], run, part_of(progress, i, len(kinds))
+        )
+        for i, (name, (chosen, data)) in enumerate(of_kinds.items())
     }
     if options.kind == "auto":
         validations = {name: validation for name, (validation, _) in attempts.items() if validation}
@@ -99,9 +104,12 @@ class _Attempt(NamedTuple):
     fitted: Callable[[Progress], CalibrationModel]
 
 
-def _attempt(logs: Sequence[MotionLog], options: FitOptions, run: FitRun, progress: Progress) -> _Attempt:
+def _rows_of_kind(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> tuple[Inputs, CalibrationData]:
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
-    data, _, _ = _rows(logs, inputs.features, run)
+    return inputs, _rows(logs, inputs.features, run)[0]
+
+
+def _attempt(inputs: Inputs, data: CalibrationData, options: FitOptions, run: FitRun, progress: Progress) -> _Attempt:
     if not run.folds:
         return _Attempt(None, lambda tell: fit(data, inputs, options, progress=tell))
     share = run.folds / (run.folds + 1.0)

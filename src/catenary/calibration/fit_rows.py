@@ -1,5 +1,6 @@
 """Which inputs recordings give a model, and the fit of one kind of model to rows of them."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,6 +13,7 @@ from catenary.calibration.dataset import CalibrationData, in_one_order, sampling
 from catenary.calibration.feature_prior import load_prior, prior_of_features
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
+from catenary.calibration.midline import RADIUS, TRAVEL, Midline
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import AnyPredictor, Linear, fit_linear, fit_offset, fit_polynomial, fit_smooth
@@ -26,6 +28,7 @@ SMALLEST_DATA = 10  # rows
 # with memory has hundreds of terms, and its error grows fast.
 EXTRAPOLATION = 0.5
 POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
+LEAST_KNOWN = 0.5  # share of rows on which a midline is known
 SHOWN = 0.99  # share of training errors that count for the largest correction: the others may be failed measurements
 RESOLUTION = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
@@ -65,19 +68,19 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     shares = options.play_shares(signals)
     rates = [sampling_rate(each) for each in logs]
     period = None if None in rates else 1.0 / max(rate for rate in rates if rate is not None)
+    early = [each.part(0, max(1, round((1.0 - held_out) * len(each)))) for each in logs]
     play: list[tuple[str, float]] = []
     steps: list[tuple[str, float]] = []
+    midlines = _midlines(early, signals) if options.kind == "hysteretic" else []
     for name in signals if shares else coupled:
         joint = name.removeprefix("q:")
         if name.startswith("q:") and joint in log.joint_names:
             column = log.joint_names.index(joint)
             commands, motions = [], []
-            for each in logs:
-                seen = max(1, round((1.0 - held_out) * len(each)))
-                q, room = each.q_nominal[:seen, column], room_of(each, period)[:seen]
+            for each in early:
+                q, room = each.q_nominal[:, column], room_of(each, period)
                 commands.append(q)
-                cuts = [start for start in each.starts[1:] if start < seen]
-                motions += list(zip(np.split(q, cuts), np.split(room, cuts), strict=True))
+                motions += list(zip(np.split(q, each.starts[1:]), np.split(room, each.starts[1:]), strict=True))
             low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
             step = largest_step(motions)
             if high > low:
@@ -92,12 +95,45 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
             units,
             options.history,
             play=tuple(play),
+            midlines=tuple(midlines),
             friction=friction,
             steps=tuple(steps),
             period=period if steps else None,
         ),
         per_joint,
     )
+
+
+def _midlines(logs: Sequence[MotionLog], signals: Sequence[str]) -> list[Midline]:
+    """Return midlines of the torques and currents among signals, where motion turns often enough to show them."""
+    found = []
+    for name in signals:
+        joint = _joint_of(logs[0], name)
+        position = f"q:{joint}"
+        if joint is None or position not in signals:
+            continue
+        motions = [log.q_nominal[:, log.joint_names.index(joint)] for log in logs]
+        span = max(float(q.max()) for q in motions) - min(float(q.min()) for q in motions)
+        if span > 0.0:
+            midline = (name, position, RADIUS * span, TRAVEL * span)
+            units = tuple(signals_of(logs[0])[each][1] for each in (position, name))
+            alone = FeatureSet((position, name), units, midlines=(midline,))
+            known = np.concatenate([np.isfinite(alone.matrix(log)[:, -1]) for log in logs])
+            found += [midline] if known.mean() >= LEAST_KNOWN else []
+    return found
+
+
+def _joint_of(log: MotionLog, name: str) -> str | None:
+    """Return the joint whose torque or current a signal is: "tau:J1", "current[0]", "current" of a single joint."""
+    group, _, joint = name.partition(":")
+    if group in ("q", "qd"):
+        return None
+    numbered = re.fullmatch(r".*\[(\d+)\]", name)
+    if numbered and int(numbered[1]) < len(log.joint_names):
+        joint = log.joint_names[int(numbered[1])]
+    elif len(log.joint_names) == 1:
+        joint = log.joint_names[0]
+    return joint if joint in log.joint_names else None
 
 
 def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent) -> CalibrationModel:

@@ -209,8 +209,13 @@ def _searched(rows: _Rows, joints: Sequence[int]) -> CoupledFriction:
 
     start = min((_start(n, coupling) for coupling in (COUPLING, 0.0, -COUPLING)), key=loss)
     simplex = np.vstack([start, start + FIRST_STEP * np.eye(len(start))])
-    options = {"maxiter": SEARCH, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5}
-    return _friction(np.clip(minimize(loss, start, method="Nelder-Mead", options=options).x, -5.0, 5.0), n)
+    found = minimize(
+        loss,
+        start,
+        method="Nelder-Mead",
+        options={"maxiter": SEARCH, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5},
+    )
+    return _friction(np.clip(found.x, -5.0, 5.0), n)
 
 
 def _errors(rows: _Rows, joints: Sequence[int], friction: CoupledFriction | None) -> Floats:
@@ -257,7 +262,7 @@ def _inputs_needed(
     def errors(kept: Sequence[str]) -> Floats:
         of_kept = np.flatnonzero(np.isin(columns, features.columns_of(kept)))
         taken = np.append(of_kept, np.arange(len(columns), X.shape[1]))
-        return np.log(np.square(_ridge_errors(sums, m, taken)).mean(axis=0))
+        return np.asarray(np.log(np.square(_ridge_errors(sums, m, taken)).mean(axis=0)))
 
     own = {f"q:{rows.joint_names[j]}" for j in joints}
     kept = features.signals

@@ -147,6 +147,7 @@ def _union(sets: Sequence[FeatureSet]) -> FeatureSet:
         tuple(units.values()),
         max(each.history for each in sets),
         tuple(dict.fromkeys(play for each in sets for play in each.play)),
+        tuple(dict.fromkeys(midline for each in sets for midline in each.midlines)),
         next((each.friction for each in sets if each.friction is not None), None),
         tuple(dict.fromkeys(step for each in sets for step in each.steps)),
         periods[0] if periods else None,

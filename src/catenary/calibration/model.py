@@ -82,7 +82,7 @@ class CalibrationModel:
 
     __pydantic_config__ = IN_FILES
 
-    kind: str  # "offset", "linear", "polynomial", "neural", or "auto": each joint has its own
+    kind: str  # "offset", "linear", "polynomial", "hysteretic", "neural", or "auto": each joint has its own
     preset: str | None
     joint_names: Many[str]
     joint_units: Many[Unit]

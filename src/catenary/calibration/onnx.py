@@ -21,6 +21,7 @@ from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Step
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.friction_states import FrictionStates
+from catenary.calibration.midline import FULL, STATES
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, MissingPackageError
 from catenary.files import json_text, write_atomically
@@ -39,13 +40,14 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         q_nominal (rows, n): reported positions [rad|m]; only where the model gives positions end to end, or knows
             joint limits.
         previous (rows, H * decimation, P): positions of earlier steps, the latest first; only with history.
+        midline (rows, M, 4): what midlines remember; only where the model has some.
         play (rows, K): play states; only where the model has some.
         friction (rows, L): friction states of coupled joints; only where the model has some.
     Outputs:
         correction (rows, n): what to add to q_nominal [rad|m]; outside the valid range the fixed offset.
         inside (rows, n): bool, whether each joint is in its valid range.
         interval (rows, n): half-width about the calibrated position [rad|m]; only where the model has intervals.
-        previous_next, play_next, friction_next: what to give as `previous`, `play` and `friction` at the next step.
+        previous_next, midline_next, play_next, friction_next: what to give under the first word at the next step.
 
     Before the first step these are NaN: rows are outside the valid range until the history is full, and play and
     friction states begin centred. So the graph, stepped, gives what `Corrector` gives, but for leaps
@@ -97,6 +99,7 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         "previous": {"positions": features.positions, "steps": features.history * decimation}
         if features.history
         else None,
+        "midlines": [{"signal": name, "position": position} for name, position, _, _ in features.midlines],
         "play": [{"position": name, "half_width": width} for name, width in features.play],
         "friction": None if features.friction is None else {"positions": features.friction.positions},
         "rate_hz": None if model.rate_hz is None else model.rate_hz * decimation,
@@ -234,6 +237,8 @@ def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
         kept = [graph.take("previous", np.arange(steps - 1))] if steps > 1 else []
         graph.add("Concat", now, *kept, axis=1, name="previous_next")
         graph.output("previous_next", steps, count, text="to be given as `previous` at the next step")
+    if features.midlines:
+        parts.append(_midlines(graph, features))
     if features.play:
         names, width = zip(*features.play, strict=True)
         half = graph.constant(np.array(width))
@@ -248,6 +253,37 @@ def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
     if features.friction is not None:
         parts.append(_lags(graph, features, features.friction))
     return graph.add("Concat", *parts, axis=1)
+
+
+def _midlines(graph: _Graph, features: FeatureSet) -> str:
+    """Return the midlines as features (rows, M), and carry them on: `follow_midlines`."""
+    names, positions, radii, travels = zip(*features.midlines, strict=True)
+    add, number = graph.add, graph.constant
+    text = f"position before, stop, means forwards and backwards, of {', '.join(names)}; NaN before the first step"
+    graph.input("midline", len(names), STATES, text=text)
+    x, s = (graph.take("signals", [features.signals.index(name) for name in each]) for each in (positions, names))
+    before, stop, up, down = (
+        add("Gather", "midline", number(np.array(k, dtype=np.int64)), axis=2) for k in range(STATES)
+    )
+    zero, first = number(np.array(0.0)), add("IsNaN", before)
+    moved = add("Where", first, zero, add("Sub", x, before))
+    radius, edge = number(np.array(radii)), number(FULL * np.array(radii))
+    stop_now = add("Add", add("Where", first, zero, stop), moved)
+    stop_now = add("Min", add("Max", stop_now, add("Neg", radius)), radius)
+    travel = add("Div", add("Abs", moved), number(np.array(travels)))
+    share = add("Sub", number(np.array(1.0)), add("Exp", add("Neg", travel)))
+    sides = (add("GreaterOrEqual", stop_now, edge), add("LessOrEqual", stop_now, add("Neg", edge)))
+    means = []
+    for reached, mean in zip(sides, (up, down), strict=True):
+        later = add("Add", mean, add("Mul", share, add("Sub", s, mean)))
+        means.append(add("Where", reached, add("Where", add("IsNaN", mean), s, later), mean))
+    axis = number(np.array([2]))
+    together = add("Concat", *(add("Unsqueeze", each, axis) for each in (x, stop_now, *means)), axis=2)
+    known = add("Unsqueeze", add("And", graph.finite(x), graph.finite(s)), axis)
+    add("Where", known, together, "midline", name="midline_next")
+    graph.output("midline_next", len(names), STATES, text="to be given as `midline` at the next step")
+    both = add("ReduceSum", graph.take("midline_next", [2, 3], axis=2), number(np.array([2])), keepdims=0)
+    return add("Mul", both, number(np.array(0.5)))
 
 
 def _lags(graph: _Graph, features: FeatureSet, states: FrictionStates) -> str:

@@ -1,0 +1,74 @@
+"""The midline of a torque or current: its mean over both directions of travel, which is the load without the friction.
+
+A cable stretches by the load that it carries, and much of the friction acts before it stretches. So a torque as it is
+read serves neither: it jumps at every reversal, where the joint does not. A stop operator tells when a motion has left
+its last reversal behind [Brokate and Sprekels 1996]; from then on the torque counts towards the mean of its direction,
+which forgets over travel, not time.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from catenary.arrays import Floats
+from catenary.calibration.arithmetic import Integers, exp_minus_1
+from catenary.calibration.spike_filter import AWAY
+from catenary.kernels.compiled import compiled
+
+# of the joint's range in training [3 and 40 deg of a da Vinci tool's 60]
+RADIUS, TRAVEL = 0.05, 0.67
+FULL = 0.9999  # share of the radius at which the stop has been reached
+STATES = 4  # numbers that a midline remembers
+Midline = tuple[
+    str,  # signal
+    str,  # position whose travel counts
+    Annotated[float, Field(gt=0.0)],  # half of the travel after a reversal that does not count [rad|m]
+    Annotated[float, Field(gt=0.0)],  # over which it forgets [rad|m]
+]
+
+
+@compiled
+def follow_midlines(
+    signals: Floats,
+    sources: Integers,
+    places: Integers,
+    owners: Integers,
+    course: Integers,
+    radii: Floats,
+    travels: Floats,
+    at: Integers,
+    midline: Floats,
+    X: Floats,
+) -> None:
+    """Write the midlines of rows of one motion, NaN until both directions were seen, and remember what later rows take.
+
+    A row on which position or signal are not finite, or which leaps, changes nothing.
+
+    Args:
+        signals: (N, S) what the robot reports, row after row.
+        sources: (M,) which signals have midlines.
+        places: (M,) which signals are the positions that they follow.
+        owners: (M,) which columns of `course` these have.
+        course: (N, J) see `find_leaps`.
+        radii: (M,)
+        travels: (M,)
+        at: (1,) first column to write.
+        midline: (M, STATES) position before, stop, means forwards and backwards; NaN before the first row.
+        X: (N, F) receives the midlines.
+    """
+    for row in range(len(signals)):
+        for i in range(len(sources)):
+            x, s = signals[row, places[i]], signals[row, sources[i]]
+            if np.isfinite(x) and np.isfinite(s) and course[row, owners[i]] != AWAY:
+                first = np.isnan(midline[i, 0])
+                moved = 0.0 if first else x - midline[i, 0]
+                stop = 0.0 if first else midline[i, 1]
+                stop = min(max(stop + moved, -radii[i]), radii[i])
+                midline[i, 0], midline[i, 1] = x, stop
+                side = 2 if stop >= FULL * radii[i] else (3 if stop <= -FULL * radii[i] else 0)
+                if side > 0:
+                    mean = midline[i, side]
+                    share = -exp_minus_1(-min(abs(moved) / travels[i], 40.0))
+                    midline[i, side] = s if np.isnan(mean) else mean + share * (s - mean)
+            X[row, at[0] + i] = 0.5 * (midline[i, 2] + midline[i, 3])
