@@ -28,6 +28,13 @@ QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 DEPTH = 1000  # messages that wait for the program: 1 s
 
 
+class Sending(NamedTuple):
+    """How a program's messages are sent, where it says nothing else of a topic."""
+
+    depth: int = QUEUE  # messages that wait for a peer that does not keep up
+    is_reliable: bool = True  # of ROS 2, for what is not latched; else best effort, as of sensors
+
+
 class Connections(NamedTuple):
     """Who is connected to this program over a topic."""
 
@@ -115,6 +122,7 @@ class Transport(ABC):
     """Carries messages and calls under one name."""
 
     encoding = ROS1  # of the bytes that its subscriptions are given
+    sending = Sending()
     lapses: tuple[int, ...] = (0,)  # [ns] from the end of a program until it is no longer connected: these, about
 
     def __init__(self, name: str, clock: Clock | None = None) -> None:
@@ -132,12 +140,12 @@ class Transport(ABC):
         self._heard: dict[str, HeardTopic] = {}
         self._heard_lock = threading.RLock()
 
-    def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE) -> Publisher:
+    def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int | None = None) -> Publisher:
         """Return a publisher of a topic.
 
         Args:
             latch: Give the last message to whoever subscribes later.
-            queue: Messages that wait for a peer that does not keep up.
+            queue: Messages that wait for a peer that does not keep up; `sending.depth` when None.
 
         Raises:
             InputError: The name is invalid or the type unknown.
@@ -150,7 +158,8 @@ class Transport(ABC):
         if known is not None and not known.is_closed:
             raise TransportError(f'"{self.name}" publishes {topic} already')
         self._refuse_other_type(topic, type_name)
-        made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=queue)
+        depth = self.sending.depth if queue is None else queue
+        made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=depth)
         return made
 
     def subscribe(self, topic: str, type_name: str, *, depth: int = DEPTH, largest: int = ANY) -> Subscription:

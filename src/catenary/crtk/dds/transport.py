@@ -225,7 +225,7 @@ class DdsTransport(Transport):
         return [topic for topic in tuple(self._heard.values()) if isinstance(topic, ListenedTopic)]
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> DdsPublisher:
-        quality = Quality(is_latched=latch)
+        quality = Quality(latch or self.sending.is_reliable, is_latched=latch)
         return DdsPublisher(self.program, topic, self._dds_name(topic), type_name, quality, queue)
 
     def _dds_name(self, topic: str) -> str:
