@@ -123,15 +123,15 @@ def serve(
 def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_JSON) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.network import make_transport, node_name
-    from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
+    from catenary.crtk.start_button import press_button
 
     with make_transport(ros, node_name("button", name)) as transport:
-        answer = transport.call(BUTTON, BUTTON_TYPE)
+        success, message = press_button(transport)
     if as_json:
-        print_json({"success": answer.success, "message": answer.message})
+        print_json({"success": success, "message": message})
     else:
-        print(answer.message)
-    if not answer.success:
+        print(message)
+    if not success:
         raise typer.Exit(1)
 
 

@@ -123,6 +123,7 @@ class Transport(ABC):
 
     encoding = ROS1  # of the bytes that its subscriptions are given
     sending = Sending()
+    has_services = True
     lapses: tuple[int, ...] = (0,)  # [ns] from the end of a program until it is no longer connected: these, about
 
     def __init__(self, name: str, clock: Clock | None = None) -> None:
@@ -186,7 +187,7 @@ class Transport(ABC):
             InputError: The name is invalid or the type unknown.
             TransportError: The name is taken, or the transport is closed.
         """
-        self.require_open()
+        self._require_services()
         name = absolute(name)
         service_md5_sum(type_name)  # refuses unknown types
         self._serve(name, type_name, handler)
@@ -198,7 +199,7 @@ class Transport(ABC):
             InputError: The type is unknown, or the request is not of it.
             TransportError: Nobody offers it, it failed, or it did not answer within `timeout` [s].
         """
-        self.require_open()
+        self._require_services()
         name = absolute(name)
         service_md5_sum(type_name)  # refuses unknown types
         asked = message_class(f"{type_name}Request")() if request is None else request
@@ -250,6 +251,11 @@ class Transport(ABC):
         if self.inbox.closed:
             raise TransportError(f'transport "{self.name}" is closed')
 
+    def _require_services(self) -> None:
+        self.require_open()
+        if not self.has_services:
+            raise TransportError(f'transport "{self.name}" carries no services: programs of ROS 2 differ in theirs')
+
     def close(self) -> None:
         """End all publishers, subscriptions and services."""
         self.inbox.close()
@@ -299,11 +305,13 @@ class Transport(ABC):
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse a topic that somebody publishes as another type."""
 
-    @abstractmethod
-    def _serve(self, name: str, type_name: str, handler: Handler) -> None: ...
+    # of those that have services
 
-    @abstractmethod
-    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message: ...
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+        raise NotImplementedError
+
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
+        raise NotImplementedError
 
 
 class Latest:
