@@ -38,6 +38,10 @@ def serve(
     ros: str = CARRIER,
     name: str = option("NAME", "Of the robot's node; two cannot have one.", "catenary_robot"),
     rate: float = option("HZ", "Rate at which its state is published.", 1000.0),
+    depth: int = option("N", "Messages of a topic that wait for a client that does not keep up.", 100, least=1),
+    qos: str = option(
+        None, "Of ROS 2, for what is published in every tick.", "reliable", choices=("reliable", "best-effort")
+    ),
     seed: int | None = SIMULATED_SEED,
     base_tilt_deg: tuple[float, float] = option(
         "ROLL,PITCH", "Tilt of the base: roll about x, then pitch about y.", LEVEL_BASE, read=base_tilt
@@ -76,6 +80,7 @@ def serve(
     """
     from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.serving.server import whole_numbers
+    from catenary.crtk.transport import Sending
     from catenary.nodes.serve import Serving, make_server, prepare
     from catenary.nodes.serve import serve as run
     from catenary.open_robot import Simulated, tilted_base
@@ -92,7 +97,10 @@ def serve(
         robot, dialect, where, green, encoders,  # type: ignore[arg-type]
         torque_arm=torque_arm, namespace=namespace or "/PSM1",
     )  # fmt: skip
+    if qos != "reliable" and ros != "2":
+        raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
     with make_transport(ros, node_name("robot", name)) as transport:
+        transport.sending = Sending(depth, qos == "reliable")
         server = make_server(serving, transport, rate_hz=rate)
         commands = deque(["start"] if start else [])
         announce("preparing the robot ...")
@@ -115,15 +123,15 @@ def serve(
 def button(ros: str = CARRIER, name: str | None = NODE_NAME, as_json: bool = AS_JSON) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.network import make_transport, node_name
-    from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
+    from catenary.crtk.start_button import press_button
 
     with make_transport(ros, node_name("button", name)) as transport:
-        answer = transport.call(BUTTON, BUTTON_TYPE)
+        success, message = press_button(transport)
     if as_json:
-        print_json({"success": answer.success, "message": answer.message})
+        print_json({"success": success, "message": message})
     else:
-        print(answer.message)
-    if not answer.success:
+        print(message)
+    if not success:
         raise typer.Exit(1)
 
 

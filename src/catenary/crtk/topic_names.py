@@ -32,7 +32,7 @@ DIAGNOSTICS = "/diagnostics"  # topic of all robots: their states, and why they 
 DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
 # verb: gravity that a RAVEN-II's own compensation goes by, ours: the robot's software takes it from nobody
 GRAV_DIR = "grav_dir"
-BUTTON = "/silver_button"  # service: the RAVEN-II's start button, which no public topic presses
+BUTTON = "/silver_button"  # service, and topic: the RAVEN-II's start button, which no public topic presses
 BUTTON_TYPE = "std_srvs/Trigger"
 NAMESPACES: dict[Arm, str] = {"gold": "/arm1", "green": "/arm2"}  # of a RAVEN-II
 
@@ -71,6 +71,7 @@ _RAVEN_ROBOT: _Verbs = {
     "state_command": (COMMAND, "in"),
     "raven_automove": ("raven_2/raven_automove", "in"),
     GRAV_DIR: (VECTOR, "in"),
+    BUTTON[1:]: (SIGNAL, "in"),
 }
 _SWAPPED: _Verbs = {
     "measured_js": (JOINT_STATE, "out"),
@@ -123,7 +124,7 @@ _DVRK: _Verbs = {
     "emulate_tool_present": (SWITCH, "in"),
 }
 _SETTINGS = frozenset(
-    {GRAV_DIR, "body/set_cf_orientation_absolute", "use_gravity_compensation"}
+    {GRAV_DIR, BUTTON[1:], "body/set_cf_orientation_absolute", "use_gravity_compensation"}
     | {verb for verb, (_, direction) in _DVRK.items() if direction == "in"}
 )
 # verbs of a dVRK's console, which is called system since 2.4, and the state commands that they stand for

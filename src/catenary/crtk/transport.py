@@ -28,6 +28,13 @@ QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 DEPTH = 1000  # messages that wait for the program: 1 s
 
 
+class Sending(NamedTuple):
+    """How a program's messages are sent, where it says nothing else of a topic."""
+
+    depth: int = QUEUE  # messages that wait for a peer that does not keep up
+    is_reliable: bool = True  # of ROS 2, for what is not latched; else best effort, as of sensors
+
+
 class Connections(NamedTuple):
     """Who is connected to this program over a topic."""
 
@@ -115,6 +122,8 @@ class Transport(ABC):
     """Carries messages and calls under one name."""
 
     encoding = ROS1  # of the bytes that its subscriptions are given
+    sending = Sending()
+    has_services = True
     lapses: tuple[int, ...] = (0,)  # [ns] from the end of a program until it is no longer connected: these, about
 
     def __init__(self, name: str, clock: Clock | None = None) -> None:
@@ -132,12 +141,12 @@ class Transport(ABC):
         self._heard: dict[str, HeardTopic] = {}
         self._heard_lock = threading.RLock()
 
-    def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE) -> Publisher:
+    def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int | None = None) -> Publisher:
         """Return a publisher of a topic.
 
         Args:
             latch: Give the last message to whoever subscribes later.
-            queue: Messages that wait for a peer that does not keep up.
+            queue: Messages that wait for a peer that does not keep up; `sending.depth` when None.
 
         Raises:
             InputError: The name is invalid or the type unknown.
@@ -150,7 +159,8 @@ class Transport(ABC):
         if known is not None and not known.is_closed:
             raise TransportError(f'"{self.name}" publishes {topic} already')
         self._refuse_other_type(topic, type_name)
-        made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=queue)
+        depth = self.sending.depth if queue is None else queue
+        made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=depth)
         return made
 
     def subscribe(self, topic: str, type_name: str, *, depth: int = DEPTH, largest: int = ANY) -> Subscription:
@@ -177,7 +187,7 @@ class Transport(ABC):
             InputError: The name is invalid or the type unknown.
             TransportError: The name is taken, or the transport is closed.
         """
-        self.require_open()
+        self._require_services()
         name = absolute(name)
         service_md5_sum(type_name)  # refuses unknown types
         self._serve(name, type_name, handler)
@@ -189,7 +199,7 @@ class Transport(ABC):
             InputError: The type is unknown, or the request is not of it.
             TransportError: Nobody offers it, it failed, or it did not answer within `timeout` [s].
         """
-        self.require_open()
+        self._require_services()
         name = absolute(name)
         service_md5_sum(type_name)  # refuses unknown types
         asked = message_class(f"{type_name}Request")() if request is None else request
@@ -241,6 +251,11 @@ class Transport(ABC):
         if self.inbox.closed:
             raise TransportError(f'transport "{self.name}" is closed')
 
+    def _require_services(self) -> None:
+        self.require_open()
+        if not self.has_services:
+            raise TransportError(f'transport "{self.name}" carries no services: programs of ROS 2 differ in theirs')
+
     def close(self) -> None:
         """End all publishers, subscriptions and services."""
         self.inbox.close()
@@ -290,11 +305,13 @@ class Transport(ABC):
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse a topic that somebody publishes as another type."""
 
-    @abstractmethod
-    def _serve(self, name: str, type_name: str, handler: Handler) -> None: ...
+    # of those that have services
 
-    @abstractmethod
-    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message: ...
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+        raise NotImplementedError
+
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
+        raise NotImplementedError
 
 
 class Latest:

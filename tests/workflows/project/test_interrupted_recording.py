@@ -115,7 +115,8 @@ def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path, monkeypatc
     holds_the_motion_once(folder, motion, 0)
 
 
-@pytest.mark.slow  # twenty minutes of a robot's ticks: two of a processor
+@pytest.mark.slow  # twenty minutes of a robot's ticks: minutes of a processor
+@pytest.mark.timeout(3600)
 def test_twenty_minutes_that_are_interrupted_three_times(tmp_path: Path) -> None:
     motion = Waves(1200.0)
     folder = interrupted(tmp_path, motion, dict.fromkeys((0.2, 0.5, 0.9), interrupt))

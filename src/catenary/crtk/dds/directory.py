@@ -77,14 +77,6 @@ def quality_of(qos: Qos) -> Quality:
     )
 
 
-def user_data_of(qos: Qos) -> dict[str, str]:
-    """Return what a peer says of itself: `key=value;` and so on."""
-    data = qos[Policy.Userdata]
-    text = "" if data is None else data.data.decode("utf-8", "replace")
-    pairs = (part.partition("=") for part in text.split(";"))
-    return {key: value for key, found, value in pairs if found}
-
-
 Gid = bytes  # 16 of them
 
 
@@ -147,7 +139,6 @@ class Endpoint:
     topic: str  # DDS's name
     type_name: str  # DDS's
     quality: Quality  # that it offers, or asks for
-    user_data: dict[str, str]
 
 
 class Directory:
@@ -232,12 +223,7 @@ def _taken(reader: DataReader[Any]) -> Iterator[Any]:
 
 def _endpoint(sample: Any) -> Endpoint:
     return Endpoint(
-        sample.key.bytes,
-        sample.participant_key.bytes,
-        sample.topic_name,
-        sample.type_name,
-        quality_of(sample.qos),
-        user_data_of(sample.qos),
+        sample.key.bytes, sample.participant_key.bytes, sample.topic_name, sample.type_name, quality_of(sample.qos)
     )
 
 

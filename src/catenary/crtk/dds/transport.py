@@ -2,8 +2,9 @@
 
 Messages pass DDS as ROS 2's bytes (CDR).
 What differs from ROS 1: headers have no `seq`; two programs may have the same name; DDS does not count what a peer
-misses, so `overflowed` of a publisher counts only what was not sent at all; a service that fails says so in its
-response.
+misses, so `overflowed` of a publisher counts only what was not sent at all. There are no services: each RMW carries
+them in its own way, Fast DDS's by what Cyclone's Python cannot say, and one that is announced but never answers is
+worse than none.
 """
 
 import time
@@ -18,12 +19,11 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
 from catenary.crtk.dds.directory import HANDLES, MANY, Endpoint, Mismatches, Quality
 from catenary.crtk.dds.program import Program
-from catenary.crtk.dds.services import Services
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
 from catenary.crtk.inbox import Origin
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import CDR, codec
-from catenary.crtk.transport import Connections, Handler, HeardTopic, Publisher, Transport, absolute, other_type
+from catenary.crtk.transport import Connections, HeardTopic, Publisher, Transport, absolute, other_type
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
 
@@ -176,6 +176,7 @@ class DdsTransport(Transport):
     """A node of ROS 2, in a program of DDS; a thread of its own receives."""
 
     encoding = CDR
+    has_services = False
     # one that ends says so; one that is killed is missed when its lease has run out, Cyclone's or Fast DDS's
     lapses = (0, 10 * SECOND, 20 * SECOND)
 
@@ -192,7 +193,6 @@ class DdsTransport(Transport):
         others = distribution(self._arguments.distro)
         self.program = Program(self.name, self._arguments.namespace, others, self._come)
         self._heard_lock = self.program.lock  # which the receiver holds
-        self._services = Services(self.program, self.inbox)
         self._mismatches = Mismatches(self.program.directory, self.program.gid, self.program.node)
         self.program.each_look = self._look
         self._wait_for_others(settle)
@@ -206,7 +206,6 @@ class DdsTransport(Transport):
             time.sleep(0.02)
 
     def _look(self) -> None:
-        self._services.send_answers()
         if not self._mismatches.is_due:
             return
         published = {
@@ -225,7 +224,7 @@ class DdsTransport(Transport):
         return [topic for topic in tuple(self._heard.values()) if isinstance(topic, ListenedTopic)]
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> DdsPublisher:
-        quality = Quality(is_latched=latch)
+        quality = Quality(latch or self.sending.is_reliable, is_latched=latch)
         return DdsPublisher(self.program, topic, self._dds_name(topic), type_name, quality, queue)
 
     def _dds_name(self, topic: str) -> str:
@@ -238,12 +237,6 @@ class DdsTransport(Transport):
         found = self.topics().get(topic)
         if found is not None and found != current_name(type_name):
             raise other_type(topic, type_name, found)
-
-    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
-        self._services.serve(self._arguments.network_name(name), type_name, handler)
-
-    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
-        return self._services.call(self._arguments.network_name(name), type_name, request, timeout)
 
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic that DDS has brought together with this program."""
@@ -288,5 +281,4 @@ class DdsTransport(Transport):
         super().close()
         self.program.each_look = None
         self._end_topics()
-        self._services.close()
         self.program.close()

@@ -1,7 +1,6 @@
 """ROS 2's names, types and their hashes in DDS, and what differs between its distributions.
 
-Topic `/arm1/measured_js` is DDS's `rt/arm1/measured_js`; requests of service `/silver_button` go over
-`rq/silver_buttonRequest`, its answers over `rr/silver_buttonReply`. Type sensor_msgs/msg/JointState is
+Topic `/arm1/measured_js` is DDS's `rt/arm1/measured_js`; type sensor_msgs/msg/JointState is
 `sensor_msgs::msg::dds_::JointState_`. (ROS 2's design, "Topic and Service name mapping to DDS".)
 
 Types are made at run time from the descriptions that ROS 1's messages have too. What an instance carries is the
@@ -18,12 +17,10 @@ from typing import Any, NamedTuple
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl import types as idl
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
 from catenary.crtk.message import HEADER
 from catenary.errors import InputError
-from catenary.recording.messages import SERVICES, Field, current_name, fields, ros2_name, typestore
+from catenary.recording.messages import Field, current_name, fields, ros2_name, typestore
 
 DISCOVERY = "ros_discovery_info"  # where each program tells which nodes it has; no topic of ROS
 _TYPE = re.compile(r"(\w+)::msg::dds_::(\w+)_")
@@ -39,26 +36,10 @@ def ros_topic(name: str) -> str | None:
     return name[2:] if name.startswith("rt/") else None
 
 
-def request_topic(service: str) -> str:
-    """Return DDS's name of the topic of a service's requests."""
-    return f"rq{service}Request"
-
-
-def reply_topic(service: str) -> str:
-    """Return DDS's name of the topic of a service's answers."""
-    return f"rr{service}Reply"
-
-
 def dds_type(name: str) -> str:
     """Return DDS's name of a message type, or of a field's."""
     package, _, message = current_name(name).partition("/")
     return f"{package}::msg::dds_::{message}_"
-
-
-def dds_half(service: str, half: str) -> str:
-    """Return DDS's name of half a service type, which is `Request` or `Response`."""
-    package, _, name = service.partition("/")
-    return f"{package}::srv::dds_::{name}_{half}_"
 
 
 def ros_type(name: str) -> str:
@@ -104,32 +85,10 @@ def distribution(name: str | None = None) -> Distribution:
     return DISTRIBUTIONS[name]
 
 
+@cache
 def message_hash(name: str) -> str:
     """Return ROS 2's hash of a message type (REP 2016), by which its programs tell versions of it apart."""
-    return _hash(ros2_name(name))
-
-
-def half_hash(service: str, half: str) -> str:
-    """Return ROS 2's hash of a service's Request or Response."""
-    package, _, name = service.partition("/")
-    return _hash(f"{package}/srv/{name}_{half}")
-
-
-@cache
-def _hash(name: str) -> str:
-    return _services().hash_rihs01(name) if "/srv/" in name else typestore(2).hash_rihs01(name)
-
-
-@cache
-def _services() -> Typestore:
-    """Return halves of services under ROS 2's names, with the messages that they contain."""
-    store, halves = get_typestore(Stores.EMPTY), dict(typestore(2).fielddefs)
-    for service in SERVICES:
-        package, _, name = service.partition("/")
-        for half in ("Request", "Response"):
-            halves[f"{package}/srv/{name}_{half}"] = typestore(2).fielddefs[ros2_name(f"{service}{half}")]
-    store.register(halves)
-    return store
+    return typestore(2).hash_rihs01(ros2_name(name))
 
 
 _NUMBERS = {
@@ -140,7 +99,6 @@ _NUMBERS = {
 }  # fmt: skip
 _TIMES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 _EMPTY = {"structure_needs_at_least_one_member": idl.uint8}  # ROS 2's field of a type that has none
-_ASKED = {"guid": idl.uint64, "seq": idl.int64}  # rmw_cyclonedds: who asks, and how often it has
 # their brackets make types, which their hints do not know
 array: Any = idl.array
 sequence: Any = idl.sequence
@@ -151,12 +109,6 @@ Raw = Any  # an instance: made of bytes, which are its `data`
 def message_type(name: str) -> type[Raw]:
     """Return DDS's class of a message type."""
     return _raw(dds_type(name), _members(name))
-
-
-@cache
-def half_type(service: str, half: str) -> type[Raw]:
-    """Return DDS's class of a service's Request or Response, which begins with who asks."""
-    return _raw(dds_half(service, half), {**_ASKED, **_members(f"{service}{half}")})
 
 
 def _members(name: str) -> dict[str, Any]:

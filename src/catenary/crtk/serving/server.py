@@ -20,6 +20,7 @@ from catenary.crtk.serving.dialect import Dialect, LazyPublisher
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
+from catenary.crtk.start_button import STARTS
 from catenary.crtk.topic_names import (
     BUTTON,
     BUTTON_TYPE,
@@ -123,7 +124,6 @@ class ServedEncoders:
                 lazy.publish(joint_state_message(self._joints, stamp, values))
 
 
-_STARTS = ": starts"
 STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
 _String = message_class("std_msgs/String")
 MOST = 8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
@@ -187,12 +187,11 @@ class Server:
         self._encoders = encoders
         self._heard = (*self.publishers.values(), *(() if encoders is None else encoders.publishers))
         self._watched = beginning.time
-        for service in dialect.services:
+        for service in dialect.services if transport.has_services else ():
             transport.service(service.name, service.type, service.answer)
-        self.button: str | None = None
-        if button:
+        self.button = BUTTON if button else None
+        if button and transport.has_services:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
-            self.button = BUTTON
 
     def tick(self) -> None:
         """Read the commands that have come, move the arms by a tick, publish."""
@@ -256,7 +255,7 @@ class Server:
         for name, arm in self.arms.items():
             if arm.machine.can_change:
                 refused = arm.machine.press_button()
-                said.append(f"{name}: {refused}" if refused else f"{name}{_STARTS}")
+                said.append(f"{name}: {refused}" if refused else f"{name}{STARTS}")
         return said
 
     def person_says(self, line: str) -> None:
@@ -277,7 +276,7 @@ class Server:
             return
         if line == "button" or (line == "start" and self.button is not None):
             said = self.press_button()
-            if not any(text.endswith(_STARTS) for text in said):
+            if not any(text.endswith(STARTS) for text in said):
                 self.reports.say("button", "; ".join(said), now)
             return
         for text in ("enable", "home") if line == "start" else (line,):
@@ -309,7 +308,7 @@ class Server:
     def _pressed(self, request: Message) -> Message:
         said = self.press_button()
         return message_class(f"{BUTTON_TYPE}Response")(
-            success=any(text.endswith(_STARTS) for text in said), message="; ".join(said)
+            success=any(text.endswith(STARTS) for text in said), message="; ".join(said)
         )
 
     def _obey(self, source: CommandSource, message: Message, now: int) -> None:
@@ -318,6 +317,8 @@ class Server:
             if topic.commands_state:
                 for text in CONSOLE.get(topic.verb) or (message.string,):
                     self._state_command(topic, text, now)
+            elif topic.name == BUTTON:
+                self.reports.say("button", "; ".join(self.press_button()), now, to=tuple(self.arms), each=True)
             else:
                 moved = self.arms if topic.arm is None else (topic.arm,)
                 if source.moves and topic.verb != "hold":  # which anybody may say

@@ -12,7 +12,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.reader import CrtkReader
-from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
+from catenary.crtk.start_button import press_button
 from catenary.errors import CatenaryError, NotReadyError, TransportError
 from catenary.plant import OperatingState, Plant, state_in_words
 from catenary.workflows.robot.motion import pause, paused_if_interrupted
@@ -184,15 +184,15 @@ def _home_here(plant: Plant) -> None:
 
 
 def _press_button(client: CrtkClient, guide: Guide) -> None:
-    """Call the service that stands for a simulated robot's button; CRTK's commands where there is none."""
+    """Press what stands for a simulated robot's button; use CRTK's commands where there is none."""
     guide.say("pressing the start button (--yes)")
     try:
-        answer = client.transport.call(BUTTON, BUTTON_TYPE)
-        if answer.success:
-            return
-        raise NotReadyError(f"the start button: {answer.message}")
+        success, message = press_button(client.transport)
     except TransportError:
         _command_home(client)
+        return
+    if not success:
+        raise NotReadyError(f"the start button: {message}")
 
 
 def _command_home(client: CrtkClient) -> None:
