@@ -15,7 +15,9 @@ Made = TypeVar("Made")
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], Made]) -> Made:
     """Return what `make(folder)` returns, made in a folder of this run that nobody may write to afterwards."""
     base = factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name  # the workers' folders lie side by side
+    folder = (
+        base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    ) / name  # the workers' folders lie side by side
     folder.mkdir(exist_ok=True)
     with (folder / ".lock").open("w") as lock:
         flock(lock, LOCK_EX)

@@ -34,7 +34,13 @@ def run(site: Path, code: str, folder: Path, **environment: str) -> Outcome:
     ended = subprocess.run(
         [*(DROP if os.geteuid() == 0 else []), sys.executable, "-c", code],
         cwd=folder,
-        env={"PATH": os.environ["PATH"], "HOME": "/nonexistent", "PYTHONPATH": str(site), "NUMBA_OPT": "0", **environment},
+        env={
+            "PATH": os.environ["PATH"],
+            "HOME": "/nonexistent",
+            "PYTHONPATH": str(site),
+            "NUMBA_OPT": "0",
+            **environment,
+        },
         capture_output=True,
         text=True,
         timeout=500.0,
