@@ -59,7 +59,7 @@ campaign: $(VENV)/.development
 	$(BIN)/python -m tests.campaign $(PART) $(if $(COUNT),--count $(COUNT)) --seconds 1800 --out $(CAMPAIGN_OUT)
 
 # those whose cases take seconds; others take a minute a case
-SHORT = files messages disks.recorder kills.recorder signals.simulated
+SHORT = files messages kills.recorder signals.simulated
 campaign-short: $(VENV)/.development
 	rm -rf build/campaign-short
 	$(BIN)/python -m tests.campaign $(SHORT) --seconds 60 --out build/campaign-short

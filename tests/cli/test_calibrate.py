@@ -1,5 +1,4 @@
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import simulated_arm
 from catenary.calibration.fit_options import FitOptions
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import RECOMMENDED
-from catenary.workflows.project.lock import FolderLock
 from command_line import catenary, refusal
 from simulated_project import QUICK_MODELS
 
@@ -90,26 +88,6 @@ def test_calibrate_does_what_is_missing_and_no_more(project_folder: Path, quick:
     assert "deploy\n" not in first.out
     assert catenary("calibrate", project_folder, "--json").json["steps_run"] == []
     assert "nothing to do: every step had been done" in catenary("calibrate", project_folder).out
-
-
-@pytest.mark.slow
-def test_record_of_the_test_motion_and_calibrate_agree(finished_folder: Path, quick: None) -> None:
-    assert catenary("record", finished_folder, "--hours", "0.003").code == 0
-    steps = catenary("calibrate", finished_folder, "--json").json["steps_run"]
-    assert "record" not in steps
-    assert "extract test" in steps
-
-
-@pytest.mark.usefixtures("_no_page")
-def test_calibrate_takes_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    models = {name: FitOptions(kind="linear") for name in QUICK_MODELS}
-    monkeypatch.setattr(calibrate, "models_for", lambda *_: models)
-    train = simulated_arm.write(tmp_path / "a.npz", seed=1, units=None)
-    test = simulated_arm.write(tmp_path / "b.npz", seed=2, units=None)
-    arguments = ("calibrate", tmp_path / "new", train, "--test", test, "--units", "rad,rad,m")
-    assert catenary(*arguments, "--json").json["deployment"] is None
-    assert catenary(*arguments).code == 0
-    assert "cannot be both" in refusal("calibrate", tmp_path / "new", train, "--test", train)
 
 
 @pytest.mark.usefixtures("_no_page")
@@ -197,35 +175,6 @@ def test_torn_files_of_a_finished_project_are_made_again(finished_folder: Path, 
     assert catenary("calibrate", finished_folder, "--json").json["steps_run"] == []
 
 
-def test_a_second_command_is_told_who_is_at_work(project_folder: Path) -> None:
-    lock = FolderLock(project_folder)
-    lock.take()
-    for command in (("record", project_folder, "--name", "more"), ("home", project_folder, "--seed", "2")):
-        assert f"(process {os.getpid()} on " in refusal(*command)
-    assert catenary("excite", project_folder).code == 0  # nothing to do, and nothing to write
-    lock.release()
-
-
-def test_recording_and_extracting_before_exciting_are_refused(tmp_path: Path) -> None:
-    assert catenary("home", tmp_path / "new").code == 0
-    assert "record train was not done yet" in refusal("record", tmp_path / "new")
-    assert "holds no recordings" in refusal("extract", tmp_path / "new")
-
-
-@pytest.mark.parametrize("file", ["settings.json", "steps.json"])
-def test_a_damaged_project_is_a_message(project_folder: Path, file: str) -> None:
-    (project_folder / file).write_text("{")
-    for command in ("home", "excite", "record", "extract", "calibrate"):
-        assert file in refusal(command, project_folder)
-
-
 def test_a_damaged_robot_is_a_message(project_folder: Path) -> None:
     (project_folder / "robot" / "after_train.npz").write_bytes(b"")
     assert "after_train.npz: is no state" in refusal("record", project_folder, "--name", "more")
-
-
-@pytest.mark.parametrize("command", ["home", "excite", "calibrate", "demo"])
-def test_a_file_in_the_folders_place_is_a_message(tmp_path: Path, command: str) -> None:
-    (tmp_path / "file").write_text("")
-    place = ("--out", tmp_path / "file") if command == "demo" else (tmp_path / "file",)
-    assert "is a file, expected a folder" in refusal(command, *place)

@@ -98,21 +98,6 @@ def test_wrong_data_are_no_fault_of_a_model(of_day_0: str, tmp_path: Path, comma
     assert "--sign J1" in refused.err
 
 
-@pytest.mark.parametrize("command", ["drift", "evaluate", "refresh"])
-def test_a_csv_of_another_make_is_read_by_a_mapping(of_day_0: str, tmp_path: Path, command: str) -> None:
-    day = a_day(1, 0.0)
-    assert day.q_encoder is not None
-    assert day.time is not None
-    factor = np.array([np.rad2deg(1.0), 1e3])
-    table = np.column_stack([day.time, factor * day.q_nominal, factor * day.q_encoder])
-    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="t,yaw,ins,cam_yaw,cam_ins", comments="")
-    options = ("--map", "q_nominal=yaw,ins", "--map", "q_encoder=cam_yaw,cam_ins", "--units", "deg,mm")
-    out = ("--out", str(tmp_path / "new.npz")) if command == "refresh" else ()
-    done = catenary(command, of_day_0, str(tmp_path / "lab.csv"), *options, *out, "--json")
-    assert done.code == 0, done.err
-    assert any("are J1, J2" in note for note in json.loads(done.out)["notes"]) or "J1" in done.out
-
-
 @pytest.fixture
 def days(tmp_path: Path) -> tuple[Path, Path]:
     """A model of Monday, and a recording of Tuesday, whose J2 is off by almost a millimetre."""

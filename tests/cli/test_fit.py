@@ -96,15 +96,6 @@ def test_evaluate_tells_the_error_that_the_arm_has(tmp_path: Path, model: Path) 
     np.testing.assert_allclose([joint["raw_max"] for joint in joints], largest, rtol=1e-12)
 
 
-def test_a_percentage_of_nothing_is_null_and_a_dash_in_the_table(tmp_path: Path) -> None:
-    q = simulated_arm.arrays()["q_des"]
-    perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
-    fit_json(perfect, "--model", "offset", "--folds", "0", "--accept", "copied")
-    joints = evaluate_json(tmp_path / "out.npz", perfect, "--accept", "copied")["joints"]
-    assert [joint["percent_of_offset"] for joint in joints] == [None, None, None]
-    assert "nan" not in catenary("evaluate", tmp_path / "out.npz", perfect, "--accept", "copied").out
-
-
 def test_notes_do_not_stand_in_the_json(tmp_path: Path) -> None:
     silent = simulated_arm.write(tmp_path / "silent.npz", units=None)
     assert any("units not stated" in note for note in fit_json(silent, "--model", "offset")["notes"])
@@ -138,12 +129,6 @@ def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
     joints = json.loads((tmp_path / "out.card.json").read_text())["joints"]
     chosen = [sorted(joint["inputs"]) for joint in joints]
     assert chosen == [["q:J1", "tau:J1"], ["q:J1", "q:J2", "q:J3"], ["q:J3"]]
-
-
-def test_target_position_learns_the_position_itself(tmp_path: Path, run: Path) -> None:
-    fit_json(Path(copy(run, tmp_path)), "--model", "linear", "--target", "position")
-    joints = evaluate_json(tmp_path / "out.npz", run)["joints"]
-    assert all(joint["rmse"] < 0.1 * joint["offset_rmse"] for joint in joints)
 
 
 def test_rows_beyond_the_error_limit_are_left_out(tmp_path: Path) -> None:
@@ -227,23 +212,6 @@ def test_recordings_of_different_joints_are_refused(run: Path, tmp_path: Path) -
     names = simulated_arm.write(tmp_path / "named.npz", joint_names=["a", "b", "c"])
     message = refusal("fit", run, names, "--model", "linear", "--out", tmp_path / "m.npz")
     assert 'recording "named" has no joint "J1"; it has a [rad], b [rad], c [m]' in message
-
-
-OTHER_JOINTS = "the model is for J1 [rad], J2 [rad], J3 [m]"
-SIX = np.zeros((50, 6))
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"joint_names": ["a", "b", "c"]}, OTHER_JOINTS),
-        ({"units": ["m", "rad", "rad"]}, OTHER_JOINTS),
-        ({"rows": 50, "q_des": SIX, "q_act": SIX, "units": None}, "has 6 joints; the model is for 3: J1, J2, J3"),
-    ],
-)  # fmt: skip
-def test_a_recording_of_other_joints_is_refused(model, tmp_path, changes, words) -> None:
-    other = simulated_arm.write(tmp_path / "other.npz", **changes)
-    assert words in refusal("evaluate", model, other)
 
 
 WHOLE = io.BytesIO()

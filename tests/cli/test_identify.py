@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from catenary.identification.identification_file import load_identification
-from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf
 from command_line import catenary, refusal
@@ -62,18 +61,6 @@ def test_identify_writes_parameters_card_page_and_urdf(moving_arm_logs: Path, tm
     )
     assert all(words in html for words in sections)
     assert load_urdf(urdf).tree.mass.min() > 0.0
-
-
-def test_identify_in_blocks_tests_what_it_held_out(moving_arm_logs: Path, tmp_path: Path) -> None:
-    options = ("--blocks", 2, "--rows", "0:4000", *QUICK)
-    content = identified(moving_arm_logs / "run0.npz", tmp_path / "arm.npz", *options)
-    assert content["tests"][0]["log"] == "run0 (held-out blocks)"
-    assert "run0: rows 0 to 4000 of 6000" in content["notes"]
-
-
-def test_identify_reads_parquet_logs(tmp_path: Path) -> None:
-    write_parquet(recorded(ARM, 0), tmp_path / "run.parquet")
-    assert identified(tmp_path / "run.parquet", tmp_path / "arm.npz", *QUICK)["training"][0]["log"] == "run"
 
 
 def test_check_says_what_a_parameter_file_is(parameters: Path) -> None:

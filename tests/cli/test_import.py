@@ -66,22 +66,6 @@ def test_commands_take_the_source_with_its_mapping_as_they_take_the_log(bag: Pat
     assert json.loads(shown.out.splitlines()[0])["joints"][0] == "outer_yaw"
 
 
-def test_a_project_is_calibrated_from_bags(bag: Path, tmp_path: Path) -> None:
-    from catenary.recording.import_formats.mapping import mapping_of
-    from catenary.workflows.project.folder import Project, ProjectSettings
-    from catenary.workflows.project.recordings import keep_imports, read_imports
-
-    project = Project(tmp_path / "project", ProjectSettings())
-    mapping = mapping_of(MAP[1::2], units=UNITS[1])
-    assert mapping is not None
-    with project:
-        (log,) = keep_imports(project, read_imports(project, [bag], mapping))
-        written = log.stat().st_mtime_ns
-        assert keep_imports(project, read_imports(project, [bag], mapping)) == [log]
-    assert log.stat().st_mtime_ns == written  # once
-    assert read_log(log).joint_names == ("outer_yaw", "outer_pitch", "outer_insertion")
-
-
 @pytest.mark.slow  # compiles the robot's quantities
 def test_identification_takes_a_csv_of_positions_and_torques(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)

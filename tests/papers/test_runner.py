@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from catenary.errors import InputError
-from oracles.sweep_cases import become_another_processor, become_older, calls, deadly, failing, not_plain, quick, summed
+from oracles.sweep_cases import become_older, calls, deadly, failing, not_plain, quick, summed
 from papers import runner
 from papers.experiment import Case, Result
 from papers.runner import Failure, execute, fingerprint, run_cases
@@ -194,20 +194,6 @@ def test_a_cluster_whose_last_worker_dies_is_told_and_what_killed_it_is_kept(
 
 
 @pytest.mark.slow
-def test_a_worker_on_another_processor_is_told_and_taken(
-    store: Store, begun: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    from distributed import Client
-
-    with started(1) as unlike, Client(unlike) as client:
-        client.run(become_another_processor)
-        assert run_cases(sums(begun, 1), store, cluster=unlike.scheduler_address) == []
-    (told,) = [record.getMessage() for record in caplog.records if record.name == "papers.runner"]
-    assert "last digits" in told
-    assert told.endswith(": another processor")
-
-
-@pytest.mark.slow
 def test_a_worker_with_another_source_is_refused_before_anything_runs(store: Store, begun: Path) -> None:
     from distributed import Client
 
@@ -218,10 +204,3 @@ def test_a_worker_with_another_source_is_refused_before_anything_runs(store: Sto
         with pytest.raises(InputError, match=refused):
             run_cases(sums(begun, 2), store, cluster=mixed.scheduler_address)
     assert list(begun.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_a_cluster_without_workers_is_refused(store: Store, begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "PATIENCE", 0.5)
-    with started(0) as empty, pytest.raises(InputError, match="no worker within"):
-        run_cases(sums(begun, 2), store, cluster=empty.scheduler_address)

@@ -13,6 +13,7 @@ from papers.calibration.table_2 import more_epochs
 from papers.catalog import MODULES, named
 from papers.claims import by_count, mean_and_spread
 from papers.experiment import Case, Outcomes, Scope
+from papers.results_files import judged
 from papers.store import Finished, Store, source_digest
 
 CASE = quick.case(number=3, folder="here")
@@ -155,6 +156,8 @@ def test_every_experiment_says_what_it_is_and_what_it_would_run(name: str) -> No
     assert name.startswith(f"{one.paper}-") or one.paper == "beyond"
     assert one.about
     assert one.minutes > 0.0
+    # nothing is claimed of what was not measured
+    assert {found.verdict for _, found in judged(one, Outcomes({}))} <= {"not measured"}
     for claim in one.claims:
         assert all((claim.says, claim.place, claim.published, claim.criterion))
     if not one.needs_data:

@@ -123,15 +123,6 @@ def test_a_bag_that_could_not_be_finished_keeps_another_name(journal: Path, tmp_
     assert {path.suffix for path in tmp_path.iterdir()} == {".part"}
 
 
-def test_a_topic_that_is_not_there_is_answered_with_those_that_are(journal: Path, tmp_path: Path) -> None:
-    write_group_bags(JournalReader(journal), tmp_path)
-    reader = open_recording(tmp_path / "record_ravenstate.bag")
-    with pytest.raises(FileFormatError, match=r"no topic /ext_jpos; it has /ravenstate"):
-        list(reader.messages(["/ext_jpos"]))
-    with pytest.raises(FileFormatError, match=r"no topic /x; it has /ravenstate"):
-        list(JournalReader(journal).messages(["/x"]))
-
-
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.95, 0.9999])
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
 def test_a_truncated_bag_is_refused_and_what_is_whole_is_named(bags, sent, tmp_path, kind, share) -> None:

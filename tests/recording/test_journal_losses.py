@@ -2,15 +2,9 @@
 
 import errno
 import os
-import random
 import re
 import resource
-import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,7 +15,6 @@ from catenary.recording.journal_reader import JournalReader
 from patience import until
 
 TOPICS = (JournalTopic("/a", "std_msgs/String"),)
-KILLS = 20
 
 
 @pytest.fixture
@@ -98,57 +91,3 @@ def test_a_file_that_really_cannot_grow_keeps_what_is_safe(tmp_path: Path) -> No
     assert stamps == list(range(len(stamps)))
     assert 1000 < len(stamps) < 3000
     assert f"first {len(stamps)} of 3000" in str(caught.value)
-
-
-RECORDING = """
-import mmap, os, sys, time
-from pathlib import Path
-from catenary.recording.journal import JournalTopic, JournalWriter
-os.fsync = lambda descriptor: None  # a program that is killed needs no disk, which may be busy; a power cut would
-appended = mmap.mmap(os.open(sys.argv[2], os.O_RDWR), 8)  # outlives the program, as what it has written does
-journal = JournalWriter(Path(sys.argv[1]), [JournalTopic("/a", "std_msgs/String")], max_bytes=100_000)
-print("ready", flush=True)
-count = 0
-while True:
-    now = time.time_ns()
-    journal.append("/a", now, now.to_bytes(8, "little") * 20)
-    count += 1
-    appended[:] = count.to_bytes(8, "little")
-    time.sleep(0.002)
-"""
-A_SECOND = 500  # messages of that program, however late the machine makes them
-
-
-@pytest.mark.slow
-def test_a_killed_recording_opens_and_misses_a_second_at_most(tmp_path: Path) -> None:
-    rng = random.Random(11)
-    for i in range(0, KILLS, 5):  # a few at a time
-        folders = [tmp_path / str(k) for k in range(i, min(i + 5, KILLS))]
-        with ExitStack() as running:
-            for process, folder in [(running.enter_context(_recording(folder)), folder) for folder in folders]:
-                assert process.stdout is not None
-                process.stdout.readline()
-                time.sleep(rng.uniform(0.1, 0.8))
-                process.send_signal(signal.SIGKILL)
-                process.wait()
-                appended = int.from_bytes(folder.with_suffix(".count").read_bytes(), "little")
-                reader = JournalReader(folder)
-                messages = list(reader.messages())
-                assert appended - len(messages) < A_SECOND
-                assert all(data == stamp.to_bytes(8, "little") * 20 for _, stamp, data in messages)
-                assert reader.lost == 0
-                assert reader.ends_early
-                assert any("was not closed" in problem for problem in reader.problems)
-
-
-@contextmanager
-def _recording(folder: Path) -> "Iterator[subprocess.Popen[bytes]]":
-    """A program that says when it records; killed in the end."""
-    count = folder.with_suffix(".count")
-    count.write_bytes(bytes(8))
-    command = [sys.executable, "-c", RECORDING, str(folder), str(count)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()

@@ -14,6 +14,7 @@ from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import FixedBase, SwayingBase, Wave
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SensorModel, SimulatedSensor
+from oracles.sensor_faults import NAMED
 
 UP, X, Y = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 ROLL_AND_PITCH = (Wave(math.radians(8.0), 0.1, X), Wave(math.radians(4.0), 0.14, Y, 0.7))

@@ -1,12 +1,10 @@
-"""Disks that are full, or fail, while something is written: a CatenaryError names the file and the reason, what was
+"""Disks that are full while something is written: a CatenaryError names the file and the reason, what was
 there before stays whole, nothing half written is taken for something, and with room again the same call goes on.
 """
 
 import contextlib
-import errno
 import functools
 import hashlib
-import os
 import random
 import resource
 import tempfile
@@ -29,25 +27,6 @@ def files_of_at_most(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-@contextlib.contextmanager
-def failing(call: str, number: int, after: int) -> Iterator[None]:
-    """`os.write` or `os.fsync` fails with an error from its `after`-th call on."""
-    real, left = getattr(os, call), after
-
-    def fail(*arguments: object) -> object:
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise OSError(number, os.strerror(number))
-        return real(*arguments)
-
-    setattr(os, call, fail)
-    try:
-        yield
-    finally:
-        setattr(os, call, real)
-
-
 def hashes(folder: Path) -> dict[str, str]:
     files = (path for path in folder.rglob("*") if path.is_file() and path.name != ".lock")
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
@@ -64,45 +43,6 @@ def try_as_promised(call: Callable[[], object], where: str) -> None:
             raise Fell(f"{where}: no reason in: {error}") from error
         if "/" not in str(error):
             raise Fell(f"{where}: no file in: {error}") from error
-
-
-def recorder(seed: int, folder: Path) -> None:
-    """Fill the disk while a journal is written, by its limit or by errors of write and fsync."""
-    from catenary.errors import RecordingError
-    from catenary.recording.journal import JournalTopic, JournalWriter
-    from catenary.recording.journal_reader import JournalReader
-
-    rng = random.Random(seed)
-    messages = [rng.randbytes(rng.randrange(400)) for _ in range(500)]
-    fault = (
-        files_of_at_most(rng.randrange(8000, 60_000))
-        if seed % 3 == 0
-        else failing(("write", "fsync")[seed % 3 - 1], rng.choice([errno.ENOSPC, errno.EIO]), rng.randrange(2, 12))
-    )
-    said = ""
-    with fault:
-        try:
-            journal = JournalWriter(folder / "r", [JournalTopic("/a", "std_msgs/String")], flush_interval=60.0)
-            for i, message in enumerate(messages):
-                journal.append("/a", i, message)
-                if rng.random() < 0.05:
-                    journal.flush()
-            journal.close()
-        except RecordingError as error:
-            said = str(error)
-    if not said:
-        return
-    if not any(reason in said for reason in REASONS) or str(folder) not in said:
-        raise Fell(f"neither file nor reason in: {said}")
-    safe = int(said.split("Safe are the first ")[1].split(" ")[0])
-    try:
-        found = [data for _, _, data in JournalReader(folder / "r").messages()]
-    except Exception:
-        if safe:
-            raise
-        return
-    if found[:safe] != messages[:safe] or len(found) < safe:
-        raise Fell(f"{safe} were said to be safe, {len(found)} are there")
 
 
 @functools.cache
@@ -178,7 +118,4 @@ def pipeline(seed: int, folder: Path) -> None:
         raise Fell("not all is there in the end")
 
 
-PARTS = (
-    Part("disks.recorder", 300, recorder),
-    Part("disks.pipeline", 20, pipeline, warnings_fail=False, processor_time=60.0, memory=2 * 10**9),
-)
+PARTS = (Part("disks.pipeline", 20, pipeline, warnings_fail=False, processor_time=60.0, memory=2 * 10**9),)

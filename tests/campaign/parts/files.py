@@ -175,63 +175,25 @@ def _load_model(path: Path) -> None:
 
 
 @cache
-def _plant() -> Any:
-    from catenary.simulation.cable_plant import CablePlant
-
-    return CablePlant(seed=1)
-
-
-@cache
-def _plant_state() -> bytes:
-    from catenary.simulation.plant_state import save_plant
-
-    save_plant(_plant(), path := sample("state.npz"))
-    return path.read_bytes()
-
-
-def _restore_plant(path: Path) -> None:
-    from catenary.simulation.plant_state import restore_plant
-
-    restore_plant(_plant(), path)
-
-
-@cache
-def _arrays(kind: str) -> dict[str, Any]:
-    """Return the arrays of a sound model or identification."""
+def _arrays() -> dict[str, Any]:
+    """Return the arrays of a sound model."""
     import numpy as np
 
-    whole: Path | io.BytesIO = io.BytesIO(linear_model())
-    if kind != "model":
-        from catenary.identification.identification import identify
-        from catenary.identification.identification_file import identification_card, save_identification
-        from catenary.identification.identify_options import IdentifyOptions
-        from catenary.robots.catalog import load_robot
-        from moving_arm import recorded
-
-        arm = load_robot("raven2")
-        found = identify([recorded(arm, 0)], arm, IdentifyOptions(), tests=[recorded(arm, 1)])
-        whole = sample("sound.npz")
-        save_identification(found, identification_card(found, [], ("a note",)), whole)
-    with np.load(whole) as content:
+    with np.load(io.BytesIO(linear_model())) as content:
         return dict(content)
 
 
-def inside_case(kind: str) -> Callable[[int, Path], None]:
-    """Return a case: the JSON inside a model or an identification, spoilt."""
+def model_json_case(seed: int, folder: Path) -> None:
+    """Spoil the JSON inside a model."""
+    import numpy as np
 
-    def case(seed: int, folder: Path) -> None:
-        import numpy as np
+    from catenary.workflows.check import check_file
 
-        from catenary.identification.identification_file import load_identification
-        from catenary.workflows.check import check_file
-
-        rng, arrays = random.Random(seed), dict(_arrays(kind))
-        key = rng.choice(("structure", "structure", "card"))
-        arrays[key] = np.array(spoilt_table(rng, json.loads(str(arrays[key])), toml=False).decode("utf-8", "replace"))
-        np.savez(path := folder / f"{kind}.npz", **arrays)
-        check_file(str(path)) if kind == "model" else load_identification(path)
-
-    return case
+    rng, arrays = random.Random(seed), dict(_arrays())
+    key = rng.choice(("structure", "structure", "card"))
+    arrays[key] = np.array(spoilt_table(rng, json.loads(str(arrays[key])), toml=False).decode("utf-8", "replace"))
+    np.savez(path := folder / "model.npz", **arrays)
+    check_file(str(path))
 
 
 # texts
@@ -277,61 +239,6 @@ ARM = b"""<mujoco model="arm"><compiler angle="radian"/><default><joint damping=
       <body name="hand" pos="1 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><joint name="wrist"/>
         <site name="tip"/></body></body></body></worldbody>
   <equality><joint joint1="elbow" joint2="wrist" polycoef="0 1 0 0 0"/></equality></mujoco>"""
-MOUNTING = {
-    "sensor": {"name": "imu", "range_m_s2": 20.0, "range_rad_s": 9.0},
-    "accelerometer": {"bias_m_s2": [0.1, 0.0, 0.0], "scale": [1.0, 1.01, 1.0]},
-    "gyroscope": {"bias_rad_s": [0.0, 0.01, 0.0]},
-    "mounting": {"rotation": [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]], "position_m": [0.1, 0.0, 0.2]},
-}
-STATES: dict[str, Any] = {
-    "settings.json": {
-        "robot": "raven2", "side": "left", "seed": None, "base_tilt_deg": [0.0, 1.0], "payload_kg": 0.0,
-        "direction": "J2-J3", "sparsities": [0.5, 0.25], "test_minutes": 20.0, "state_rate_hz": 30.0,
-        "connection": "simulation", "form": "generator", "namespace": "/PSM1", "train_minutes": 20.0, "columns": [],
-    },
-    "steps.json": {
-        "home": {
-            "made_from": "0" * 64, "files": ["robot/homed.npz"], "version": "1",
-            "outputs": {"robot/homed.npz": {"size": 3, "mtime_ns": 5, "sha256": "0" * 64}},
-        },
-        "record train": {"made_from": "1" * 64, "files": ["recordings/train"]},
-    },
-    "home.json": {
-        "simulated": True, "seconds": 20.0, "joint_names": ["J1", "J2"], "believed": [0.1, 0.2],
-        "external_encoders": [0.1, None], "true": [0.1, 0.2],
-    },
-    ".lock": {"host": "a", "boot": "b", "pid": 3, "command": "catenary home", "since": "now"},
-}  # fmt: skip
-
-
-def mounting_case(seed: int, folder: Path) -> None:
-    """Spoil a sensor's mounting; one that is accepted gives a finite gravity."""
-    import numpy as np
-
-    from catenary.sensing.mounting import load_mounting
-    from catenary.sensing.vector import Kind
-
-    path = folder / "mounting.toml"
-    path.write_bytes(spoilt_table(random.Random(seed), MOUNTING, toml=True))
-    if not np.isfinite(load_mounting(path).gravity(np.array([0.0, 0.0, 9.81]), Kind.FREE_FALL)).all():
-        raise Fell("a gravity is not finite")
-
-
-def project_case(seed: int, folder: Path) -> None:
-    """Spoil one of a project's files, and read it as the commands do."""
-    from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
-    from catenary.workflows.project.state import HomeFile, read_state
-
-    rng = random.Random(seed)
-    path = folder / rng.choice(list(STATES))
-    path.write_bytes(spoilt_table(rng, STATES[path.name], toml=False))
-    if path.name == "home.json":
-        read_state(path, HomeFile, "again")
-    else:
-        project = Project(folder, project_settings(folder) or ProjectSettings())
-        project.done("home", ["x"], [folder / "robot" / "homed.npz"])
-
-
 COMMANDS = (
     ("fk", "raven2", "--q-deg", "0,0,0", "--frame", "tool"), ("ik", "raven2", "--position-mm", "19,-7,-67", "--rpy-deg", "0,0,0"),
     ("gravity", "raven2", "--q", "0,0,0", "--gravity", "0,0,-9.81"), ("gravity", "raven2", "--tilt", "10,5", "--payload-kg", "0.1"),
@@ -402,14 +309,10 @@ CASES: dict[str, Callable[[int, Path], None]] = {
     "parquet_log": byte_case("log.parquet", _parquet, _read_log, _damaged_parquet),
     "csv": byte_case("raven.csv", lambda: _csv().read_bytes(), _read_log, _damaged_csv),
     "model_npz": byte_case("model.npz", linear_model, _load_model, _repacked),
-    "robot_state_npz": byte_case("state.npz", _plant_state, _restore_plant, _repacked),
-    "model-json": inside_case("model"),
-    "identification-json": inside_case("identification"),
+    "model-json": model_json_case,
     "robot-toml": robot_toml_case,
     "urdf": byte_case("robot.urdf", _urdf, _use, lambda rng, text: spoilt_xml(rng, text.decode())),
     "mjcf": byte_case("robot.xml", lambda: ARM, _use, lambda rng, text: spoilt_xml(rng, text.decode())),
-    "mounting": mounting_case,
-    "project": project_case,
 }
 PARTS = (
     *(

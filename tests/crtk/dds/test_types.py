@@ -8,7 +8,6 @@ from rosbags.typesys import Stores, get_typestore
 
 from catenary.crtk.dds import types as names
 from catenary.crtk.dds.types import DISTRIBUTIONS, distribution, message_hash
-from catenary.crtk.message import header, message_class
 from catenary.crtk.message_bytes import CDR, codec
 from catenary.errors import InputError
 from catenary.recording.messages import MESSAGES, current_name
@@ -28,37 +27,6 @@ def test_messages_of_every_type_pass_as_they_are(robot: Any) -> None:
         message = codec(name, CDR).decode(codec(name, CDR).encode(random_message(name, rng)))  # without seq
         publisher.publish(message)
         assert_same(heard[name].take(PATIENCE)[0].message, message)
-
-
-def test_a_joint_state_is_read_by_another_programs_types(robot: Any, peer: Any) -> None:
-    from oracles.cyclone_peer import JointState
-
-    reader = peer.reader("rt/joints", JointState)
-    publisher = robot.publisher("/joints", "sensor_msgs/JointState")
-    until(lambda: robot.connections("/joints").subscribers)
-    stamp = 1_700_000_000_123_456_789
-    publisher.publish(
-        message_class("sensor_msgs/JointState")(
-            header(stamp, "base"), JOINTS, np.array([0.1, -0.2, 0.3]), (), np.ones(3)
-        )
-    )
-    got = reader.take_one(timeout=round(PATIENCE * 1e9))
-    assert (got.header.stamp.sec, got.header.stamp.nanosec) == divmod(stamp, 10**9)
-    assert (got.header.frame_id, tuple(got.name)) == ("base", JOINTS)
-    assert (got.position, got.velocity, got.effort) == ([0.1, -0.2, 0.3], [], [1.0, 1.0, 1.0])
-
-
-def test_a_joint_state_of_another_programs_types_is_read(robot: Any, peer: Any) -> None:
-    from oracles.cyclone_peer import Header, JointState, Time
-
-    heard = robot.subscribe("/joints", "sensor_msgs/JointState")
-    writer = peer.writer("rt/joints", JointState)
-    until(lambda: robot.connections("/joints").publishers)
-    writer.write(JointState(Header(Time(5, 7), "tip"), list(JOINTS), [1.0, 2.0, 3.0], [], [0.5]))
-    ((got, _),) = heard.take(PATIENCE)
-    assert (got.header.stamp, got.header.frame_id, got.name) == (5_000_000_007, "tip", JOINTS)
-    np.testing.assert_array_equal(got.position, [1.0, 2.0, 3.0])
-    np.testing.assert_array_equal(got.effort, [0.5])
 
 
 def test_every_type_has_ros_2s_name_which_is_read_back_and_no_key() -> None:

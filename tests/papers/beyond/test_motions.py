@@ -16,12 +16,10 @@ from catenary.trajectories.sinusoids import FASTEST, SLOWEST
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.gravity.simulated_arm import rigid_arm
 from catenary.workflows.robot.motion import move_to
-from papers.beyond import accuracy_latency_drift as picture
 from papers.beyond import paths
 from papers.beyond.bases import AXES, BASES, DIFFERENCE, GRAVITY, SetBase, with_gravity
 from papers.beyond.calibrated_gravity import CalibratedGravity
 from papers.beyond.designed_motion import crossings, designed
-from papers.beyond.latency import latencies
 from papers.beyond.registration import (
     ELBOW_FIRST,
     HOME_POSE,
@@ -171,10 +169,3 @@ def test_gravity_is_computed_at_the_calibrated_joints() -> None:
     expected = gravity_torque(arm.model, at + shift, gravity)
     assert_allclose(controller.feedforward, expected, atol=1e-9)
     assert_allclose(found - expected, arm.gains.kp * error, atol=1e-9)  # PD stays on reported joints
-
-
-@pytest.mark.slow
-def test_every_method_is_timed() -> None:
-    found = latencies(sparsity=1 / 2, seconds=4.0, every=20)
-    assert set(found) == set(picture.METHODS)
-    assert all(value > 0.0 for value in found.values())

@@ -3,23 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from papers.beyond.rules import (
-    AFTERWARDS,
-    AUTO,
-    EITHER,
-    LEAST,
-    MEANS,
-    OURS,
-    REGIONS,
-    WEIGHTED,
-    WIDEST,
-    WITHOUT,
-    choice_table,
-    elsewhere_table,
-    half_widths,
-    interval_table,
-    regions,
-)
+from papers.beyond.rules import MEANS, OURS, WEIGHTED, WIDEST, WITHOUT, half_widths, regions
 
 
 def errors(rows: int = 1000, joints: int = 2) -> np.ndarray:
@@ -50,19 +34,3 @@ def test_regions_part_positions_that_lie_apart() -> None:
     found = regions(np.repeat(middles, 20, axis=0) + 0.01 * errors(100))
     assert [len(np.unique(part)) for part in np.split(found, 5)] == [1] * 5
     assert len(np.unique(found)) == 5
-
-
-def test_tables_count_what_is_within_the_bound_and_what_one_kind_could_reach() -> None:
-    rmse = [{"offset": [2.0], "linear": [1.0]}, {"offset": [1.0], "linear": [1.2]}, {"offset": [3.0], "linear": [1.0]}]
-    held = {"linear, play": {OURS: [0.9]}, "neural": {OURS: [0.97]}}
-    tests = [{"rmse": each, "chosen": {AUTO: ["linear"], LEAST: ["offset"]}, "held": held} for each in rmse]
-    rows = {row[0]: row[1:] for row in choice_table([("random_train", tests)]).rows}
-    assert rows[AUTO][:2] == ["2 of 3", "2 of 3"]
-    assert rows[LEAST][0] == "1 of 3"
-    assert rows[AFTERWARDS][0] == "2 of 3"
-    assert interval_table([("error_exp1", tests)]).rows == [[OURS, "3, 3, 0 of 6", "-", "1, 1, 0 of 2", "93.5 %"]]
-    result = {
-        "tests": dict(zip("abc", rmse, strict=True)),
-        "chosen": {rule: ["linear"] for rule in (AUTO, LEAST, REGIONS, EITHER)},
-    }
-    assert elsewhere_table([result]).rows[0] == [AUTO, "2 of 3", "1.063", "1.20"]

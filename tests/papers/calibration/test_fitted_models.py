@@ -10,7 +10,6 @@ from catenary import MotionLog
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs
-from catenary.calibration.model import Target
 from catenary.calibration.neural import PAPER
 from catenary.calibration.predictors import Network, fit_polynomial
 from catenary.dynamics.kinematics import jacobian
@@ -22,8 +21,8 @@ from papers.calibration.inputs import SIXTEEN
 from papers.calibration.networks import network_model, parameters
 from papers.calibration.peer_hours import PEERS, peer_hours
 from papers.calibration.peers.rows import rows_of_log
-from papers.calibration.recordings import METHODS, NETWORK, fitted, rows_of, unguarded
-from papers.calibration.six_hours import joint_rmse, left_by, six_hours, tip_rmse
+from papers.calibration.recordings import METHODS, fitted, rows_of, unguarded
+from papers.calibration.six_hours import tip_rmse
 from recordings import recording as made
 
 
@@ -59,35 +58,8 @@ def test_tip_error_of_small_joint_errors_is_that_of_the_jacobian(rng: np.random.
     assert_allclose(distance, np.sqrt(x**2 + y**2 + z**2), rtol=1e-4)
 
 
-@pytest.mark.parametrize("target", ["error", "position"])
-def test_without_a_guard_a_model_is_its_predictor_and_with_it_the_same_where_it_knows_the_ground(
-    target: Target, rng: np.random.Generator
-) -> None:
-    train, test = a_log(rng), a_log(rng)
-    model = fitted([train], FitOptions(kind="linear", inputs=METHODS["linear"].inputs, target=target))
-    data = rows_of(model, test)
-    known = model.inside(data.X).all(axis=1)
-    assert known.any()
-    # the made-up error is linear in the torques
-    free = left_by(unguarded(model), data)
-    assert_allclose(free, 0.0, atol=1e-9)
-    assert_allclose(left_by(model, data)[known], free[known], atol=1e-12)
-
-
 def test_networks_have_the_papers_sizes() -> None:
     assert sizes() == published.PARAMETERS
-
-
-def test_errors_are_in_degrees_and_millimetres() -> None:
-    assert_allclose(joint_rmse(np.tile([np.pi / 180.0, np.pi / 90.0, 0.003], (5, 1))), [1.0, 2.0, 3.0])
-
-
-@pytest.mark.slow
-def test_models_halve_what_the_offset_leaves_in_a_tiny_session() -> None:
-    found = six_hours(None, "idle", ["1/2"], ["linear", NETWORK], [0], "error", "16", zigzags=[2], hour_seconds=120.0)
-    for hour in range(2):
-        offset, linear = (np.array(found[name]["1/2"][hour]["errors"]) for name in ("fixed offset", "linear"))
-        assert (linear < 0.5 * offset).all()
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.predictors import Linear, Network
-from papers.calibration import figure_3, sessions
+from papers.calibration import figure_3
 from papers.calibration.homings import home_here, random_tests, stay
 from papers.calibration.inputs import ALL_138, SIXTEEN
 from papers.calibration.peer_hours import at_rows
@@ -109,18 +109,6 @@ def test_some_rows_of_a_recording_keep_every_column() -> None:
     assert few.ok.tolist() == [False, True]
 
 
-@pytest.mark.slow
-def test_the_motion_does_not_depend_on_how_often_it_is_sampled() -> None:
-    often, seldom = (
-        sessions.recorded(None, "unloaded", zigzags=[2], hour_seconds=20.0, test_rate=rate).test[5]
-        for rate in (1000.0, 2.0)
-    )
-    for j in range(3):
-        told = np.interp(seldom.time, often.time, often.q_nominal[:, j])
-        # linear between samples of 1 ms
-        np.testing.assert_allclose(told, seldom.q_nominal[:, j], atol=1e-5)
-
-
 @pytest.fixture(scope="module")
 def log() -> MotionLog:
     plant = CablePlant(substeps=1)
@@ -149,11 +137,3 @@ def test_the_network_has_the_papers_number_of_parameters(log, inputs, parameters
     network = group.predictor
     assert isinstance(network, Network)
     assert sum(array.size for array in (*network.weights, *network.biases)) == parameters
-
-
-def test_every_number_of_the_arms_state_is_carried_once(log: MotionLog) -> None:
-    assert len(set(ALL_138)) == 138
-    assert {"mpos:shoulder", "pos:x", "ori:33", "green_jpos:jaw2", "dt"} <= set(log.signals)
-    moved = [name for name in ALL_138 if name in log.signals and np.ptp(log.signals[name]) > 0.0]
-    assert {"encVals:elbow", "mvel:insertion", "mpos_d:roll", "pos:z"} <= set(moved)
-    assert not {"q:unused", "tau:unused", "green_jpos:elbow"} & set(moved)

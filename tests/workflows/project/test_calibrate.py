@@ -88,16 +88,6 @@ def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path],
     assert calibrated(tmp_path / "project", [train], [days[1]]).repeated == FITS
 
 
-def test_an_error_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
-    perfect, exact = (
-        simulated_arm.write(tmp_path / f"{seed}.npz", seed=seed, q_act=simulated_arm.arrays(seed=seed)["q_des"])
-        for seed in (2, 3)
-    )
-    run = FitRun(accept=("copied",))
-    rows = comparison_table(calibrated(tmp_path / "project", [perfect], [exact], run=run).evaluations).rows
-    assert not any("nan" in cell for row in rows for cell in row)
-
-
 def test_unfit_tests_are_refused_before_anything_is_fitted(days: tuple[Path, Path], tmp_path: Path) -> None:
     project, train, copied = tmp_path / "project", list(days), tmp_path / "copy.npz"
     copied.write_bytes(train[0].read_bytes())
@@ -110,12 +100,6 @@ def test_unfit_tests_are_refused_before_anything_is_fitted(days: tuple[Path, Pat
         with pytest.raises(InputError, match=words):
             calibrated(project, train, test)
     assert not (project / "models").exists()
-
-
-def test_page_says_how_many_inputs_models_take_beside_the_papers(finished: CalibrationResult) -> None:
-    page = finished.page.read_text()
-    assert ">inputs</th>" in page
-    assert "paper, 16 inputs: J1 [deg]" in page
 
 
 def test_inputs_of_models_are_told_joint_by_joint_where_they_differ(finished: CalibrationResult) -> None:
