@@ -9,7 +9,10 @@ TABLE = ROOT / "tests" / "truth" / "table.md"
 PAGE = ROOT / "docs" / "truth.md"
 VERDICTS = ("holds", "named", "refused", "FAILS")
 HEADINGS = ("holds", "doubt named", "refused", "fails")
-WINDOWS = {"check": "untouched windows of 2 and 5 minutes, checked", "refresh": "refreshed with 2 minutes of another day"}
+WINDOWS = {
+    "check": "untouched windows of 2 and 5 minutes, checked",
+    "refresh": "refreshed with 2 minutes of another day",
+}
 _BLOCK = re.compile(r"(<!-- bench -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
