@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from tests.campaign.parts.sensors import NAMED
 
 from catenary.errors import InputError
 from catenary.sensing.bases import BASES, BaseSpectrum, rules_for
