@@ -26,7 +26,7 @@ def check(
 ) -> None:
     """Say what a file is and what is wrong with it.
 
-    The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
+    The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xacro, .xml, .mjcf files;
     models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv. A recording gets the verdict that
     catenary fit begins with, mended by the same options. --json prints facts as numbers with units (docs/formats.md).
 

@@ -35,7 +35,7 @@ from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.stamps import stamp_findings
 
-ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
+ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf")
 FORMAT = "catenary.check.1"  # of what --json prints
 REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
 LONG_GAP = 10.0  # times the median step between stamps
