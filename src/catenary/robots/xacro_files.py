@@ -18,7 +18,7 @@ def expanded_xacro(path: Path) -> bytes:
         FileFormatError: It cannot expand the file; the message is its own.
     """
     try:
-        import xacro  # type: ignore[import-not-found,unused-ignore]
+        import xacro
     except ImportError:
         text = _by_command(path)
     else:
