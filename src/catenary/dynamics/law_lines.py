@@ -3,6 +3,8 @@
 What `ActuationLoads.torque` and `forward_dynamics` compute on numbers, traced for other systems.
 """
 
+from collections.abc import Iterable, Sequence
+
 from catenary.arrays import Floats
 from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads
 from catenary.dynamics.lines import Placed, Terms, mass_matrix_terms, newton_euler_terms, placed, total
@@ -10,6 +12,8 @@ from catenary.errors import InputError
 from catenary.kernels.tracing import Line, Term, Trace
 from catenary.robots.actuation import ActuationTerm
 from catenary.robots.model import RobotModel
+
+Rates = Sequence[Term] | Terms
 
 
 def feedforward_line(model: RobotModel, loads: ActuationLoads | None) -> Line:
@@ -57,37 +61,62 @@ def forward_dynamics_line(model: RobotModel, loads: ActuationLoads | None) -> Li
     return p.trace.line(x)
 
 
-def _with_loads(p: Placed, loads: ActuationLoads, qd: Terms, qdd: Terms | list[float], links: list[Term]) -> list[Term]:
+def friction_line(loads: ActuationLoads) -> Line:
+    """Trace the torques (n,) of friction and constants; inputs qd (n,), and where it depends on it carried (n,)."""
+    trace, n = Trace(), loads.n
+    qd = trace.inputs("qd", n)
+    return trace.line(_friction_terms(trace, loads, qd, trace.inputs("carried", n) if loads.depends_on_load else qd))
+
+
+def drives_line(loads: ActuationLoads) -> Line:
+    """Trace the torques (n,) of rotors, springs and known torques; inputs q and qdd (n,)."""
+    trace = Trace()
+    return trace.line(_drive_terms(trace, loads, trace.inputs("q", loads.n), trace.inputs("qdd", loads.n)))
+
+
+def _with_loads(p: Placed, loads: ActuationLoads, qd: Terms, qdd: Rates, links: list[Term]) -> list[Term]:
     """Return the torques of links with what friction, rotors, springs and known torques ask besides."""
-    q, trace = p.q, p.trace
-    out = list(links)
+    carried = [a + b for a, b in zip(links, _drive_terms(p.trace, loads, p.q, qdd), strict=True)]
+    return [a + b for a, b in zip(carried, _friction_terms(p.trace, loads, qd, carried), strict=True)]
 
-    def add(along: Floats, load: Term) -> None:
-        for k, factor in enumerate(along):
-            if factor != 0.0:
-                out[k] = out[k] + load * float(factor)
 
+def _drive_terms(trace: Trace, loads: ActuationLoads, q: Terms, qdd: Rates) -> list[Term]:
+    out: list[Term] = [0.0] * loads.n
     for known in loads.actuation.known_torques:
         s = _along(known.combination, q)
         load: Term = 0.0
         for coefficient in known.polynomial:
             load = load * s + float(coefficient)
-        add(known.along, load)
-    numbered = list(zip(loads.terms, map(float, loads.values), strict=True))
-    for term, value in numbered:
+        _add(out, known.along, load)
+    for term, value in _numbered(loads):
         if term.kind == "motor_inertia":
-            add(term.combination, value * _along(term.combination, qdd))
+            _add(out, term.combination, value * _along(term.combination, qdd))
         elif term.kind == "spring":
-            add(term.combination, value * _spring(trace, term, _along(term.combination, q)))
-    carried = list(out)
-    for term, value in numbered:
-        if term.kind in (*SLIDING, "offset"):
-            rate = _along(term.combination, qd)
-            add(term.combination, value * _friction(trace, term, rate, carried, loads.actuation.coulomb_velocity))
+            _add(out, term.combination, value * _spring(trace, term, _along(term.combination, q)))
     return out
 
 
-def _friction(trace: Trace, term: ActuationTerm, rate: Term, carried: list[Term], smooth: float) -> Term:
+def _friction_terms(trace: Trace, loads: ActuationLoads, qd: Terms, carried: Rates) -> list[Term]:
+    out: list[Term] = [0.0] * loads.n
+    for term, value in _numbered(loads):
+        if term.kind in (*SLIDING, "offset"):
+            rate = _along(term.combination, qd)
+            load = _friction(trace, term, rate, carried, loads.actuation.coulomb_velocity)
+            _add(out, term.combination, value * load)
+    return out
+
+
+def _numbered(loads: ActuationLoads) -> Iterable[tuple[ActuationTerm, float]]:
+    return zip(loads.terms, map(float, loads.values), strict=True)
+
+
+def _add(out: list[Term], along: Floats, load: Term) -> None:
+    for k, factor in enumerate(along):
+        if factor != 0.0:
+            out[k] = out[k] + load * float(factor)
+
+
+def _friction(trace: Trace, term: ActuationTerm, rate: Term, carried: Rates, smooth: float) -> Term:
     if term.kind == "offset":
         return 1.0
     if term.kind == "viscous":
@@ -113,5 +142,5 @@ def _spring(trace: Trace, term: ActuationTerm, s: Term) -> Term:
     return r * h * sine * (1.0 - term.lever.rest * trace.apply("inverse", length))
 
 
-def _along(combination: Floats, values: Terms | list[float] | list[Term]) -> Term:
+def _along(combination: Floats, values: Rates) -> Term:
     return total(values[k] * float(factor) for k, factor in enumerate(combination) if factor != 0.0)

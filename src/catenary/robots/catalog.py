@@ -28,8 +28,8 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
     """Load a robot by catalogue name, from a file, or from the text of a URDF.
 
     Args:
-        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, MJCF (`.xml`, `.mjcf`) or the `.npz` that
-            identification wrote, or URDF itself, as ROS has it in `robot_description`.
+        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, `.xacro`, MJCF (`.xml`, `.mjcf`) or the
+            `.npz` that identification wrote, or URDF itself, as ROS has it in `robot_description`.
         massless: Links that have no inertia in the file and are meant to have none; "all" for all such.
         strict: Refuse what is doubtful: inertias that no body has, masses of zero, lengths that no arm has. Otherwise
             the model names them in `doubts`, they are logged, and what would be wrong with them is refused when it is
@@ -66,10 +66,15 @@ def _load(source: str | Path, massless: Massless) -> RobotModel:
 
 
 def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a `.toml`, `.urdf`, `.xml`, `.mjcf` or `.npz` file; an `.xml` may hold either XML kind."""
+    """Load a robot from a `.toml`, `.urdf`, `.xacro`, `.xml`, `.mjcf` or `.npz` file; an `.xml` may hold both kinds."""
     kind = path.suffix.lower()
     # each reader is imported when its kind of file comes: a table needs neither an XML nor a MuJoCo reader
     if kind == ".toml":
+        from catenary.robots.described import as_described, described_table, description_of
+
+        if (described := described_table(path)) is not None:
+            model = load_file(description_of(path, described), massless=massless or described.massless)
+            return as_described(model, path, described)
         from catenary.robots.dh_table import load_table
 
         return load_table(path, massless=massless)
@@ -78,9 +83,9 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
 
         return load_identified(path, massless=massless)
     if kind == ".xacro":
-        from catenary.robots.urdf import XACRO_HINT
+        from catenary.robots.urdf import load_xacro
 
-        raise FileFormatError(f"{path}: {XACRO_HINT}")
+        return load_xacro(path, massless=massless)
     if kind in (".urdf", ".xml", ".mjcf"):
         root = xml_root_tag(read_bounded(path, MOST_XML), str(path))
         if root == "robot":
@@ -92,7 +97,7 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
 
             return load_mjcf(path, massless=massless)
         raise FileFormatError(f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)")
-    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml, .mjcf or .npz')
+    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xacro, .xml, .mjcf or .npz')
 
 
 def load_text(text: str, *, massless: Massless = ()) -> RobotModel:

@@ -17,6 +17,7 @@ from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
+from catenary.robots.described import described_table, description_of
 from catenary.robots.dh_table import RobotTable
 from catenary.robots.geometry import (
     Ball,
@@ -38,6 +39,7 @@ from catenary.robots.mjcf import CompiledMjcf, compile_mjcf, included_files, ref
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf import urdf_root
 from catenary.robots.urdf_elements import named_elements, number_of, numbers_of, origin_of
+from catenary.robots.xacro_files import expanded_xacro
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 Kind = Literal["collision", "visual"]
@@ -84,7 +86,11 @@ def described_geometry(
             return table_shapes(table, model)
     path = Path(source)
     if path.suffix.lower() == ".toml":
-        return table_shapes(path, model)
+        if (described := described_table(path)) is None:
+            return table_shapes(path, model)
+        path = description_of(path, described)
+    if path.suffix.lower() == ".xacro":
+        return urdf_shapes(expanded_xacro(path), str(path), model, path, packages, kind)
     if path.suffix.lower() not in DESCRIPTIONS:
         return None
     content = read_bounded(path, MOST_XML)

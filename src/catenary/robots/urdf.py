@@ -16,6 +16,7 @@ from catenary.robots.mimic_joints import Mimic, resolve_mimics
 from catenary.robots.model import Massless, RobotModel
 from catenary.robots.urdf_drives import srdf_rotors, stated_drives
 from catenary.robots.urdf_elements import named_elements, number_of, numbers_of, origin_of
+from catenary.robots.xacro_files import expanded_xacro
 from catenary.spatial import Pose
 
 XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
@@ -40,6 +41,13 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     """
     content = read_bounded(path, MOST_XML)
     return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)], path=path)
+
+
+def load_xacro(path: Path, *, massless: Massless = ()) -> RobotModel:
+    """Load a robot from a xacro file, which xacro expands with its default arguments."""
+    content = read_bounded(path, MOST_XML)
+    text = expanded_xacro(path)
+    return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
 def parse_urdf(

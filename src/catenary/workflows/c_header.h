@@ -1,22 +1,4 @@
 {# What c_header.py writes of a robot, its actuation and its calibration; lines and numbers come from there. #}
-{% macro effects(found) %}
-{% for one in found %}
-  { /* {{ one.what | comment }} */
-{% if one.s %}
-    const double s = {{ one.s }};
-{% endif %}
-    const double load = {{ one.load }};
-{% for joint, factor in one.put %}
-    out[{{ joint }}] += {{ factor }}load;
-{% endfor %}
-  }
-{% endfor %}
-{% endmacro %}
-{% macro zeros() %}
-{% for joint in range(n) %}
-  out[{{ joint }}] = 0.0;
-{% endfor %}
-{% endmacro %}
 /* {{ what }}, written by catenary. C99 and C++11; needs math.h, takes no memory.
    Compile without -ffast-math. Angles in rad, lengths in m.
    Joints: {{ known | joints }}. */
@@ -72,16 +54,10 @@
 {% if loads %}
 /* Friction: torques out[{{ n }}] [Nm, N] that it asks of the actuators at speeds qd[{{ n }}], as
    identified. {{ sliding }}.{% if loads.depends_on_load %} It grows with carried[{{ n }}], the torques of links and drives.{% endif %} */
-static inline void {{ name }}_friction(const double *qd, {{ "const double *carried, " if loads.depends_on_load }}double *out) {
-{{ zeros() }}{{ effects(friction) }}  (void)qd;
-}
-
-/* Rotors, springs and known torques: torques out[{{ n }}] [Nm, N] beyond links and friction. */
-static inline void {{ name }}_drives(const double *q, const double *qdd, double *out) {
-{{ zeros() }}{{ effects(drives) }}  (void)q;
-  (void)qdd;
-}
-
+{{ function("friction", friction) }}
+/* Rotors, springs and known torques: torques out[{{ n }}] [Nm, N] beyond links and friction. All effects:
+   {{ effects | comment }}. */
+{{ function("drives", drives) }}
 {% endif %}
 /* The whole law in one call: the torques out [Nm, N] that a wanted motion q, qd, qdd asks of the actuators. omega and
    alpha may be NULL on a base that does not turn. {{ "Friction and drives are in it." if loads else "No friction is known of this robot." }} */

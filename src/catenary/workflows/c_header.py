@@ -1,28 +1,25 @@
 """A robot, its actuation and its calibration model as one C header for the control loop of a real robot.
 
 The header's text is c_header.h, a template. Every rigid quantity in it is a traced line (dynamics/lines.py) that
-kernels/c99.py writes, so the law stands in no second place. Friction, rotors, springs and known torques are a block for
-each effect, under its name and with its numbers to read and change, as `ActuationLoads.torque` computes them
-(dynamics/actuation_loads.py).
+kernels/c99.py writes, and so are friction, rotors, springs and known torques (dynamics/law_lines.py): the law stands in
+no second place.
 """
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
-from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment
 
-from catenary.arrays import Floats
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.dynamics.actuation_loads import SLIDING, ActuationLoads, known_loads
+from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
+from catenary.dynamics.law_lines import drives_line, friction_line
 from catenary.dynamics.lines import (
     gravity_line,
     gravity_regressor_line,
@@ -36,11 +33,8 @@ from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.c99 import c_comment, c_function, c_name, c_sines
 from catenary.kernels.tracing import evaluate
 from catenary.plant import Jointed
-from catenary.robots.actuation import ActuationTerm, KnownTorque
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
-
-FRICTION = (*SLIDING, "offset")
 
 
 @dataclass(frozen=True)
@@ -160,7 +154,14 @@ def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None)
     how = "has the sign of the speed, and is none at rest"
     if smooth > 0.0:
         how = f"goes through zero as tanh(speed / {smooth!r})"
-    return told | {"sliding": f"Coulomb friction {how}", "friction": _friction(loads), "drives": _drives(loads)}
+    effects = ", ".join(f"{term.kind} {term.name}" for term in loads.terms)
+    effects += "".join(f", known torque {known.name}" for known in loads.actuation.known_torques)
+    return told | {
+        "sliding": f"Coulomb friction {how}",
+        "effects": effects,
+        "friction": friction_line(loads),
+        "drives": drives_line(loads),
+    }
 
 
 def _correction(model: CalibrationModel, corrector: Corrector, name: str, rate_hz: float) -> dict[str, Any]:
@@ -201,86 +202,6 @@ def _other_joints(robot: Jointed, calibration: CalibrationModel) -> list[str]:
         f"the calibration model's joints {', '.join(missing)} are none of the robot's, {_joints(robot)}; "
         "the two are exported side by side"
     ]
-
-
-class CBlock(NamedTuple):
-    """One effect of actuation in C: its load on s, a sum of joints, and the factor with which each joint feels it."""
-
-    what: str
-    s: str  # empty where the load does not depend on it
-    load: str
-    put: list[tuple[int, str]]
-
-
-def _effect(what: str, combination: Floats, of: str, load: str, along: Floats | None = None) -> CBlock:
-    """Return an effect on s = c . q, qd or qdd, put out along c, or along another combination."""
-    s = _sum_of_joints(combination, of) if re.search(r"\bs\b", load) else ""
-    put = combination if along is None else along
-    return CBlock(what, s, load, [(k, _factor(c)) for k, c in enumerate(put.tolist()) if c != 0.0])
-
-
-def _friction(loads: ActuationLoads) -> list[CBlock]:
-    """Return what friction and constants ask of the actuators, in steady sliding."""
-    smooth, found = loads.actuation.coulomb_velocity, []
-    pairs = [pair for pair in _numbered(loads) if pair[0].kind in FRICTION]
-    for name, group in groupby(pairs, key=lambda pair: pair[0].name):
-        effect = list(group)
-        load = " + ".join(_sliding(term, value, smooth) for term, value in effect)
-        found.append(_effect(f"friction {name}", effect[0][0].combination, "qd", load))
-    return found
-
-
-def _drives(loads: ActuationLoads) -> list[CBlock]:
-    """Return what rotors, springs and known torques ask of the actuators."""
-    found = []
-    for term, value in _numbered(loads):
-        if term.kind not in FRICTION:
-            of = "qdd" if term.kind == "motor_inertia" else "q"
-            found.append(_effect(f"{term.kind} {term.name}", term.combination, of, _drive(term, value)))
-    return found + [_known(term) for term in loads.actuation.known_torques]
-
-
-def _numbered(loads: ActuationLoads) -> Iterable[tuple[ActuationTerm, float]]:
-    return zip(loads.terms, map(float, loads.values), strict=True)
-
-
-def _sliding(term: ActuationTerm, value: float, smooth: float) -> str:
-    if term.kind == "viscous":
-        return f"{value!r} * s"
-    if term.kind == "asymmetric":
-        return f"{value!r} * fabs(s)"
-    if term.kind == "offset":
-        return repr(value)
-    step = f"{value!r} * " + (f"tanh(s / {smooth!r})" if smooth > 0.0 else "(s > 0.0 ? 1.0 : s < 0.0 ? -1.0 : s)")
-    if term.kind == "stribeck":
-        return f"{step} * exp(-(s / {term.scale!r}) * (s / {term.scale!r}))"
-    if term.kind == "load":
-        c = term.combination
-        return f"{step} * fabs({_sum_of_joints(c, 'carried')}) / {float(c @ c)!r}"
-    return step
-
-
-def _drive(term: ActuationTerm, value: float) -> str:
-    if term.lever is None:
-        return f"{value!r} * s"
-    r, h, rest, angle = term.lever.arm, term.lever.anchor, term.lever.rest, term.lever.angle
-    length = f"sqrt({r**2 + h**2!r} - {2.0 * r * h!r} * cos({angle!r} + s))"
-    return f"{value * r * h!r} * sin({angle!r} + s) * (1.0 - {rest!r} / {length})"
-
-
-def _known(term: KnownTorque) -> CBlock:
-    load = repr(float(term.polynomial[0]))
-    for coefficient in term.polynomial[1:]:
-        load = f"({load} * s + {float(coefficient)!r})"
-    return _effect(f"known torque {term.name}", term.combination, "q", load, term.along)
-
-
-def _sum_of_joints(combination: Floats, of: str) -> str:
-    return " + ".join(f"{_factor(c)}{of}[{k}]" for k, c in enumerate(combination.tolist()) if c != 0.0)
-
-
-def _factor(c: float) -> str:
-    return "" if c == 1.0 else f"{c!r} * "
 
 
 def _values(numbers: Iterable[float]) -> str:

@@ -1,0 +1,83 @@
+"""Robot tables beside a URDF or MJCF: what the description lacks, its actuation above all, or an arm cut out of it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field, JsonValue
+
+from catenary.config import Settings, load_toml, parse_settings
+from catenary.documents import MOST_TOML, read_bounded, toml_table
+from catenary.errors import ConfigError, FileFormatError, InputError
+from catenary.robots.actuation import Actuation, check_actuation
+from catenary.robots.assembly import file_source
+from catenary.robots.cut import cut_arm, lock_joints
+from catenary.robots.model import RobotModel
+
+DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
+
+
+class DescribedRobot(Settings):
+    """A robot whose links stand in another file."""
+
+    description: str  # the file, beside the table
+    name: str | None = None
+    base: str | None = None  # with `tip`: the arm between these frames, on its own base
+    tip: str | None = None
+    locked_deg: dict[str, float] = Field(default_factory=dict)  # turning joints that are held
+    locked_m: dict[str, float] = Field(default_factory=dict)  # sliding ones
+    massless: tuple[str, ...] = ()
+    # in place of what the description states, on the joints that are left
+    actuation: dict[str, JsonValue] | None = None
+
+
+def described_table(path: Path) -> DescribedRobot | None:
+    """Return the table in a TOML file that names a description; None where the file is a DH table or no TOML."""
+    content = read_bounded(path, MOST_TOML)
+    try:
+        names_one = b"description" in content and "description" in toml_table(content, str(path))
+    except FileFormatError:
+        return None
+    return load_toml(path, DescribedRobot) if names_one else None
+
+
+def description_of(path: Path, table: DescribedRobot) -> Path:
+    """Return the file of a table's description."""
+    place = path.parent / table.description
+    if place.suffix.lower() not in DESCRIPTIONS or not place.is_file():
+        raise ConfigError(
+            f'{path}: description "{table.description}": expected a {", ".join(DESCRIPTIONS)} file beside it'
+        )
+    return place
+
+
+def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotModel:
+    """Return the robot of a description as its table has it."""
+    try:
+        locked = {name: float(np.deg2rad(angle)) for name, angle in table.locked_deg.items()} | table.locked_m
+        for name in [*table.locked_deg, *table.locked_m]:
+            if name in model.joint_names:
+                unit = model.joint_units[model.joint_names.index(name)]
+                if (unit == "rad") != (name in table.locked_deg):
+                    raise InputError(
+                        f'"{name}" is in {unit}: expected {"locked_deg" if unit == "rad" else "locked_m"} for it'
+                    )
+        if table.base is not None:
+            model = cut_arm(model, table.base, table.tip or model.tip, locked=locked)
+        elif locked:
+            model = lock_joints(model, locked)
+        changes: dict[str, object] = {"tip": model.tip}
+        if table.tip is not None:
+            model.frame(table.tip)
+            changes["tip"] = table.tip
+        if table.name is not None:
+            changes["name"] = table.name
+        if table.actuation is not None:
+            where = f"{path}: actuation"
+            actuation = parse_settings(table.actuation, Actuation, where, context=model.joint_names)
+            check_actuation(where, actuation, model.n)
+            changes["actuation"] = actuation
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    sources = (*model.sources, file_source(path, read_bounded(path, MOST_TOML)))
+    return replace(model, sources=sources, **changes)  # type: ignore[arg-type]
