@@ -66,6 +66,7 @@ def ur10_log(
     payload: tuple[float, list[float]] | None = None,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
     friction: float = 1.0,
+    moving: int = 6,
     rate: float = 125.0,
 ) -> MotionLog:
     """Return 30 s of a Fourier motion.
@@ -73,6 +74,7 @@ def ur10_log(
     Args:
         payload: Mass [kg] and place [m] of a point on the last link.
         friction: Times that of other days.
+        moving: How many joints move, from the base on; the others are held.
     """
     model = pin.buildModelFromXML(ur10_urdf())
     model.gravity.linear = np.array(gravity)
@@ -83,12 +85,13 @@ def ur10_log(
     t = np.arange(int(30.0 * rate)) / rate
     w = 2 * np.pi * 0.1 * np.arange(1, 6)
     q, qd, qdd = np.zeros((3, len(t), 6))
-    for j in range(6):
+    for j in range(moving):
         size, angle = rng.normal(size=5) / np.sqrt(np.arange(1, 6)), w * t[:, None] + rng.uniform(0.0, 6.28, 5)
         scale = REACH[j] / np.abs(np.sin(angle) @ size).max()
         q[:, j] = MIDDLE[j] + scale * np.sin(angle) @ size
         qd[:, j] = scale * np.cos(angle) @ (w * size)
         qdd[:, j] = -scale * np.sin(angle) @ (w**2 * size)
+    q[:, moving:] = 0.3
     tau = np.array([pin.rnea(model, data, *row) for row in zip(q, qd, qdd, strict=True)])
     tau += qdd * rotors + friction * (COULOMB * np.tanh(qd / 0.005) + VISCOUS * qd)
     tau += NOISE * rng.normal(size=tau.shape)

@@ -9,11 +9,16 @@ from catenary.errors import DataError, InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification_file import save_identification
 from catenary.identification.identify_options import IdentifyOptions
-from catenary.recording.logs import Reading
+from catenary.identification.part_of_arm import of_joints
+from catenary.identification.samples import prepare
+from catenary.plant import MotionLog
+from catenary.recording.import_formats.mapping import mapping_of
+from catenary.recording.logs import Reading, write_parquet
 from catenary.recording.mend import Mend
 from catenary.reports.identification import excitation_facts, parameter_table, residual_table
 from catenary.robots.catalog import load_robot
 from catenary.workflows.identify import identify_files, payload_of_files
+from lab_bags import JOINT_STATE, joint_state, write_bag
 from moving_arm import recorded, write_npz
 from oracles.geared_arm import ur10_log, write_ur10
 
@@ -108,3 +113,63 @@ def test_currents_with_a_known_load_give_torques(tmp_path: Path) -> None:
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
     weighed = payload_of_files([tmp_path / "run3.npz"], tmp_path / "arm.npz", at=("wrist_3_link", place))
     assert weighed.payload.mass == pytest.approx(3.0, rel=0.03)
+
+
+@pytest.fixture(scope="module")
+def wrist_held(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MotionLog]:
+    """A UR10 and a recording of it in which the wrist stands still."""
+    folder = tmp_path_factory.mktemp("held")
+    return write_ur10(folder), ur10_log(0, moving=3, rate=100.0)
+
+
+QUICK = IdentifyOptions(friction=(), prior=False)
+JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint")
+
+
+CONTAINERS = ["npz", "npz of three", "parquet", "csv", "csv of three", "headerless", "ros1", "mcap"]
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_three_joints_of_an_arm_are_identified_from_every_container(
+    container: str, wrist_held: tuple[Path, MotionLog], tmp_path: Path
+) -> None:
+    urdf, log = wrist_held
+    assert log.time is not None
+    assert log.qd is not None
+    assert log.tau is not None
+    count = 3 if "three" in container else 6
+    keys = {"q_nominal": "q", "qd": "qd", "tau": "tau"}
+    mapping = [f"{key}={','.join(f'{name}_{i}' for i in range(count))}" for key, name in keys.items()] + ["time=time"]
+    path = tmp_path / "run.csv"
+    if container.startswith("npz"):
+        path, mapping = tmp_path / "run.npz", []
+        write_npz(log, path, q=log.q_nominal[:, :count], dq=log.qd[:, :count], tau=log.tau[:, :count])
+    elif container == "parquet":
+        path, mapping = tmp_path / "run.parquet", []
+        write_parquet(log, path)
+    elif container in ("ros1", "mcap"):
+        rows = zip(log.time, log.q_nominal, log.qd, log.tau, strict=True)
+        messages = ((t, "/js", joint_state(log.joint_names, q, qd, tau)) for t, q, qd, tau in rows)
+        path = write_bag(tmp_path / "bag", container, {"/js": JOINT_STATE}, messages)  # type: ignore[arg-type]
+        mapping = ["q_nominal=/js.position", "qd=/js.velocity", "tau=/js.effort"]
+    else:
+        names = ["time", *(f"{name}_{i}" for name in keys.values() for i in range(6))]
+        header = ",".join(names)
+        if container == "headerless":
+            path, header = tmp_path / "run.txt", ""
+            columns = [f"column_{i + 1}" for i in range(19)]
+            mapping = [f"{key}={','.join(columns[1 + 6 * k : 7 + 6 * k])}" for k, key in enumerate(keys)]
+            mapping.append("time=column_1")
+        table = np.column_stack([log.time, log.q_nominal, log.qd, log.tau])
+        np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    reading = Reading(mapping=mapping_of(mapping)) if mapping else None
+    found = identify_files([path], str(urdf), QUICK, reading=reading, joints=JOINTS).identification
+    assert found.model.joint_names == JOINTS
+    part = of_joints(log, found.model)
+    assert (found.compare(prepare(part, found.model, QUICK)).relative_rms < 0.06).all()
+
+
+def test_a_container_without_a_mapping_is_refused_with_a_proposal(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time,q1,q2,tau1,tau2\n" + "".join(f"{i},{i},1,2,3\n" for i in range(9)))
+    with pytest.raises(InputError, match=r"give a mapping, or accept the proposed one"):
+        identify_files([tmp_path / "run.csv"], "two_link", QUICK)

@@ -81,6 +81,7 @@ def identify(
     ),
     no_rotors: bool = option(None, "No rotors but those of the robot's file.", False, not_with="rotors"),
     blocks: float | None = option("S", "Hold out every second block of S seconds (static: S rows)."),
+    joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
     currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
     load: tuple[float, Path] | None = option(
         "KG LOG", "A known mass on the robot's tip, and a recording with it.", goes_with="currents"
@@ -124,7 +125,9 @@ def identify(
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; leave --free out")
     reading = replace(recordings.reading(), currents=currents)
-    result = identify_files(data, robot, options, tests=test, rows=rows, reading=reading, load=load, accept=accept)
+    result = identify_files(
+        data, robot, options, tests=test, rows=rows, reading=reading, load=load, joints=joints, accept=accept
+    )
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:

@@ -104,12 +104,14 @@ def choose_friction(
         before = best_squares
     # one that came with others, or before them, stays only where it is missed
     parts = dict[Extra, FrictionPart]()
-    for key, part in list(chosen.items()) if before is not None else ():
+    for key, part in list(chosen.items()):
         without = with_parts([c for k, c in chosen.items() if k != key], 1)
-        if without is not None and _gain(without, before, _axes(actuation, [key]), least=GAIN) <= 0.0:
+        if without is None or before is None:
+            continue
+        if _gain(without, before, _axes(actuation, [key]), least=GAIN) <= 0.0:
             before = without
             del chosen[key]
-        elif without is not None:
+        else:
             gain = float(np.mean(1.0 - np.sqrt(before.sum(axis=0) / without.sum(axis=0))))
             parts[key] = FrictionPart(actuation.friction[part.friction].name, part.kind, part.scale, gain)
     friction = list(actuation.friction)

@@ -90,14 +90,15 @@ def read_log(
     return _as_given(path, log, units, joint_names)
 
 
-def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False) -> MotionLog:
+def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False, joints: Sequence[str] = ()) -> MotionLog:
     """Read a recording of a robot for identification: a `.parquet` motion log, or a `.npz` of positions and torques.
 
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
     `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
     base axes, where the base tilts or turns. `effort` or `current` (N, n) in place of `tau` is what the robot reports
     raw; the robot's file then gives the torque per unit of it, unless it shall stay `raw`. With `joint_names` (n,) the
-    joints are put into the robot's order; without, and without `units`, they are taken to be the robot's.
+    joints are put into the robot's order; without, and without `units`, they are taken to be the robot's. Where only
+    some `joints` of it are wanted, others may be missing, and all stay in the file's order.
 
     Raises:
         FileFormatError: No such file, unknown kind, damaged, or an array is missing.
@@ -105,12 +106,13 @@ def read_torque_log(path: Path, model: RobotModel, *, raw: bool = False) -> Moti
     """
     ending = table_ending(path)
     if ending == ".parquet":
-        return read_log(path).in_order_of(model, of=f'robot "{model.name}" has')
+        log = read_log(path)
+        return log if joints else log.in_order_of(model, of=f'robot "{model.name}" has')
     if ending != ".npz":
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     from catenary.recording.import_formats.known_layouts import read_torques
 
-    return read_torques(path, model, raw=raw)
+    return read_torques(path, model, raw=raw, joints=joints)
 
 
 def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
@@ -127,21 +129,32 @@ def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLo
 
 
 def read_torque_recording(
-    path: Path, model: RobotModel, reading: Reading | None = None, trained: Mapping[str, Sequence[str]] | None = None
+    path: Path,
+    model: RobotModel,
+    reading: Reading | None = None,
+    trained: Mapping[str, Sequence[str]] | None = None,
+    *,
+    joints: Sequence[str] = (),
 ) -> MotionLog:
     """Read a recording of a robot for identification, by a mapping or as `read_torque_log` does, and mend it.
 
     Where it is held against identified parameters, `trained` is how the recordings behind these were mended.
     """
     reading = reading if reading is not None else Reading()
-    mapping = reading.mapping
-    raw = reading.currents
-    log = read_torque_log(path, model, raw=raw) if mapping is None else _by_mapping(path, mapping, model)
+    mapping, raw = reading.mapping, reading.currents
+    if mapping is None:
+        log = read_torque_log(path, model, raw=raw, joints=joints)
+    else:
+        if not mapping.joint_names and len(mapping.q_nominal.columns) == len(joints):
+            mapping = mapping.model_copy(update={"joint_names": tuple(joints)})
+        log = _by_mapping(path, mapping, model)
     log = reading.mend(log, trained if reading.as_trained else None)
     scale = None if model.actuation is None else model.actuation.effort_scale
     if not raw or scale is None or log.tau is None:
         return log
-    return replace(log, tau=log.tau * scale, notes=(*log.notes, "currents times the robot's effort_scale"))
+    from catenary.recording.import_formats.known_layouts import with_effort_scale
+
+    return with_effort_scale(log, model, scale)
 
 
 def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | None) -> MotionLog:

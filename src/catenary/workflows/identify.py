@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from catenary.arrays import Floats
 from catenary.config import plain_data
 from catenary.errors import InputError
+from catenary.files import table_ending
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.drive_gains import DriveGains
 from catenary.identification.identification import Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of, rotors_beside
+from catenary.identification.part_of_arm import of_joints, part_of_arm
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import HELD_OUT, Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
@@ -24,6 +27,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding, judge, require_names
 from catenary.verdict.stamps import stamp_findings
+from catenary.workflows.import_recording import import_recording
 
 POOR = 0.6  # relative residual from which on it is asked whether two axes are swapped
 
@@ -69,6 +73,7 @@ def identify_files(
     rows: tuple[int, int] | None = None,
     reading: Reading | None = None,
     load: tuple[float, Path] | None = None,
+    joints: Sequence[str] = (),
     accept: Sequence[str] = (),
 ) -> IdentifyResult:
     """Identify a robot from recordings, and judge it on others.
@@ -76,6 +81,7 @@ def identify_files(
     Args:
         options: What to choose otherwise than the robot's file.
         rows: First row, and the one after the last, of the recordings to fit; all when None.
+        joints: To identify, of a longer arm that holds the others; all when empty.
         load: Of currents: a mass [kg] on the robot's tip, and the recording with it, which tell the drives' gains.
         accept: Findings about them to go on with, by name.
 
@@ -85,18 +91,31 @@ def identify_files(
         InputError: A recording is not of this robot, in other units, or too short; or currents without a known load.
         ExcitationError: The recordings do not show all base parameters.
     """
-    model = load_robot(robot)
-    read = [read_torque_recording(path, model, reading) for path in logs]
+    model, held = load_robot(robot), list[str]()
+    read, read_tests, with_loads = (
+        [_recording(path, model, robot, joints, reading) for path in paths]
+        for paths in (logs, tests, [] if load is None else [load[1]])
+    )
+    if joints:
+        model, held = part_of_arm(model, joints, [*read, *read_tests, *with_loads])
+        read, read_tests, with_loads = (
+            [of_joints(log, model) for log in part] for part in (read, read_tests, with_loads)
+        )
     if rows is not None:
         read = [part_of(log, rows) for log in read]
     require_names(accept)
-    read_tests = [read_torque_recording(path, model, reading) for path in tests]
     stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
     gains, weighed = None, list[Samples]()
     if reading is not None and reading.currents and (model.actuation is None or model.actuation.effort_scale is None):
-        gains, loaded = _gains(read, model, options, reading, load)
-        read, read_tests = ([replace(each, tau=each.tau * gains.gains) for each in part] for part in (read, read_tests))
-        weighed = [prepare(replace(loaded, tau=loaded.tau * gains.gains), model, options)]
+        if load is None:
+            raise InputError(
+                f'currents of robot "{model.name}", whose drive gains are not known, tell masses up to a factor of '
+                "each axis: give a recording with a known load (--load KG LOG), or the gains (--scale tau:JOINT=GAIN)"
+            )
+        alone, loaded = ([prepare(log, model, options) for log in part] for part in (read, with_loads))
+        gains = gains_of(alone, loaded, model, options, load[0])
+        read, read_tests = ([_times(log, gains.gains) for log in part] for part in (read, read_tests))
+        weighed = [prepare(_times(log, gains.gains), model, options) for log in with_loads]
     training, held_out = prepared(read, read_tests, model, options)
     whole = [part for part in (*training, *held_out) if not part.name.endswith(HELD_OUT)]
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
@@ -106,7 +125,7 @@ def identify_files(
     result = identify_samples(training, model, options).test(held_out)
     if gains is not None:
         result = result.with_gains(gains.gains)
-    notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *gaps]
+    notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *held, *gaps]
     seen = {log.sha256 for log in read}
     again = [log.name for log in read_tests if log.sha256 in seen]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
@@ -131,23 +150,16 @@ def identify_files(
     return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out), gains)
 
 
-def _gains(
-    read: Sequence[MotionLog],
-    model: RobotModel,
-    options: IdentifyOptions,
-    reading: Reading,
-    load: tuple[float, Path] | None,
-) -> tuple[DriveGains, MotionLog]:
-    """Return the gains that a known load tells, and the recording with it."""
-    if load is None:
-        raise InputError(
-            f'currents of robot "{model.name}", whose drive gains are not known, tell masses up to a factor of each '
-            "axis: give a recording with a known load (--load KG LOG), or the gains (--scale tau:JOINT=GAIN)"
-        )
-    mass, path = load
-    log = read_torque_recording(path, model, reading)
-    free = [prepare(each, model, options) for each in read]
-    return gains_of(free, [prepare(log, model, options)], model, options, mass), log
+def _recording(path: Path, model: RobotModel, robot: str, joints: Sequence[str], reading: Reading | None) -> MotionLog:
+    """Read a recording of a robot, of any make; one of some joints alone has their names, or is in their order."""
+    if (reading is None or reading.mapping is None) and table_ending(path) not in (".npz", ".parquet"):
+        # a known layout, or the proposal of a mapping in the refusal
+        return (reading or Reading()).mend(import_recording(path, robot=robot))
+    return read_torque_recording(path, model, reading, joints=joints)
+
+
+def _times(log: MotionLog, gains: Floats) -> MotionLog:
+    return log if log.tau is None else replace(log, tau=log.tau * gains)
 
 
 def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:

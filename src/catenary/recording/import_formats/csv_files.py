@@ -31,7 +31,7 @@ class _Dialect(NamedTuple):
 
 
 def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
-    """Read the columns of numbers of a CSV, and what there is to say of it.
+    """Read the columns of numbers of a CSV, and what there is to say of it; column_1, ... where a line of names lacks.
 
     Commas, semicolons, tabs and spaces separate columns, decimals have a point or, where commas separate nothing, a
     comma. Dates as of ISO 8601 become nanoseconds since 1970; a first column of them without a name is the time. Other
@@ -46,10 +46,10 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
     dialect = _dialect(head)
     first = head[0].lstrip("\ufeff").lstrip("#% \t") if head[0][:1] in "#%\ufeff" else head[0]
     names = [name.strip() for name in _split(first, dialect)]
-    if all(not name or is_number(_point(name, dialect)) for name in names):
-        raise FileFormatError(
-            f"{path}: its first line has numbers, expected names; write a line such as time,q1,q2 on top"
-        )
+    nameless = all(not name or is_number(_point(name, dialect)) for name in names)
+    if nameless:  # no line of names: they are numbered, and a mapping says which is what
+        head = ["", *head]
+        names = [f"column_{i + 1}" for i in range(len(names))]
     if len(names) > MOST_COLUMNS:
         raise FileFormatError(f"{path}: {len(names)} columns, expected {MOST_COLUMNS} at most")
     rows = [_split(line, dialect) for line in head[1:] if line.strip()]
@@ -59,6 +59,8 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
         if len(names) < len(_split(first, dialect)) - 1:
             break
     unique, notes = _unique(names)
+    if nameless:
+        notes.append(f"has no line of names: its columns are called column_1 to column_{len(unique)}")
     ends_in_separator = len(unique) < len(_split(first, dialect))
     kinds = [_kind([row[i] for row in rows if i < len(row)], dialect) for i in range(len(unique))]
     if not names[0] and kinds[0] is not None and pa.types.is_timestamp(kinds[0]) and "time" not in unique:
@@ -69,7 +71,7 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
     types = {name: kind for name, kind in zip(unique, kinds, strict=True) if kind is not None}
     if not types:
         raise FileFormatError(f"{path}: no column of numbers among {', '.join(map(cut, unique[:10]))}")
-    read = pa.csv.ReadOptions(column_names=[*unique, *[" "] * ends_in_separator], skip_rows=1 + skipped)
+    read = pa.csv.ReadOptions(column_names=[*unique, *[" "] * ends_in_separator], skip_rows=skipped + (not nameless))
     parse = pa.csv.ParseOptions(delimiter=dialect.separator)
     convert = pa.csv.ConvertOptions(
         column_types=types, include_columns=list(types), null_values=list(_NOTHING),

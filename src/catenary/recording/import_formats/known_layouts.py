@@ -11,10 +11,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
+from catenary.arrays import Floats
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
-from catenary.plant import MotionLog, nameless
+from catenary.plant import MotionLog, nameless, places_of
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, ROBOT, Arm
 from catenary.recording.bag_reader import open_recordings
 from catenary.recording.extract import is_extraction
@@ -161,7 +162,7 @@ def read_commands(
 _TORQUES = ("tau", "effort", "current")  # arrays of a torque log, the first that it has; the others raw
 
 
-def read_torques(path: Path, model: RobotModel, *, raw: bool = False) -> MotionLog:
+def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Sequence[str] = ()) -> MotionLog:
     """Read a `.npz` of a robot's positions and torques; see `recording.logs.read_torque_log`."""
     content = read_arrays(path)
     torque = next((name for name in _TORQUES if name in content), None)
@@ -174,23 +175,31 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False) -> MotionL
     sources = _sources(path, content)
     mapping = layout_mapping("recording/torque_log", torque=torque)
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
-    names = sources.streams[0].texts.get("joint_names") or (model.joint_names if n == model.n else nameless(n))
+    unnamed = joints if n == len(joints) else model.joint_names if n == model.n else nameless(n)
+    names = sources.streams[0].texts.get("joint_names") or unnamed
     own = dict(zip(model.joint_names, model.joint_units, strict=True))
     stated = sources.streams[0].texts.get("units")
     units = stated or tuple(own.get(name, "rad") for name in names)
     given = {"joint_names": tuple(names), "joint_units": units, "default_robot": model.name}
     log = import_sources(sources, mapping.model_copy(update=given))
-    log = log.in_order_of(model, of=f'robot "{model.name}" has')
+    if not joints:
+        log = log.in_order_of(model, of=f'robot "{model.name}" has')
     if raw or torque == "tau":
         return log
     scale = None if model.actuation is None else model.actuation.effort_scale
     if scale is None:
         raise InputError(
-            f'{path}: has raw efforts, and robot "{model.name}" gives no effort_scale; expected an array tau [Nm or N]; '
+            f'{path}: has raw efforts, and robot "{model.name}" gives no effort_scale; expected tau [Nm or N], '
             "or catenary identify --currents with a known --load"
         )
+    return with_effort_scale(log, model, scale)
+
+
+def with_effort_scale(log: MotionLog, model: RobotModel, scale: Floats) -> MotionLog:
+    """Return a recording whose torques are its raw efforts times the robot's scale (n,) [Nm or N per unit]."""
+    places = places_of(log, model, whose=f'robot "{model.name}"', of="the recording is of")
     assert log.tau is not None  # for the type checker
-    return replace(log, tau=log.tau * scale, notes=(*log.notes, "raw efforts times the robot's effort_scale"))
+    return replace(log, tau=log.tau * scale[places], notes=(*log.notes, "raw efforts times the robot's effort_scale"))
 
 
 def _sources(path: Path, content: Mapping[str, NDArray[Any]]) -> Sources:

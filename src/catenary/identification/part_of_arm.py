@@ -1,0 +1,110 @@
+"""Some joints of a longer arm: the others are held where recordings hold them, the rest is a robot of its own."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
+from catenary.robots.actuation import Actuation, Effect, KnownTorque, Spring
+from catenary.robots.model import RobotModel
+
+STILL = {"rad": 0.02, "m": 0.005}  # by which a joint may move that is held
+
+
+def part_of_arm(model: RobotModel, joints: Sequence[str], logs: Sequence[MotionLog]) -> tuple[RobotModel, list[str]]:
+    """Return the robot of some joints alone, and a note on where the others are held.
+
+    Args:
+        joints: Their names.
+        logs: Recordings; those that have the other joints too must hold them, all at one place. Where none has them
+            they are at zero, or at the limit next to it.
+
+    Raises:
+        InputError: An unknown joint, or a recording that moves one that is not named.
+    """
+    places_of(Joints(tuple(joints)), model, whose=f'robot "{model.name}"', of="--joints are")
+    held: dict[str, float] = {}
+    for i, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
+        if name in joints:
+            continue
+        shown = [log.q_nominal[:, log.joint_names.index(name)] for log in logs if name in log.joint_names]
+        where = np.concatenate(shown) if shown else np.clip(np.zeros(1), model.lower[i], model.upper[i])
+        if np.ptp(where) > STILL[unit]:
+            raise InputError(
+                f"joint {name} is not among --joints, and moves from {where.min():.4g} to {where.max():.4g} {unit} "
+                f"in the recordings: name it too, or take recordings that hold it (within {STILL[unit]:g} {unit})"
+            )
+        held[name] = float(np.mean(where))
+    told = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
+    return _held(model, held), [f"{', '.join(joints)} are identified; held: {told}"] if held else []
+
+
+def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
+    """Return a recording of a robot's joints alone, those that it has beside them left out."""
+    n = len(log.joint_names)
+    if log.joint_names == nameless(n) and n == model.n:
+        return log.in_order_of(model, of="--joints are")
+    chosen = places_of(model, log, whose=f'recording "{log.name}"', of="--joints are")
+    if n == len(chosen):
+        return log.in_order_of(model, of="--joints are")
+    arrays = {key: values[:, chosen] for key in JOINT_ARRAYS if (values := getattr(log, key)) is not None}
+    left = [name for name in log.joint_names if name not in model.joint_names]
+    return replace(
+        log,
+        joint_names=model.joint_names,
+        joint_units=model.joint_units,
+        notes=(*log.notes, f"joints left out: {joints_text(Joints(tuple(left)))}"),
+        **arrays,
+    )
+
+
+def _held(model: RobotModel, held: Mapping[str, float]) -> RobotModel:
+    """Return a robot without the coordinates that are held: each link stays, on a joint that stands still."""
+    kept = np.array([name not in held for name in model.joint_names])
+    at = np.array([held.get(name, 0.0) for name in model.joint_names])
+    arrays = {key: getattr(model, key)[kept] for key in ("lower", "upper", "velocity_limit", "effort_limit")}
+    return replace(
+        model,
+        joint_names=tuple(name for name in model.joint_names if name not in held),
+        joint_units=tuple(unit for unit, stays in zip(model.joint_units, kept, strict=True) if stays),
+        coupling=model.coupling[:, kept],
+        offset=model.offset + model.coupling @ at,
+        closed_form=None,
+        actuation=None if model.actuation is None else _held_actuation(model.actuation, kept, at),
+        notes=(*model.notes, f"joints held: {', '.join(held)}"),
+        **arrays,
+    )
+
+
+def _held_actuation(actuation: Actuation, kept: Any, at: Floats) -> Actuation:
+    """Return what acts on the coordinates that are left, springs and known torques from where the others are held."""
+
+    def moved(effects: Sequence[Effect]) -> tuple[Any, ...]:
+        out = []
+        for effect in effects:
+            shift, change = float(effect.combination @ at), dict[str, Any]()
+            if isinstance(effect, Spring) and effect.lever is not None:
+                angle = effect.lever.angle_deg + float(np.rad2deg(shift))
+                change = {"lever": replace(effect.lever, angle_deg=angle)}
+            elif isinstance(effect, KnownTorque):
+                of_rest = np.poly1d(effect.polynomial)(np.poly1d([1.0, shift]))
+                change = {"along": effect.along[kept], "polynomial": np.atleast_1d(of_rest.coeffs)}
+            elif not effect.combination[kept].any():
+                continue
+            out.append(replace(effect, combination=effect.combination[kept], **change))
+        return tuple(out)
+
+    scale = actuation.effort_scale
+    return replace(
+        actuation,
+        friction=moved(actuation.friction),
+        motor_inertia=moved(actuation.motor_inertia),
+        springs=moved(actuation.springs),
+        known_torques=moved([each for each in actuation.known_torques if each.along[kept].any()]),
+        effort_scale=None if scale is None else scale[kept],
+        values=None,
+    )
