@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.gravity_options import LEVEL_BASE, MOUNTING_FILE, SensingOptions, base_tilt
+from catenary.cli.gravity_options import LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions, base_tilt
 from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one, robots_beginning
 from catenary.cli.robot_choice import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_json, print_json_line, print_notes
@@ -210,6 +210,7 @@ def encoders(
 
 def gravity_node(
     sensing: SensingOptions,
+    reading: ReadingOptions,
     imu: str | None = option("TOPIC", "A sensor_msgs/Imu, as /imu/data_raw."),
     accel: str | None = option("TOPIC", "A geometry_msgs/AccelStamped."),
     vector: str | None = option("TOPIC", "A geometry_msgs/Vector3Stamped."),
@@ -240,7 +241,8 @@ def gravity_node(
     from catenary.sensing.vector import Mailbox
 
     require_one(imu=imu, accel=accel, vector=vector, port=port)
-    told, mailbox = Mounting() if mounting is None else load_mounting(mounting), Mailbox()
+    told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting))
+    mailbox = Mailbox(convention=reading.convention())
     with ExitStack() as stack:
         transport = stack.enter_context(make_transport(ros, node_name("gravity", name)))
         feed: Callable[[float], None] | None = None

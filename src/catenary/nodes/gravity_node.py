@@ -32,11 +32,13 @@ class GravityStatus(NamedTuple):
     subscribers: int
     is_up: bool  # whether the transport's network answers
     link: dict[str, Any]  # counts of the sensor's line or topic
+    remedy: str = ""  # what mends a gyroscope that does not turn as gravity does
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Faults, each with its name and what to do."""
-        return tuple(f"{fault.names[0]}: {warning(fault)}" for fault in self.reading.faults)
+        found = tuple(f"{fault.names[0]}: {warning(fault)}" for fault in self.reading.faults)
+        return (*found, f"the gyroscope: {self.remedy}") if self.remedy else found
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in SI and degrees where the name says so."""
@@ -117,7 +119,8 @@ def publish_gravity(
     reading = node.step()
 
     def status(now: float) -> GravityStatus:
-        return GravityStatus(now - begin, reading, node.published, node.subscribers(), transport.is_up(), link())
+        said = node.source.remedy
+        return GravityStatus(now - begin, reading, node.published, node.subscribers(), transport.is_up(), link(), said)
 
     now = begin
     try:
