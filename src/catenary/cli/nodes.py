@@ -222,6 +222,9 @@ def gravity_node(
     topic: str = option("TOPIC", "Topic that gravity is published on.", "/gravity"),
     frame: str = option("NAME", "frame_id of the published gravity.", "base"),
     points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
+    urscript: str | None = option(
+        "TOPIC", "Also tell a Universal Robot of gravity: its driver's topic of script commands."
+    ),
     no_gyroscope: bool = option(None, "Ignore the Imu's angular rates.", False),
     baud: int = replace(BAUD, goes_with="port"),
     duration: float | None = DURATION,
@@ -260,7 +263,7 @@ def gravity_node(
             feed, angular, counts = heard.feed, imu is not None, heard.tally
         angular = angular and not no_gyroscope
         source = sensing.source(mailbox, told, angular=angular, feed=feed)
-        node = GravityNode(transport, source, topic=topic, frame_id=frame)
+        node = GravityNode(transport, source, topic=topic, frame_id=frame, urscript=urscript)
         show = _shown(_gravity_line, as_json)
         final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)
     show(final, final=True)
