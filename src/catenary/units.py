@@ -11,6 +11,9 @@ TO_SI = {
     "cm": ("m", 1e-2),
     "mdeg": ("m", math.pi / 180.0),  # metres times 180/pi, as RAVEN-II's firmware writes every joint
 }
+# of inertial units
+ACCELERATION_UNITS = {"m/s2": 1.0, "cm/s2": 0.01, "g": 9.80665, "mg": 0.00980665}  # [m/s2]
+RATE_UNITS = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "none": 0.0}  # [rad/s]
 # what people read: the unit, and how many of it make one SI unit
 DISPLAY = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1000.0)}
 TORQUE_UNIT = {"rad": "Nm", "m": "N"}

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.forward_dynamics import forward_dynamics
-from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
 from catenary.gravity.compact_regressor import compact_regressor
@@ -35,7 +35,11 @@ from oracles.random_trees import random_robot
 TREE = random_robot(12).model  # branching, three joints slide, four joints on three coordinates
 CASES = [*((TREE, quantity) for quantity in get_args(ExportedQuantity)), (load_robot("raven2"), "gravity")]
 MOVING = ("q", "qd", "qdd", "gravity")  # torques are drawn as qdd is
-INPUTS = {"mass_matrix": ("q",), "forward_kinematics": ("q",)}
+TURNING = (*MOVING, "omega", "alpha")
+INPUTS = {
+    "mass_matrix": ("q",), "forward_kinematics": ("q",),
+    "inverse_dynamics_on_moving_base": TURNING, "holding": ("q", "gravity", "omega", "alpha"),
+}  # fmt: skip
 INPUTS |= dict.fromkeys(("inverse_dynamics", "feedforward", "forward_dynamics"), MOVING)
 PACKAGES = {"jax": "jax", "casadi": "casadi", "sympy": "symbolic"}
 
@@ -47,7 +51,7 @@ def float64():
 
 def arrays_of(model, quantity, seed=0):
     rng = np.random.default_rng(seed)
-    sizes = {name: 3 if name == "gravity" else model.n for name in MOVING}
+    sizes = {name: model.n if name.startswith("q") else 3 for name in TURNING}
     drawn = {name: rng.normal(size=size) for name, size in sizes.items()}
     return [drawn[name] for name in INPUTS.get(quantity, ("q", "gravity"))]
 
@@ -56,6 +60,10 @@ def by_recursion(model, quantity, arrays):
     if quantity == "forward_kinematics":
         pose = forward_kinematics(model, *arrays)
         return np.column_stack([pose.rotation, pose.position])
+    if quantity in ("holding", "inverse_dynamics_on_moving_base"):
+        q, *rates, gravity, omega, alpha = arrays
+        moving = BaseMotion(omega, alpha, np.zeros(3))
+        return inverse_dynamics(model, q, *(rates or 2 * [np.zeros(model.n)]), gravity, moving)
     return {
         "gravity": gravity_torque,
         "mass_matrix": mass_matrix,
@@ -258,7 +266,7 @@ def test_a_package_that_is_missing_is_named(target, monkeypatch):
 
 def test_what_cannot_be_exported_is_refused():
     arm = load_robot("two_link")
-    with pytest.raises(InputError, match='quantity "weight": expected one of gravity, mass_matrix'):
+    with pytest.raises(InputError, match='quantity "weight": expected one of gravity, holding'):
         export_function(arm, "weight", "jax")
     with pytest.raises(InputError, match='to "fortran": expected one of jax, casadi, sympy, c99'):
         export_function(arm, "gravity", "fortran")

@@ -29,7 +29,8 @@ class World:
         mailbox = Mailbox()
         topic = GravityTopic(self.node_transport, "/imu", type_name, mailbox, points_down=points_down)
         source = SensedGravity(mailbox, mounting, angular=type_name == IMU, feed=topic.feed, **options)
-        self.node = GravityNode(self.node_transport, source, frame_id="table")
+        self.node = GravityNode(self.node_transport, source, frame_id="table", urscript="/script")
+        self.scripts = listener.subscribe("/script", "std_msgs/String")
         self.publisher = self.sensor.publisher("/imu", type_name)
         self.vectors = listener.subscribe("/gravity", VECTOR)
         self.states = listener.subscribe("/gravity/status", "crtk_msgs/StringStamped")
@@ -150,3 +151,18 @@ def test_a_clock_that_is_set_costs_no_gravity_and_stamps_follow_it(by):
     assert_allclose(np.diff(stamps), 0.01 * SECOND)
     final = publish_gravity(world.node, duration=0.5)  # durations are none of the clock's
     assert final.seconds == pytest.approx(0.5, abs=0.011)
+
+
+def test_a_universal_robot_is_told_of_gravity_that_is_live_and_has_changed():
+    world = World()
+    world.run(0.5)
+    assert not world.scripts.take()  # nominal
+    world.run(3.0, -TILTED)
+    (first, *others) = [each.message.data for each in world.scripts.take()]
+    said = np.array([float(v) for v in first.partition("[")[2].partition("]")[0].split(",")])
+    assert first.startswith("sec ")
+    assert first.endswith("end\n")
+    assert_allclose(said, -TILTED, atol=0.4)  # it may still be coming from that of a level base
+    assert len(others) <= 2
+    world.run(2.0, -tilted_gravity(0.1, -0.1))
+    assert len(world.scripts.take()) >= 1

@@ -133,6 +133,59 @@ def test_mounting_and_biases_come_out_of_a_whole_robots_orientations() -> None:
     assert_allclose(outcome.mounting.rate_bias, RATE_BIAS, atol=1e-3)
 
 
+TEN = [*TILTS, (-15.0, -15.0), (60.0, 0.0), (0.0, 70.0), (-80.0, 30.0)]
+
+
+def turned_between(tilts_deg: list[tuple[float, float]], *, hz: int = 100) -> ImuRecording:
+    """Two seconds in each orientation and 1.5 s of a smooth turn into the next, with what a gyroscope reads there."""
+    rng = np.random.default_rng(6)
+    turns = [Rotation.from_euler("XY", tilt, degrees=True) for tilt in tilts_deg]
+    force, rate = [], []
+    for k, turn in enumerate(turns):
+        still = np.tile(9.81 * turn.inv().apply([0.0, 0.0, 1.0]), (2 * hz, 1))
+        force.append(still)
+        rate.append(np.zeros_like(still))
+        if k + 1 < len(turns):
+            s = (np.arange(1, int(1.5 * hz) + 1) / (1.5 * hz))[:, None]
+            share, speed = s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * s**2 * (1.0 - s) ** 2 / 1.5
+            by = (turn.inv() * turns[k + 1]).as_rotvec()
+            force.append(9.81 * (turn * Rotation.from_rotvec(share * by)).inv().apply([0.0, 0.0, 1.0]))
+            rate.append(speed * by)
+    up, omega = np.concatenate(force), np.concatenate(rate)
+    y = up @ R + BIAS + 0.02 * rng.normal(size=up.shape)
+    w = omega @ R + RATE_BIAS + 0.001 * rng.normal(size=up.shape)
+    return ImuRecording(np.arange(len(y)) / hz, y, w)
+
+
+SWAP = np.eye(3)[[1, 0, 2]]
+
+
+@pytest.mark.parametrize(
+    ("force", "rate", "said"),
+    [
+        (np.eye(3), np.eye(3), ""),
+        (np.eye(3), -np.eye(3), "its x, y, z seem to be -x,-y,-z"),
+        (np.eye(3), np.diag([-1.0, 1.0, 1.0]), "its x, y, z seem to be -x,y,z"),
+        (np.eye(3), SWAP, "its x, y, z seem to be y,x"),
+        (np.eye(3), np.degrees(np.eye(3)), "it seems to be in deg/s"),
+        (np.eye(3), np.diag([1.0, -1.0, -1.0]), "its x, y, z seem to be x,-y,-z"),  # half of NED
+        (np.diag([1.0, -1.0, -1.0]), np.eye(3), "its x, y, z seem to be x,-y,-z"),
+        (np.eye(3), 2.5 * np.eye(3), "times as far as it says"),
+        (np.eye(3) / 9.80665, np.eye(3), "seem to be in g, expected m/s2"),
+        (-np.eye(3), np.eye(3), "left-handed"),
+        (SWAP, SWAP, "left-handed"),
+    ],
+)
+def test_what_a_recording_gets_wrong_is_named_and_not_written(force: Floats, rate: Floats, said: str) -> None:
+    right = turned_between(TEN)
+    assert right.rate is not None
+    outcome = calibrate_replay(ImuRecording(right.time, right.force @ force.T, right.rate @ rate.T), up_of_tilts(TEN))
+    assert any(said in fault for fault in outcome.faults) if said else outcome.faults == (), outcome.faults
+    if not said:
+        assert_allclose(outcome.mounting.rate_bias, RATE_BIAS, atol=2e-4)  # the starts of turns do not count
+        assert_allclose(outcome.mounting.rotation, R, atol=2e-3)
+
+
 def test_an_arm_that_carries_the_sensor_turns_it() -> None:
     arm, rng = load_robot("raven2"), np.random.default_rng(0)
     q = arm.lower + (arm.upper - arm.lower) * rng.uniform(size=(5, 3))
@@ -202,6 +255,27 @@ def test_an_imu_of_a_bag_is_read_by_its_stamps(tmp_path: Path, kind: Kind) -> No
     assert_allclose(found.force[:, 1], np.arange(20))
     assert found.rate is not None
     assert_allclose(found.rate[:, 2], 0.01 * np.arange(20))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("absent", ["linear_acceleration", "angular_velocity"])
+def test_what_an_imu_says_that_it_does_not_measure_is_left_out(tmp_path: Path, kind: Kind, absent: str) -> None:
+    def make(store: Any, head: Any) -> Any:
+        vector, turn = (store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"])
+        nine, none = np.zeros(9), np.r_[-1.0, np.zeros(8)]
+        force, rate = (none if name == absent else nine for name in ("linear_acceleration", "angular_velocity"))
+        zero, up = vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 9.8)
+        return store.types["sensor_msgs/msg/Imu"](head, turn(0.0, 0.0, 0.0, 1.0), nine, zero, rate, up, force)
+
+    messages: list[Message] = [(0.02 * k, "/imu", make) for k in range(20)]
+    bag = write_bag(tmp_path / "imu", kind, {"/imu": "sensor_msgs/msg/Imu"}, messages)
+    if absent == "angular_velocity":
+        found = read_imu(bag)
+        assert found.rate is None
+        assert any("measure no angular velocity" in note for note in found.notes)
+    else:
+        with pytest.raises(FileFormatError, match=r"20 messages say .covariance -1. that they measure no acceleration"):
+            read_imu(bag)
 
 
 def test_recordings_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:

@@ -192,6 +192,9 @@ def gravity(
         False,
         not_with=("q", "q_deg", "as_json"),
     ),
+    vendor: str | None = option(
+        "ur|kortex|franka", "Also print what tells the robot's own controller of this gravity.", flag="--for"
+    ),
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
@@ -201,7 +204,8 @@ def gravity(
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
     from catenary.gravity.mass_doubts import mass_doubts
-    from catenary.gravity.torque import gravity_torque, unseen_torque
+    from catenary.gravity.torque import gravity_delta, gravity_torque, unseen_torque
+    from catenary.gravity.vendors import in_controller_base, vendor_command, vendor_of
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
@@ -214,6 +218,10 @@ def gravity(
         print_notes([*given.doubts(gravity), *mass_doubts(model)])
         print(gravity_latex(model, gravity))
         return
+    told = None
+    if vendor is not None:
+        command = vendor_command(vendor, in_controller_base(vendor, model, gravity))
+        told = {"command": command, "limits": vendor_of(vendor).limits}
     values = joint_values(model, q, q_deg)
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
@@ -221,7 +229,9 @@ def gravity(
     print_notes([*beyond_limits(model, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(model, open_to)])
     if as_json:
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
-        print_json({**found, "tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()})
+        found |= {"tau": torques, "unit": units, "level": on_level, "unseen": open_to.tolist()}
+        beyond = {"delta": gravity_delta(model, values, gravity)}  # for firmware that knows a level base only
+        print_json({**found, **beyond, "base": model.base, **({} if told is None else {"vendor": told})})
         return
     from catenary.reports.page import Table, TableColumn
 
@@ -237,6 +247,9 @@ def gravity(
     rows = list(zip(model.joint_names, torques, on_level, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     print(Table(columns, rows, title).text())
+    if told is not None:
+        print(f"{vendor}: {told['command'] or 'no command'}")
+        print_notes([f"{vendor}: {told['limits']}"])
 
 
 def _unseen(model: "RobotModel", open_to: "Floats") -> list[str]:

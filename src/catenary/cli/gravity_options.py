@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.options import Triple, group, numbers, option, values_of
+from catenary.cli.options import Names, Triple, group, numbers, option, values_of
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.crtk.gravity_topic import ImuTopic
     from catenary.sensing.checks import SensorRules
+    from catenary.sensing.conventions import Convention
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import Mailbox
@@ -83,6 +84,55 @@ class GivenGravity:
         from catenary.sensing.vector import gravity_doubts
 
         return gravity_doubts(gravity, hanging=self.base_tilt_deg is not None)
+
+
+@group
+class ReadingOptions:
+    """Options that say how a sensor's numbers come, and where it is fixed to a robot."""
+
+    units: Names | None = option("U[,U]", "Of accelerometer and gyroscope: m/s2, cm/s2, g or mg; rad/s or deg/s.")
+    axes: Names | None = option(
+        "FRAME|X,Y,Z",
+        "Of both: flu, frd, ned, enu, optical, or an order as x,-y,-z; six words: the gyroscope's behind.",
+    )
+    driver: str | None = option("NAME", "Units and axes of a common driver: docs/gravity-vector.md has them.")
+    imu_frame: str | None = option(
+        "ROBOT:FRAME",
+        "Where the sensor is, by a robot's description, in place of a mounting file.",
+        not_with="mounting",
+    )
+
+    def convention(self) -> "Convention | None":
+        """Return what readings are multiplied by; None where nothing is said."""
+        from catenary.sensing.conventions import convention_of
+
+        if not (self.units or self.axes or self.driver):
+            return None
+        words = self.axes or ()
+        frames = words if len(words) <= 2 else [",".join(words[k : k + 3]) for k in range(0, len(words), 3)]
+        return convention_of(self.units or (), frames, self.driver)
+
+    @property
+    def has_units(self) -> bool:
+        """Units are said."""
+        return bool(self.units or self.driver)
+
+    def mounted(self, told: "Mounting") -> "Mounting":
+        """Return a mounting, placed and turned as the robot's description has the sensor's frame."""
+        if self.imu_frame is None:
+            return told
+        from catenary.robots.catalog import load_robot
+
+        robot, colon, name = self.imu_frame.rpartition(":")
+        if not colon:
+            raise InputError(f'--imu-frame "{self.imu_frame}": expected ROBOT:FRAME, as arm.urdf:imu_link')
+        model = load_robot(robot)
+        frame = model.frame(name)
+        if frame.link >= 0:
+            raise InputError(
+                f'--imu-frame "{name}": it moves with {model.link_names[frame.link]}; expected one on the base'
+            )
+        return replace(told, rotation=frame.pose.rotation, position=frame.pose.position)
 
 
 @group

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from catenary.cli.gravity_options import LEVEL_BASE, MOUNTING_FILE, SensingOptions, base_tilt
+from catenary.cli.gravity_options import LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions, base_tilt
 from catenary.cli.options import AS_JSON, LINES_AS_JSON, REQUIRED, Triple, option, require_one, robots_beginning
 from catenary.cli.robot_choice import BAUD, CARRIER, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_json, print_json_line, print_notes
@@ -221,6 +221,7 @@ def encoders(
 
 def gravity_node(
     sensing: SensingOptions,
+    reading: ReadingOptions,
     imu: str | None = option("TOPIC", "A sensor_msgs/Imu, as /imu/data_raw."),
     accel: str | None = option("TOPIC", "A geometry_msgs/AccelStamped."),
     vector: str | None = option("TOPIC", "A geometry_msgs/Vector3Stamped."),
@@ -232,6 +233,9 @@ def gravity_node(
     topic: str = option("TOPIC", "Topic that gravity is published on.", "/gravity"),
     frame: str = option("NAME", "frame_id of the published gravity.", "base"),
     points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
+    urscript: str | None = option(
+        "TOPIC", "Also tell a Universal Robot of gravity: its driver's topic of script commands."
+    ),
     no_gyroscope: bool = option(None, "Ignore the Imu's angular rates.", False),
     baud: int = replace(BAUD, goes_with="port"),
     duration: float | None = DURATION,
@@ -251,7 +255,8 @@ def gravity_node(
     from catenary.sensing.vector import Mailbox
 
     require_one(imu=imu, accel=accel, vector=vector, port=port)
-    told, mailbox = Mounting() if mounting is None else load_mounting(mounting), Mailbox()
+    told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting))
+    mailbox = Mailbox(convention=reading.convention())
     with ExitStack() as stack:
         transport = stack.enter_context(make_transport(ros, node_name("gravity", name)))
         feed: Callable[[float], None] | None = None
@@ -269,7 +274,7 @@ def gravity_node(
             feed, angular, counts = heard.feed, imu is not None, heard.tally
         angular = angular and not no_gyroscope
         source = sensing.source(mailbox, told, angular=angular, feed=feed)
-        node = GravityNode(transport, source, topic=topic, frame_id=frame)
+        node = GravityNode(transport, source, topic=topic, frame_id=frame, urscript=urscript)
         show = _shown(_gravity_line, as_json)
         final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)
     show(final, final=True)

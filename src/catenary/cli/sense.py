@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, SensingOptions
+from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import Names, group, option, require_one
 from catenary.cli.out_files import MOUNTING, NAMED_AS_TYPED, refuse_outputs
 from catenary.cli.robot_choice import BAUD
@@ -38,6 +38,7 @@ class ReplayOptions:
     columns: Names | None = option(
         "C,C,C[,...]", "Of a table: the accelerometer's columns, then the gyroscope's.", goes_with="replay"
     )
+    time: str | None = option("COLUMN[@UNIT]", "Of a table: its time, in s, ms, us or ns.", goes_with="replay")
     orientations: Path | None = option(
         "CSV",
         "With --tumble: how it was turned at each rest of the recording, in order: roll_deg and pitch_deg of "
@@ -49,7 +50,7 @@ class ReplayOptions:
         "NAME", "Link of it that the sensor is fixed to. [default: the tip]", goes_with="orientations"
     )
 
-    def recording(self, *, tumble: bool) -> "ImuRecording | None":
+    def recording(self, reading: ReadingOptions, *, tumble: bool) -> "ImuRecording | None":
         """Return what was recorded; None without --replay."""
         if self.replay is None:
             return None
@@ -57,7 +58,10 @@ class ReplayOptions:
             raise InputError("sense: --replay with --tumble needs --orientations, and --orientations --tumble")
         from catenary.recording.import_formats.imu_recording import read_imu
 
-        found = read_imu(self.replay, topic=self.topic, columns=self.columns or ())
+        found = read_imu(
+            self.replay, topic=self.topic, columns=self.columns or (), time=self.time,
+            matrices=reading.convention(), has_units=reading.has_units,
+        )  # fmt: skip
         print_notes(found.notes)
         return found
 
@@ -65,6 +69,7 @@ class ReplayOptions:
 def sense(
     sensing: SensingOptions,
     replaying: ReplayOptions,
+    reading: ReadingOptions,
     port: str | None = option("PORT", "Serial port, as /dev/ttyACM0."),
     simulated: bool = option(None, "Use a simulated sensor.", False),
     base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, goes_with="simulated"),
@@ -99,8 +104,8 @@ def sense(
     if tumble:
         out = out or Path("mounting.toml")
         refuse_outputs({"--out": (out, MOUNTING)}, [mounting] if mounting else [])
-    told = Mounting() if mounting is None else load_mounting(mounting)
-    recording = replaying.recording(tumble=tumble)
+    told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting))
+    recording = replaying.recording(reading, tumble=tumble)
     if recording is not None:
         if tumble:
             _calibrate(recording, replaying, told, out or Path("mounting.toml"), as_json)
@@ -108,7 +113,7 @@ def sense(
             _replay(recording, sensing, told, duration, as_json)
         return
     hertz, tilt = 200.0 if rate is None else rate, base_tilt_deg or LEVEL_BASE
-    with _opened(port, told, tilt, hertz, seed, baud, tumble) as (feed, known):
+    with _opened(port, told, tilt, hertz, seed, baud, tumble, reading) as (feed, known):
         if tumble or feed is None:
             _tumble(feed, known, hertz, seed, out or Path("mounting.toml"), as_json)
         else:
@@ -117,7 +122,14 @@ def sense(
 
 @contextmanager
 def _opened(
-    port: str | None, told: "Mounting", tilt_deg: tuple[float, float], rate: float, seed: int, baud: int, tumble: bool
+    port: str | None,
+    told: "Mounting",
+    tilt_deg: tuple[float, float],
+    rate: float,
+    seed: int,
+    baud: int,
+    tumble: bool,
+    reading: ReadingOptions,
 ) -> "Iterator[tuple[Feed | None, Mounting]]":
     """Open the sensor, with its mounting and ranges; no feed for a simulated tumble, which is many sensors."""
     from catenary.sensing.vector import Mailbox
@@ -128,7 +140,7 @@ def _opened(
     if port is not None:
         from catenary.devices.accelerometer import SerialAccelerometer
 
-        with SerialAccelerometer(port, Mailbox(), baud=baud) as device:
+        with SerialAccelerometer(port, Mailbox(convention=reading.convention()), baud=baud) as device:
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             yield serial_feed(device), device.with_ranges(told)
@@ -219,6 +231,8 @@ def _print_summary(summary: "SenseSummary") -> None:
         spread = ", ".join(f"{v:.4f}" for v in summary.spread)
         mean = ", ".join(f"{v:.4f}" for v in summary.mean)
         print(f"mean of {summary.duration:.1f} s: {mean} m/s2, standard deviation {spread} m/s2")
+    if summary.remedy:
+        print_fact("WRONG:", f"the gyroscope: {summary.remedy}", width=8)
     for (name, count), message in zip(summary.gravity.faults.items(), summary.gravity.messages, strict=True):
         share = 100.0 * count / max(1, sum(summary.gravity.ticks.values()))
         print_fact("WARNING:", f"{name} for {share:.1f} % of the time: {message}", width=8)

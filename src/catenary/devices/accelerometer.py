@@ -16,10 +16,9 @@ from catenary.devices.serial_board import BAUD, SerialBoard
 from catenary.errors import InputError, SensorError
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
+from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
 VERSION = 1
-ACCELERATION_UNITS = {"m/s2": 1.0, "cm/s2": 0.01, "g": 9.80665, "mg": 0.00980665}  # [m/s2]
-RATE_UNITS = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "none": 0.0}  # [rad/s]
 
 
 class Hello(NamedTuple):

@@ -12,6 +12,7 @@ from catenary.dynamics.lines import (
     forward_kinematics_line,
     gravity_line,
     gravity_regressor_line,
+    holding_line,
     inverse_dynamics_line,
     mass_matrix_line,
 )
@@ -21,8 +22,8 @@ from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
 ExportedQuantity = Literal[
-    "gravity", "mass_matrix", "inverse_dynamics", "feedforward", "forward_dynamics", "forward_kinematics",
-    "gravity_regressor", "compact_regressor",
+    "gravity", "holding", "mass_matrix", "inverse_dynamics", "inverse_dynamics_on_moving_base", "feedforward",
+    "forward_dynamics", "forward_kinematics", "gravity_regressor", "compact_regressor",
 ]  # fmt: skip
 WITH_LOADS = ("feedforward", "forward_dynamics")
 ExportTarget = Literal["jax", "casadi", "sympy", "c99"]
@@ -49,14 +50,17 @@ def export_function(
     | quantity | inputs | result |
     |---|---|---|
     | gravity | q (n,), gravity (3,) | torques (n,) that hold the arm, as `gravity_torque` |
+    | holding | q, gravity, omega, alpha (3,) | the same on a base that turns: its angular velocity and acceleration |
     | mass_matrix | q | (n, n) |
     | inverse_dynamics | q, qd, qdd (n,), gravity | torques (n,) of a motion on a base at rest |
+    | inverse_dynamics_on_moving_base | q, qd, qdd, gravity, omega, alpha | the same on a base that turns |
     | feedforward | q, qd, qdd, gravity | inverse_dynamics with friction, rotors, springs and known torques |
     | forward_dynamics | q, qd, tau (n,), gravity | accelerations (n,) by torques, friction and rotors included |
     | forward_kinematics | q | rows of (R_base_frame, origin), (3, 4) |
     | gravity_regressor | q, gravity | (n, 4 n_links), columns m, mx, my, mz, as `standard_gravity_regressor` |
     | compact_regressor | q, gravity | (n, p), as `compact_regressor(model).Z` |
 
+    On a moving base `gravity` is free-fall acceleration less that of the base's origin; all three are in base axes.
     The robot's numbers are constants of the function. It looks at no value: NaN in gives NaN out.
 
     Args:
@@ -125,8 +129,10 @@ def _traced(model: RobotModel, quantity: ExportedQuantity, frame: str | None, lo
         return _Traced(regressor.line(), (n, len(regressor.labels)), "Z")
     traces: dict[str, Callable[[RobotModel], Line]] = {
         "gravity": gravity_line,
+        "holding": holding_line,
         "mass_matrix": mass_matrix_line,
         "inverse_dynamics": partial(inverse_dynamics_line, moving_base=False),
+        "inverse_dynamics_on_moving_base": inverse_dynamics_line,
     }
     square = quantity == "mass_matrix"
     return _Traced(traces[quantity](model), (n, n) if square else (n,), "M" if square else "tau")

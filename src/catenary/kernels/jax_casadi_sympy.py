@@ -15,7 +15,8 @@ from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
 JaxFunction = Callable[..., Any]
 READABLE = 60  # operations up to which expressions are multiplied out: a RAVEN's three joints
 ROUNDING = 1e-12  # of a coefficient, beside the largest one
-DOTS = {"qd": r"\dot{q}", "qdd": r"\ddot{q}"}
+WRITTEN = {"qd": r"\dot{q}", "qdd": r"\ddot{q}", "gravity": "g", "omega": r"\omega", "alpha": r"\alpha"}
+VECTORS = ("gravity", "omega", "alpha")  # whose parts are x, y, z
 
 
 def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) -> Any:
@@ -85,7 +86,7 @@ def _functions(package: Any, **names: str) -> dict[str, Callable[[Any], Any]]:
 
 
 class SymbolicFunction(NamedTuple):
-    """Expressions in symbols: q1, q2, ... are the coordinates, gravity_x, gravity_y, gravity_z the gravity vector."""
+    """Expressions in symbols: q1, q2, ... are the coordinates, gravity_x, omega_y, ... parts of vectors."""
 
     inputs: dict[str, tuple[Any, ...]]  # SymPy symbols of each input array
     result: Any  # sympy.Matrix; a vector is a column
@@ -98,7 +99,7 @@ class SymbolicFunction(NamedTuple):
         for array, symbols in self.inputs.items():
             for symbol in symbols:
                 index = symbol.name.removeprefix(array).lstrip("_")
-                names[symbol] = f"{DOTS.get(array, 'g' if array == 'gravity' else array)}_{{{index}}}"
+                names[symbol] = f"{WRITTEN.get(array, array)}_{{{index}}}"
         return str(latex(_to_six_digits(self.result), symbol_names=names))
 
     def __str__(self) -> str:
@@ -118,7 +119,7 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
         raise MissingPackageError('SymPy expressions need sympy: pip install "catenary[symbolic]"') from error
     inputs = {
         array: tuple(
-            sympy.Symbol(f"gravity_{'xyz'[i]}" if array == "gravity" else f"{array}{i + 1}", real=True)
+            sympy.Symbol(f"{array}_{'xyz'[i]}" if array in VECTORS else f"{array}{i + 1}", real=True)
             for i in range(width)
         )
         for array, width in widths_of(line).items()

@@ -9,14 +9,17 @@ from catenary.control.loop_report import GravityTally
 from catenary.crtk.gravity_topic import now_of
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps
-from catenary.crtk.transport import Transport
+from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import InputError
+from catenary.gravity.vendors import vendor_command
 from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
 
 TOPIC, FRAME = "/gravity", "base"
 STATUS_EVERY = 1.0  # [s]; and whenever it changes
+# [s], [m/s2]: a program of set_gravity for a Universal Robot at most so often, and when gravity has moved by so much
+SCRIPT_EVERY, SCRIPT_FROM = 0.5, 0.1
 STRIPPED_HINT = (
     "known to do so: a BNO055's LIA registers, dmpGetLinearAccel of MPU-6050 libraries, Xsens' "
     "filter/free_acceleration, Android's linear acceleration sensor; take imu/data_raw or its like instead"
@@ -32,11 +35,13 @@ class GravityStatus(NamedTuple):
     subscribers: int
     is_up: bool  # whether the transport's network answers
     link: dict[str, Any]  # counts of the sensor's line or topic
+    remedy: str = ""  # what mends a gyroscope that does not turn as gravity does
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Faults, each with its name and what to do."""
-        return tuple(f"{fault.names[0]}: {warning(fault)}" for fault in self.reading.faults)
+        found = tuple(f"{fault.names[0]}: {warning(fault)}" for fault in self.reading.faults)
+        return (*found, f"the gyroscope: {self.remedy}") if self.remedy else found
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in SI and degrees where the name says so."""
@@ -66,12 +71,21 @@ class GravityNode:
     """
 
     def __init__(
-        self, transport: Transport, source: SensedGravity, *, topic: str = TOPIC, frame_id: str = FRAME
+        self,
+        transport: Transport,
+        source: SensedGravity,
+        *,
+        topic: str = TOPIC,
+        frame_id: str = FRAME,
+        urscript: str | None = None,
     ) -> None:
+        """Publish on `topic`; what is live also as programs of set_gravity on `urscript`, where that is given."""
         self.transport, self.source, self.frame_id = transport, source, frame_id
         self.tally, self.published = GravityTally(), 0
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")
         self._status = transport.publisher(f"{topic}/status", "crtk_msgs/StringStamped", latch=True)
+        self._script = None if urscript is None else transport.publisher(urscript, "std_msgs/String")
+        self._scripted, self._scripted_at = np.zeros(3), -np.inf
         self._stamps, self._said, self._said_at = Stamps(transport.clock), "", -np.inf
 
     def step(self) -> GravityReading:
@@ -86,11 +100,22 @@ class GravityNode:
             head = header(stamp, self.frame_id)
             self._vector.publish(message_class("geometry_msgs/Vector3Stamped")(head, vector))
             self.published += 1
+        if self._script is not None and reading.status is ReadingStatus.LIVE:
+            self._tell_robot(self._script, reading, time)
         text = " ".join((reading.status.value, *reading.faults.names))
         if text != self._said or time - self._said_at >= STATUS_EVERY:
             self._said, self._said_at = text, time
             self._status.publish(message_class("crtk_msgs/StringStamped")(header(stamp, self.frame_id), text))
         return reading
+
+    def _tell_robot(self, script: Publisher, reading: GravityReading, time: float) -> None:
+        """Send a Universal Robot's controller gravity that has changed, in a program beside the one that runs."""
+        moved = float(np.linalg.norm(reading.gravity - self._scripted))
+        if moved < SCRIPT_FROM or time - self._scripted_at < SCRIPT_EVERY:
+            return
+        self._scripted, self._scripted_at = reading.gravity, time
+        program = f"sec catenary_gravity():\n  {vendor_command('ur', reading.gravity)}\nend\n"
+        script.publish(message_class("std_msgs/String")(program))
 
     def subscribers(self) -> int:
         """Return the number of programs that listen."""
@@ -117,7 +142,8 @@ def publish_gravity(
     reading = node.step()
 
     def status(now: float) -> GravityStatus:
-        return GravityStatus(now - begin, reading, node.published, node.subscribers(), transport.is_up(), link())
+        said = node.source.remedy
+        return GravityStatus(now - begin, reading, node.published, node.subscribers(), transport.is_up(), link(), said)
 
     now = begin
     try:

@@ -57,7 +57,7 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
     y = as_array("readings", readings, (None, 3))
     if len(y) < FEWEST:
         raise InputError(f"tumble: expected at least {FEWEST} readings at rest, got {len(y)}")
-    faults = _length_faults(y)
+    faults = length_faults(y)
     directions = y / np.maximum(np.linalg.norm(y, axis=1, keepdims=True), 1e-12)
     covered = (np.stack([directions, -directions], axis=2).reshape(-1, 6) >= _NEAR).any(axis=0)
     missing = tuple(side for side, seen in zip(_SIDES, covered, strict=True) if not seen)
@@ -152,7 +152,25 @@ def found_mounting(
     return replace(old, rotation=rotation, bias=bias, scale=scale, rate_bias=rate_bias)
 
 
-def _length_faults(y: Floats) -> list[str]:
+def rest_faults(readings: ArrayLike, up: ArrayLike) -> list[str]:
+    """Return what is wrong with a sensor by means at rest (N, 3) and where up was (N, 3), before any fit: its axes."""
+    force, told = as_array("readings", readings, (None, 3)), as_array("up", up, (None, 3))
+    if len(force) < FEWEST_KNOWN:
+        return []  # which the fit says
+    spread_up, spread = STANDARD_GRAVITY * (told - told.mean(axis=0)), force - force.mean(axis=0)
+    U, sizes, Vt = np.linalg.svd(spread_up.T @ spread)
+    mirror = U @ Vt  # the best of all that keep lengths; three directions that are not in one plane show a mirror
+    off = float(np.sqrt(np.mean((spread_up - spread @ mirror.T) ** 2)))
+    if np.linalg.det(mirror) > 0.0 or sizes[2] < _FLAT * sizes[0] or off > 3.0 * _GOOD:
+        return []
+    return [
+        "axes are left-handed: all signs are turned round (specific force points up at rest), or one is, or two axes "
+        "are swapped: say --axes"
+    ]
+
+
+def length_faults(y: Floats) -> list[str]:
+    """Return what is wrong with readings at rest (N, 3) by their length: a unit, or gravity taken away."""
     length = float(np.median(np.linalg.norm(y, axis=1)))
     if abs(length - STANDARD_GRAVITY) <= _MAX_BIAS:
         return []

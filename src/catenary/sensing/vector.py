@@ -13,6 +13,7 @@ from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError
 from catenary.plant import AT_REST
 from catenary.sensing.checks import Fault
+from catenary.sensing.conventions import Convention
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 MAILBOX = 1024  # samples; 5 s of an accelerometer at 200 Hz
@@ -42,15 +43,18 @@ class Mailbox:
     Nothing is checked here: that is for the reader. A full mailbox drops the oldest samples, and counts them.
     """
 
-    def __init__(self, size: int = MAILBOX) -> None:
-        """Make room for `size` samples."""
+    def __init__(self, size: int = MAILBOX, convention: Convention | None = None) -> None:
+        """Make room for `size` samples, which are turned from a convention to SI where one is given."""
         # append, popleft and len of a deque are atomic
         self._samples: deque[SensorSample] = deque(maxlen=size)
-        self._size = size
+        self._size, self._convention = size, convention
         self.dropped = 0
 
     def put(self, stamp: float, vector: Sequence[float] | Floats, kind: Kind) -> None:
         """Leave a sample; it is copied."""
+        if self._convention is not None:
+            matrix = self._convention.rate if kind is Kind.ANGULAR_RATE else self._convention.force
+            vector = matrix @ np.asarray(vector, dtype=float)
         x, y, z = vector
         if len(self._samples) >= self._size:
             self.dropped += 1

@@ -97,6 +97,7 @@ class SenseSummary:
     spread: Floats  # (3,) [m/s2] standard deviation
     gravity: GravityReport  # readings by status, faults, messages
     link: dict[str, Any]
+    remedy: str = ""  # what mends a gyroscope that does not turn as gravity does
 
     @property
     def was_live(self) -> bool:
@@ -124,6 +125,7 @@ class SenseSummary:
             "readings": dict(self.gravity.ticks),
             "faults": dict(self.gravity.faults),
             "messages": list(self.gravity.messages),
+            "remedy": self.remedy,
             "largest_age_s": self.gravity.largest_age,
             "link": self.link,
         }
@@ -166,6 +168,7 @@ def watch(
         spread=np.sqrt(np.maximum(square - mean**2, 0.0)),
         gravity=tally.report(),
         link=feed.link(),
+        remedy=source.remedy,
     )
 
 

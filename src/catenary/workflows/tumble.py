@@ -1,12 +1,13 @@
 """A gravity sensor's calibration: the tumble, by hand and then on the robot; or from a recording of its rests."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
@@ -14,8 +15,19 @@ from catenary.errors import InputError
 from catenary.recording.import_formats.imu_recording import ImuRecording
 from catenary.recording.import_formats.table_files import read_table_file
 from catenary.robots.model import RobotModel
+from catenary.sensing.agreement import accelerations, compare, integrated
+from catenary.sensing.checks import Fault, SensorRules
+from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import align, fit_orientations, fit_tumble, found_mounting, level_and_tilts
+from catenary.sensing.tumble import (
+    align,
+    fit_orientations,
+    fit_tumble,
+    found_mounting,
+    length_faults,
+    level_and_tilts,
+    rest_faults,
+)
 from catenary.sensing.vector import Mailbox, tilted_gravity
 from catenary.simulation.base_motion import BaseSamples
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
@@ -24,6 +36,7 @@ from catenary.workflows.sense import STILL, SimulatedFeed, StillReading, read_st
 
 BLOCK = 0.25  # [s] over which a recorded sensor is still or not
 SHORTEST = 1.0  # [s] of a rest
+SHAKEN = 0.2  # [m2/s4] that hands leave which turn a sensor
 
 
 class Attitude(NamedTuple):
@@ -138,15 +151,29 @@ def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude
 
 
 def rests(recording: ImuRecording) -> list[StillReading]:
-    """Return the means of all pieces of a second or more in which a sensor stood still, in order."""
+    """Return the means of all pieces of a second or more in which a sensor stood still, in order.
+
+    A rest's first and last quarter of a second are left out of the means: a turn that begins or ends there slowly does
+    not show in gravity, and does in the rates.
+    """
     found: list[StillReading] = []
+    for rows in rest_rows(recording):
+        time = recording.time[rows]
+        inner = rows[(time >= time[0] + BLOCK) & (time <= time[-1] - BLOCK)]
+        rate = None if recording.rate is None else np.median(recording.rate[inner], axis=0)
+        found.append(StillReading(recording.force[inner].mean(axis=0), rate))
+    return found
+
+
+def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
+    """Return the rows of each piece of a second or more in which a sensor stood still."""
+    found: list[NDArray[np.intp]] = []
     rows: list[int] = []
     numbers = np.floor(recording.time / BLOCK).astype(int)
 
     def close() -> None:
         if rows and recording.time[rows[-1]] - recording.time[rows[0]] >= SHORTEST - BLOCK:
-            rate = None if recording.rate is None else recording.rate[rows].mean(axis=0)
-            found.append(StillReading(recording.force[rows].mean(axis=0), rate))
+            found.append(np.array(rows))
         rows.clear()
 
     for number in np.unique(numbers):
@@ -216,10 +243,40 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting | N
             f"the recording has {len(still)} rests of {SHORTEST:g} s or more, the orientations are {len(up)}: "
             "expected as many, in the same order"
         )
-    fit = fit_orientations(np.array([s.force for s in still]), up)
+    means = np.array([s.force for s in still])
+    faults = [*length_faults(means), *rest_faults(means, up)]
+    if faults:
+        section = TumbleSection(readings=len(still), remarks=tuple(faults))
+        return TumbleOutcome(start or Mounting(), section, tuple(faults))
+    fit = fit_orientations(means, up)
+    faults = [*fit.faults, *gyroscope_faults(recording)]
     rates = [s.rate for s in still if s.rate is not None]
     mounting = found_mounting(start, fit.rotation, fit.bias, fit.scale, rates)
     section = TumbleSection(
-        readings=len(still), residual_m_s2=fit.residual, rotation_residual_deg=None, remarks=fit.faults
+        readings=len(still), residual_m_s2=fit.residual, rotation_residual_deg=None, remarks=tuple(faults)
     )
-    return TumbleOutcome(mounting, section, fit.faults)
+    return TumbleOutcome(mounting, section, tuple(faults))
+
+
+def gyroscope_faults(recording: ImuRecording) -> list[str]:
+    """Return why a recorded gyroscope does not fit its accelerometer, by the turns between the rests."""
+    if recording.rate is None:
+        return []
+    rows, pieces = rest_rows(recording), []
+    for before, after in itertools.pairwise(rows):
+        # from within one rest into the next, as gravity of that place is known there
+        part = slice(before[-1] - len(before) // 4, after[0] + len(after) // 4)
+        time, rate = recording.time[part], recording.rate[part]
+        good = np.isfinite(recording.force[part]).all(axis=1) & np.isfinite(rate).all(axis=1)
+        good &= np.diff(time, prepend=-np.inf) > 0.0
+        if good.sum() > 2:
+            time, rate = time[good], rate[good]
+            pieces.append((time, recording.force[part][good], time, integrated(time, rate)))
+    span = sum(float(piece[0][-1] - piece[0][0]) for piece in pieces)
+    found = compare(pieces, accelerations(SensorRules(), span) + SHAKEN * span)
+    if found.fault is not Fault.NONE:
+        return [f"{found.fault.message}; {found.remedy}".rstrip("; ")]
+    noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)
+    if float(np.linalg.norm(noise)) > RestRate.ABSURD:
+        return [f"{Fault.RATE_UNIT.message}: its noise at rest is {np.linalg.norm(noise):.2g}"]
+    return []

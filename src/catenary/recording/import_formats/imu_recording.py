@@ -1,10 +1,16 @@
-"""An inertial unit's readings out of a recording: a bag with sensor_msgs/Imu, or a table with columns for it."""
+"""An inertial unit's readings out of a recording: a bag with sensor_msgs/Imu, or a table with columns for it.
 
+Columns are told by their names, as drivers and loggers write them, and units by what stands behind a name, as in
+"Accelerometer X (g)".
+"""
+
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.documents import cut
@@ -12,12 +18,27 @@ from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.columns import Stream, places_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_of
+from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
 IMU = "sensor_msgs/Imu"
-# names of x, y, z as drivers and people write them, in lower case; {} is the axis
-_FORCE = ("linear_acceleration.{}", "a{}", "acc_{}", "accel_{}", "acceleration_{}", "accelerometer_{}", "f{}")
-_RATE = ("angular_velocity.{}", "g{}", "w{}", "gyro_{}", "rate_{}", "gyroscope_{}", "angular_velocity_{}")
+# names of x, y, z as drivers and people write them, without case, unit and what separates words; {} is the axis
+_FORCE = (
+    "linearacceleration{}", "a{}", "acc{}", "accel{}", "acceleration{}", "accelerometer{}", "f{}", "uncompaccel{}",
+    "scaledaccel{}", "imuacc{}", "specificforce{}",
+)  # fmt: skip
+_RATE = (
+    "angularvelocity{}", "g{}", "w{}", "gyro{}", "rate{}", "gyroscope{}", "gyr{}", "uncompgyro{}", "scaledgyro{}",
+    "imugyro{}", "angularrate{}", "omega{}",
+)  # fmt: skip
+_STRIPPED = ("freeacc{}", "lia{}", "useraccel{}")  # accelerations from which the driver has taken gravity away
+# a unit behind a name: "Accelerometer X (g)", "gyro_x [deg/s]", "accel_x_mg"
+_UNIT = re.compile(r"[ _]*[(\[]\s*(?P<unit>[^)\]]+?)\s*[)\]]\s*$|[_ ](?P<tail>m_s2|mps2|rad_s|radps|deg_s|dps|mg|g)$")
+_SPELT = {
+    "m/s^2": "m/s2", "m/s²": "m/s2", "m/s/s": "m/s2", "m_s2": "m/s2", "mps2": "m/s2", "rad_s": "rad/s",
+    "radps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "°/s": "deg/s",
+}  # fmt: skip
 _LEAST = 10  # readings
+_BURST = 0.2  # of the mean step: more than half of them shorter, and stamps are those of bursts that came together
 
 
 @dataclass(frozen=True)
@@ -36,7 +57,13 @@ class ImuRecording:
 
 
 def read_imu(
-    path: Path, *, topic: str | None = None, columns: Sequence[str] = (), time_unit: str | None = None
+    path: Path,
+    *,
+    topic: str | None = None,
+    columns: Sequence[str] = (),
+    time: str | None = None,
+    matrices: tuple[Floats, Floats] | None = None,
+    has_units: bool = False,
 ) -> ImuRecording:
     """Read the readings of an inertial unit.
 
@@ -44,7 +71,9 @@ def read_imu(
         path: A bag (.bag, .mcap, .db3), or a table (.csv, .parquet, .npz, .mat) with a column of time.
         topic: Of a bag with several Imu topics.
         columns: Of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without.
-        time_unit: Of a table's time; told by its name or its steps when None.
+        time: Of a table: the column of time, and its unit behind an @ (t_us@us); told by names and steps when None.
+        matrices: What accelerometer and gyroscope are multiplied by (3, 3), to order their axes.
+        has_units: The matrices make SI of units too; those in names do not count then.
     """
     sources = Sources([path])
     stream = _stream(path, sources.streams, topic)
@@ -52,11 +81,16 @@ def read_imu(
     if names and len(names) not in (3, 6):
         raise InputError(f"columns: expected three of the accelerometer and three of the gyroscope, got {len(names)}")
     names = names or _named(stream, _FORCE, required=True) + _named(stream, _RATE, required=False)
-    whole = sources.read({stream.name: names}).get(stream.name, stream)
+    flags = [name for name in stream.columns if name.endswith("_covariance[0]") and "orientation" not in name]
+    whole = sources.read({stream.name: [*names, *flags]}).get(stream.name, stream)
     if whole.type == "table":
-        told = time_of(stream, (), time_unit, None)
+        column, _, unit = (time or "").partition("@")
+        try:
+            told = time_of(stream, (column,) if column else (), unit or None, None)
+        except InputError as error:
+            raise InputError(f"{error}; here --time COLUMN@UNIT") from error
         if told is None:
-            raise InputError(f"{path}: no column of time, such as time or t_us; it has {_shown(stream)}")
+            raise InputError(f"{path}: no column of time, such as time or t_us: --time; it has {_shown(stream)}")
         stamp, why = told.stamp, told.said
     else:
         given = whole.stamp if whole.stamp is not None and (whole.stamp > 0).all() else whole.arrival
@@ -64,14 +98,50 @@ def read_imu(
             raise FileFormatError(f"{path}: {stream.name}: its messages have no stamps")
         stamp, why = given, f"{stream.name}: {whole.rows} messages"
     values = np.column_stack([np.asarray(whole.columns[name], dtype=float) for name in names])
-    known = stamp > np.iinfo(np.int64).min
+    measured, missing = _measured(whole, len(values), values.shape[1] == 6)
+    known = (stamp > np.iinfo(np.int64).min) & measured[0]
     if known.sum() < _LEAST:
-        raise FileFormatError(f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}")
-    seconds = (stamp[known] - stamp[known][0]) / 1e9
+        raise FileFormatError(
+            f"{path}: expected at least {_LEAST} readings with a time, got {int(known.sum())}{missing}"
+        )
+    seconds, spread = _spread((stamp[known] - stamp[known][0]) / 1e9)
     rows = values[known]
-    rate = rows[:, 3:] if rows.shape[1] == 6 else None
-    said = (why, f"read {', '.join(map(cut, names))}")
+    if not has_units:
+        rows = rows * np.array([_scale(name, _RATE if k > 2 else _FORCE) for k, name in enumerate(names)])
+    if matrices is not None:
+        rows = np.hstack([rows[:, 3 * k : 3 * k + 3] @ matrices[k].T for k in range(rows.shape[1] // 3)])
+    rate = rows[:, 3:] if rows.shape[1] == 6 and measured[1][known].all() else None
+    if rows.shape[1] == 6 and rate is None:
+        missing = "; its messages say (covariance -1) that they measure no angular velocity"
+    said = (why + missing + spread, f"read {', '.join(map(cut, names))}")
     return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
+
+
+def _measured(stream: Stream, rows: int, has_rates: bool) -> tuple[tuple[NDArray[np.bool_], NDArray[np.bool_]], str]:
+    """Return which rows measured acceleration and rates, and in words: an Imu says by a covariance of -1 if not."""
+    found = []
+    for name in ("linear_acceleration_covariance[0]", "angular_velocity_covariance[0]"):
+        column = stream.columns.get(name)
+        found.append(np.ones(rows, bool) if column is None else np.asarray(column, dtype=float) != -1.0)
+    without = int((~found[0]).sum())
+    said = f"; {without} messages say (covariance -1) that they measure no acceleration" if without else ""
+    return (found[0], found[1] if has_rates else np.ones(rows, bool)), said
+
+
+def _spread(seconds: Floats) -> tuple[Floats, str]:
+    """Return times with bursts spread: readings that came together were taken evenly since those before."""
+    steps = np.diff(seconds)
+    if len(steps) < _LEAST or (steps < 0.0).any():
+        return seconds, ""
+    mean = float(seconds[-1]) / len(steps)
+    if np.mean(steps < _BURST * mean) < 0.5:
+        return seconds, ""
+    last = np.append(steps >= _BURST * mean, True)  # of a burst, whose readings end at its stamp
+    ends = np.flatnonzero(last)
+    even: Floats = np.interp(
+        np.arange(len(seconds)), np.append(0, ends[ends > 0]), seconds[np.append(0, ends[ends > 0])]
+    )
+    return even, f"; stamps come in bursts of {len(seconds) / len(ends):.1f}, spread evenly"
 
 
 def _stream(path: Path, streams: Sequence[Stream], topic: str | None) -> Stream:
@@ -87,17 +157,39 @@ def _stream(path: Path, streams: Sequence[Stream], topic: str | None) -> Stream:
 
 
 def _named(stream: Stream, patterns: Sequence[str], *, required: bool) -> list[str]:
-    lower = {name.lower(): name for name in stream.columns}
+    plain = {_plain(name): name for name in stream.columns}
     for pattern in patterns:
-        names = [lower.get(pattern.format(axis)) for axis in "xyz"]
+        names = [plain.get(pattern.format(axis)) for axis in "xyz"]
         if all(names):
             return [name for name in names if name is not None]
     if not required:
         return []
+    if any(pattern.format("x") in plain for pattern in _STRIPPED):
+        raise InputError(
+            f"{stream.name}: accelerations without gravity ({_shown(stream)}): record the accelerometer's own, raw"
+        )
     raise InputError(
         f"{stream.name}: no columns of an accelerometer such as ax, ay, az; it has {_shown(stream)}; "
         "name them with --columns"
     )
+
+
+def _plain(name: str) -> str:
+    """Return a name without its unit, in lower case, without what separates words; of "67:accelX" the end."""
+    return re.sub(r"[\s_.-]", "", _UNIT.sub("", name.strip()).rpartition(":")[2].lower())
+
+
+def _scale(name: str, patterns: Sequence[str]) -> float:
+    """Return what a column is multiplied by to be in SI, by the unit in its name."""
+    found = _UNIT.search(name.strip())
+    if found is None:
+        return 1.0
+    text = (found["unit"] or found["tail"]).lower().replace(" ", "")
+    unit = _SPELT.get(text, text)
+    choices = RATE_UNITS if patterns is _RATE else ACCELERATION_UNITS
+    if unit not in choices:
+        raise InputError(f'column "{cut(name)}": unit "{text}": expected one of {", ".join(choices)}; or say --units')
+    return choices[unit]
 
 
 def _shown(stream: Stream) -> str:

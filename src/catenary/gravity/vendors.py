@@ -1,0 +1,83 @@
+"""Gravity for the compensation of a vendor's own controller: in its signs, and what a level-base one leaves to add."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+
+MOST = 30.0  # [m/s2] beyond which a vector is none that a base feels
+
+
+class Vendor(NamedTuple):
+    """How a controller is told of gravity."""
+
+    sign: float  # of free-fall acceleration in base axes; 0 for one that cannot be told
+    command: str  # {} are x, y and z
+    limits: str  # what its makers say of it
+
+
+VENDORS: dict[str, Vendor] = {
+    # [Universal Robots, 7th axis gravity settings: (0, 0, 9.82) at rest, (4.91, 0, 9.82) accelerated along x by 0.5 g]
+    "ur": Vendor(
+        -1.0,
+        "set_gravity([{:.4f}, {:.4f}, {:.4f}])",
+        "points up, as an accelerometer reads, in axes of its controller's base, half a turn about z of base_link; "
+        "in a secondary program (sec ... end) it runs beside another, a few times a second at most; keep the joints still "
+        "while the base accelerates",
+    ),
+    # [Kinova: "by default ... the gravity vector is 0, 0, -9.81"; after each start it must be sent again]
+    "kortex": Vendor(
+        1.0,
+        "control_config.SetGravityVector(ControlConfig_pb2.GravityVector(gravity_x={:.4f}, gravity_y={:.4f}, "
+        "gravity_z={:.4f}))",
+        "points down; a setting and no stream: the arm at rest, and again after each start",
+    ),
+    # [franka_ros, issue 327: "You cannot change the gravity vector on the real robot"; subtract its own, add yours]
+    "franka": Vendor(
+        0.0,
+        "",
+        "its gravity cannot be set: add gravity_delta to the torques of its torque interface, which compensates for a "
+        "level base; Model::gravity(state, gravity_earth) takes the vector that points down",
+    ),
+}
+
+
+def vendor_of(name: str) -> Vendor:
+    """Return a vendor by its name."""
+    if name not in VENDORS:
+        raise InputError(f'vendor "{name}": expected one of {", ".join(VENDORS)}')
+    return VENDORS[name]
+
+
+def vendor_vector(name: str, gravity: ArrayLike) -> Floats:
+    """Return gravity, (3,) free-fall acceleration in base axes [m/s2], as a vendor's controller takes it."""
+    vendor, vector = vendor_of(name), as_array("gravity", gravity, (3,))
+    if vendor.sign == 0.0:
+        raise InputError(f"{name}: {vendor.limits}")
+    if not 0.0 < float(np.linalg.norm(vector)) <= MOST:
+        raise InputError(
+            f"gravity for {name}: expected a length of more than 0 and at most {MOST:g} m/s2, got {vector}"
+        )
+    told: Floats = vendor.sign * vector + 0.0
+    return told
+
+
+def in_controller_base(name: str, model: RobotModel, gravity: ArrayLike) -> Floats:
+    """Return gravity (3,) in axes of a vendor's own base frame, of gravity in those of a model's base.
+
+    A Universal Robot's controller has the frame `base`, which its description turns by half a turn from `base_link`.
+    """
+    vector = as_array("gravity", gravity, (3,))
+    own = model.frames.get("base") if name == "ur" else None
+    turned: Floats = vector if own is None or own.link >= 0 else vector @ own.pose.rotation
+    return turned
+
+
+def vendor_command(name: str, gravity: ArrayLike) -> str:
+    """Return the line that tells a vendor's controller of gravity; empty where there is none."""
+    vendor = vendor_of(name)
+    return vendor.command.format(*vendor_vector(name, gravity)) if vendor.sign else ""

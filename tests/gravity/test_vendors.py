@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from catenary.errors import InputError
+from catenary.gravity.vendors import VENDORS, in_controller_base, vendor_command, vendor_vector
+from catenary.robots.catalog import load_robot
+from catenary.sensing.vector import tilted_gravity
+
+
+@pytest.mark.parametrize(
+    ("gravity", "said"),
+    [
+        # Universal Robots, "7th axis gravity settings": at rest, and accelerated along x by half a g
+        ((0.0, 0.0, -9.82), "set_gravity([0.0000, 0.0000, 9.8200])"),
+        ((-4.91, 0.0, -9.82), "set_gravity([4.9100, 0.0000, 9.8200])"),
+    ],
+)
+def test_a_universal_robot_is_told_as_its_manual_says(gravity, said):
+    assert vendor_command("ur", gravity) == said
+
+
+def test_a_universal_robot_turned_about_x_is_told_as_its_script_manual_says():
+    a = 0.3  # set_gravity([0, 9.82 sin(theta), 9.82 cos(theta)])
+    np.testing.assert_allclose(vendor_vector("ur", tilted_gravity(a, 0.0)), [0.0, 9.81 * np.sin(a), 9.81 * np.cos(a)])
+
+
+def test_a_kinova_is_told_of_gravity_that_points_down():
+    assert "gravity_x=0.0000, gravity_y=0.0000, gravity_z=-9.8100" in vendor_command("kortex", (0.0, 0.0, -9.81))
+
+
+def test_a_franka_cannot_be_told_and_says_what_to_add():
+    assert vendor_command("franka", (0.0, 0.0, -9.81)) == ""
+    with pytest.raises(InputError, match="add gravity_delta"):
+        vendor_vector("franka", (0.0, 0.0, -9.81))
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (0.0, 0.0, -981.0), (np.nan, 0.0, -9.8)])
+@pytest.mark.parametrize("name", [name for name, vendor in VENDORS.items() if vendor.sign])
+def test_what_no_base_feels_is_told_to_nobody(name, gravity):
+    with pytest.raises(InputError):
+        vendor_command(name, gravity)
+
+
+def test_a_vendor_that_there_is_not_is_refused():
+    with pytest.raises(InputError, match="expected one of ur, kortex, franka"):
+        vendor_command("acme", (0.0, 0.0, -9.81))
+
+
+def test_a_universal_robots_controller_has_a_base_of_its_own():
+    ur10e, gravity = load_robot("ur10e"), tilted_gravity(0.2, 0.3)
+    np.testing.assert_allclose(in_controller_base("ur", ur10e, gravity), gravity * [-1.0, -1.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(in_controller_base("kortex", ur10e, gravity), gravity)

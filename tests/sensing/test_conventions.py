@@ -1,0 +1,135 @@
+"""Units and axes of drivers, each held to what it must read on a level base that rolls to the left."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import InputError
+from catenary.recording.import_formats.imu_recording import read_imu
+from catenary.sensing.conventions import DRIVERS, axes_matrix, convention_of
+from catenary.sensing.vector import Kind, Mailbox
+
+G = 9.80665
+# what each writes, by its manual, of +g up and 0.5 rad/s about the axis that points forward
+FORWARD = {"flu": [1, 0, 0], "frd": [1, 0, 0], "optical": [0, 0, 1]}
+UP = {"flu": [0, 0, 1], "frd": [0, 0, -1], "optical": [0, -1, 0]}
+PER_SI = {"m/s2": 1.0, "g": 1.0 / G, "rad/s": 1.0, "deg/s": 180.0 / np.pi}
+
+
+def written(name: str) -> np.ndarray:
+    driver = DRIVERS[name]
+    force, rate = (PER_SI[unit] for unit in driver.units)
+    return np.r_[G * force * np.array(UP[driver.axes]), 0.5 * rate * np.array(FORWARD[driver.axes])]
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+def test_a_file_of_a_driver_is_read_in_si_and_base_axes(name: str, tmp_path: Path) -> None:
+    first = DRIVERS[name].columns or "ax, gx"
+    header = [column.replace("X", axis).replace("gx", f"g{axis.lower()}").replace("ax", f"a{axis.lower()}")
+              for column in first.split(", ") for axis in "XYZ"]  # fmt: skip
+    rows = np.column_stack([0.01 * np.arange(30), np.tile(written(name), (30, 1))])
+    path = tmp_path / "imu.csv"
+    np.savetxt(path, rows, delimiter=",", header=",".join(["time", *header]), comments="")
+    told = convention_of(driver=name)
+    found = read_imu(path, matrices=told, has_units=True)
+    assert_allclose(found.force[0], [0.0, 0.0, G], atol=1e-9)
+    assert found.rate is not None
+    assert_allclose(found.rate[0], [0.5, 0.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+def test_samples_of_a_driver_come_out_of_the_mailbox_in_si_and_base_axes(name: str) -> None:
+    mailbox, said = Mailbox(convention=convention_of(driver=name)), written(name)
+    mailbox.put(0.0, said[:3], Kind.SPECIFIC_FORCE)
+    mailbox.put(0.0, said[3:], Kind.ANGULAR_RATE)
+    force, rate = mailbox.take(), mailbox.take()
+    assert force is not None
+    assert rate is not None
+    assert_allclose(force.vector, [0.0, 0.0, G], atol=1e-9)
+    assert_allclose(rate.vector, [0.5, 0.0, 0.0], atol=1e-9)
+
+
+def test_every_driver_is_documented_with_its_units_and_axes() -> None:
+    lines = Path("docs/gravity-vector.md").read_text().splitlines()
+    for name, driver in DRIVERS.items():
+        row = next(line for line in lines if line.startswith(f"| `{name}`"))
+        assert all(f"| {word} |" in row for word in (*driver.units, driver.axes)), name
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ("x,-y,-z", np.diag([1.0, -1.0, -1.0])),
+        ("NED", np.diag([1.0, -1.0, -1.0])),
+        ("y,-x,z", [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
+    ],
+)
+def test_axes_are_frames_or_an_order(said: str, expected: np.ndarray) -> None:
+    assert_allclose(axes_matrix(said), expected)
+
+
+def test_a_gyroscope_may_have_axes_of_its_own() -> None:
+    told = convention_of(axes=("x,y,z", "-x,-y,-z"))
+    assert_allclose(told.force, np.eye(3))
+    assert_allclose(told.rate, -np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"units": ("kg",)}, 'unit "kg" of the accelerometer: expected one of m/s2'),
+        ({"units": ("g", "rpm")}, 'unit "rpm" of the gyroscope'),
+        ({"axes": ("x,x,z",)}, "expected flu, frd"),
+        ({"axes": ("-x,y,z",)}, "left-handed"),
+        ({"driver": "acme"}, "expected one of xsens"),
+    ],
+)
+def test_conventions_that_there_are_not_are_refused(options: dict, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        convention_of(**options)
+
+
+@pytest.mark.parametrize(
+    ("header", "force", "rate"),
+    [
+        ("Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s)", G, np.pi / 180),
+        ("accel_x_mg,accel_y_mg,accel_z_mg,gyro_x_dps,gyro_y_dps,gyro_z_dps", G / 1000, np.pi / 180),
+        ("ax [m/s^2],ay [m/s^2],az [m/s^2],wx [rad/s],wy [rad/s],wz [rad/s]", 1.0, 1.0),
+    ],
+)  # fmt: skip
+def test_units_in_headers_count(header: str, force: float, rate: float, tmp_path: Path) -> None:
+    rows = np.column_stack([0.01 * np.arange(30), np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0], (30, 1))])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=f"time,{header}", comments="")
+    found = read_imu(tmp_path / "a.csv")
+    assert_allclose(found.force[0], [0.0, 0.0, force])
+    assert found.rate is not None
+    assert_allclose(found.rate[0], [rate, 0.0, 0.0])
+
+
+def test_gravity_that_was_taken_away_and_units_that_there_are_not_are_refused(tmp_path: Path) -> None:
+    for header, said in (
+        ("FreeAcc_X,FreeAcc_Y,FreeAcc_Z", "without gravity"),
+        ("ax (lb),ay (lb),az (lb)", 'unit "lb"'),
+    ):
+        np.savetxt(
+            tmp_path / "a.csv",
+            np.c_[np.arange(20.0), np.ones((20, 3))],
+            delimiter=",",
+            header=f"time_s,{header}",
+            comments="",
+        )
+        with pytest.raises(InputError, match=said):
+            read_imu(tmp_path / "a.csv")
+
+
+def test_bursts_are_spread_and_their_time_may_be_told(tmp_path: Path) -> None:
+    stamps = np.repeat(0.04 * np.arange(1, 20), 4) + np.tile(1e-4 * np.arange(4), 19)
+    rows = np.column_stack([stamps, np.tile([0.0, 0.0, 9.8], (76, 1))])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,ax,ay,az", comments="")
+    with pytest.raises(InputError, match="--time COLUMN@UNIT"):
+        read_imu(tmp_path / "a.csv")
+    found = read_imu(tmp_path / "a.csv", time="time@s")
+    assert_allclose(np.diff(found.time)[4:], 0.01, atol=1e-6)
+    assert any("bursts of 4" in note for note in found.notes)
