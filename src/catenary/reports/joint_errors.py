@@ -140,11 +140,12 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
     ]
     if all(s.rmse_low is not None for s in spread):
         columns += [
-            TableColumn("as trained", lambda s: f"{s.rmse_low:.3f} to {s.rmse_high:.3f}"),
-            TableColumn("in the margin", lambda s: f"at most {s.rmse_margin:.3f}"),
+            TableColumn(f"as trained {unit}", lambda s: f"{s.rmse_low:.3f} to {s.rmse_high:.3f}"),
+            TableColumn(f"in the margin {unit}", lambda s: f"at most {s.rmse_margin:.3f}"),
         ]
     if all(s.held_low is not None for s in spread):
-        columns.append(TableColumn("in intervals", lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
+        shares = "in intervals [% of rows]"
+        columns.append(TableColumn(shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
     return Table(columns, spread, "RMSE on blocks of time that the fit did not see, and on a stretch to come")
 
 
@@ -190,7 +191,7 @@ def coverage_blocks(evaluation: Evaluation) -> list[Block]:
         Text(
             f"Each corrected position comes with an interval that is to hold {100.0 * evaluation.level:.3g} % of "
             "errors on later data of the same kind: median half-width, share of rows whose error lies within it. "
-            "Outside the model's valid range intervals are wider. Too narrow: so small a share is not laid to chance, "
+            "Beyond where training rows lay intervals are wider. Too narrow: so small a share is not laid to chance, "
             "counting blocks of time, whose rows depend on each other."
         ),
     ]

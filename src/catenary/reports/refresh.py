@@ -22,10 +22,10 @@ def refresh_table(changes: Sequence[JointChange], rows: int) -> Table:
         TableColumn("joint", "name"),
         TableColumn("unit", "unit"),
         TableColumn("change", "change"),
-        TableColumn("moved", "moved", "+.3f"),
+        TableColumn(f"moved {unit}", "moved", "+.3f"),
         TableColumn(f"RMSE before {unit}", "rmse_before", ".3f"),
-        TableColumn("on blocks after", "rmse_after", ".3f"),
-        TableColumn("promised", lambda change: f"{change.rmse_low:.3f} to {change.rmse_high:.3f}"),
+        TableColumn(f"on blocks after {unit}", "rmse_after", ".3f"),
+        TableColumn(f"promised {unit}", lambda change: f"{change.rmse_low:.3f} to {change.rmse_high:.3f}"),
     ]
     return Table(columns, changes, f"What became of each joint, on {rows:,} new rows")
 
