@@ -41,9 +41,11 @@ def lines_of(text: str) -> int:
     return sum(max(1, ceil((len(line) - 13) / (COLUMNS - 13))) for line in text.splitlines())
 
 
-@pytest.mark.parametrize("seconds", [0.0, 0.6])
-def test_six_joints_fit_on_a_screen(tmp_path: Path, seconds: float) -> None:
+@pytest.mark.parametrize(("seconds", "away"), [(0.0, 0.0), (0.6, 0.0), (0.0, 2.0)])
+def test_six_joints_fit_on_a_screen(tmp_path: Path, seconds: float, away: float) -> None:
     log = late(six_joints(), seconds)
+    assert log.q_encoder is not None
+    log = replace(log, q_encoder=log.q_encoder + away * (np.arange(len(log)) % 200 == 7)[:, None])
     write_parquet(replace(log, notes=(f"a note {'which is long ' * 9}",) * 9), tmp_path / "run.parquet")
     outcome = catenary("check", tmp_path / "run.parquet")
     assert lines_of(outcome.out) <= LINES, outcome.out

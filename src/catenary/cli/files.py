@@ -29,7 +29,7 @@ def check(
     ),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Say what a file is, what is wrong with it, and the command to use next.
+    """Say what a file is, what is wrong, what to do next.
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xacro, .xml and .mjcf files;
     models are .npz; recordings bags of ROS 1 and 2, MCAP, journals, .npz, .parquet, .csv. A recording gets the verdict that

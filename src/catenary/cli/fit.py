@@ -262,11 +262,11 @@ def drift(
     report: Path | None = REPORT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Print a model's error over days and homings, or what several models' cards tell.
+    """Print errors over days, of a model or of cards.
 
-    Recordings come in the order of time. Where DATA are models, or their .card.json, it prints errors, delays and zeros
-    by date. The exit code is 1 where a joint is beyond at the end, or where something is
-    wrong with a recording, which is no drift.
+    Of a model on recordings, from homing to homing. Recordings come in the order of time. Where DATA are models, or
+    their .card.json, it prints errors, delays and zeros by date. The exit code is 1 where a joint is beyond at the end,
+    or where something is wrong with a recording, which is no drift.
 
     Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """

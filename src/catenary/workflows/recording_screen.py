@@ -20,7 +20,7 @@ from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.delay import Delay
 from catenary.verdict.finding import Finding
 from catenary.verdict.hysteresis import hysteresis_of
-from catenary.verdict.pairs import outliers
+from catenary.verdict.pairs import OUTLIER_SPREADS, outliers
 from catenary.workflows.file_report import SOUND, FileReport, Line
 
 LONG_GAP = 10.0  # times the median step between stamps
@@ -106,9 +106,10 @@ def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
     delay = next((each.delay for each in findings if each.delay is not None), None)
     found.facts["delay"] = None if delay is None else asdict(delay)
     found.lines += [("delay", each.says) for each in findings if each.name == "delay"]
-    wild = [each for each in findings if each.name == "outliers"]
-    told = "; ".join(f"{', '.join(each.joints)}: {each.says}" for each in wild) or "none"
-    found.lines += [("outliers", told)] * bool(found.facts["measured_rows"])
+    measured = found.facts["measured_rows"]
+    wild = ", ".join(f"{j['name']} {j['outliers']}" for j in found.facts["joints"] if j["outliers"])
+    told = f"{wild} of {measured:,} rows, beyond {OUTLIER_SPREADS:g} robust standard deviations" if wild else "none"
+    found.lines += [("outliers", told)] * bool(measured)
     found.sound = SOUND + _could_hide(delay)
 
 
