@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from catenary.config import plain_data
-from catenary.errors import InputError
 from catenary.identification.identification import Identification, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, filter_of
