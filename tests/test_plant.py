@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.errors import InputError
-from catenary.plant import Joints, places_of
+from catenary.plant import Joints, MotionLog, places_of
 from recordings import recording
 
 LOG = recording(np.random.default_rng(0), rows=6)
@@ -134,3 +134,23 @@ def test_joints_without_names_are_taken_in_order_with_a_note_and_in_their_units(
         LOG.in_order_of(Joints(("a", "b", "c"), ("m", "rad", "rad")), of="expected are")
     part = replace(LOG, joint_names=("J2", "J1", "J3"), q_nominal=LOG.q_nominal[:, [1, 0, 2]])
     assert_array_equal(part.in_order_of(LOG, of="expected are").q_nominal, LOG.q_nominal)
+
+
+def test_a_part_of_a_log_has_its_rows_of_every_array() -> None:
+    rows = np.arange(6.0)
+    log = MotionLog(
+        "run",
+        ("J1",),
+        ("rad",),
+        rows[:, None],
+        rows > 1.0,
+        q_encoder=rows[:, None] + 1.0,
+        time=rows,
+        signals={"I": rows},
+    )
+    part = log.part(2, 5)
+    for values in (part.q_nominal[:, 0], part.time, part.signals["I"], np.asarray(part.q_encoder)[:, 0] - 1.0):
+        assert np.array_equal(values, [2.0, 3.0, 4.0])
+    assert part.ok.all()
+    with pytest.raises(InputError, match="has rows 0 to 6, got 5:5"):
+        log.part(5, 5)

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_recordings import friction_notes
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.errors import InputError
@@ -74,6 +75,18 @@ def test_without_coupling_nothing_is_found() -> None:
     q_encoder[:, 2:] = log.q_nominal[:, 2:] + alone.lag(log.q_nominal[:, 2:])[:, 0]
     q_encoder[:, 2:] += 2e-3 * np.random.default_rng(0).normal(size=(len(log), 2))
     assert find_friction([replace(log, q_encoder=q_encoder)], OPTIONS) is None
+
+
+def test_days_differ_by_their_level_of_friction() -> None:
+    days = [coupled_arm(seed, rows=900, level=level) for seed, level in enumerate((1.0, 0.6))]
+    found = find_friction(days, replace(OPTIONS, coupled=("J5", "J6")))
+    assert found is not None
+    levels = np.array(found.levels)
+    assert_allclose(levels.sum(axis=0), 0.0, atol=1e-12)  # over their mean
+    assert_allclose(levels[1] - levels[0], np.log(0.6), atol=0.15)
+    notes = friction_notes(days, found)
+    assert "friction couples J5, J6" in notes[0]
+    assert f"J5 {np.exp(levels[1, 0]):.2f}" in notes[2]
 
 
 def test_what_is_held_out_does_not_matter(log) -> None:

@@ -202,8 +202,8 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses one of them for every joint, the simplest
-            that will do (kind_choice.py).
+        model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses one of them for every joint,
+            the simplest that will do (kind_choice.py).
         preset: Of "neural": "paper" or "best", which is taken when None.
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         history: How many previous positions are inputs.

@@ -18,6 +18,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
 from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
+from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
@@ -149,6 +150,8 @@ def _concluded(
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
+    if model.features.friction is not None and options.friction is not None:
+        notes = (*notes, *friction_notes(logs, options.friction))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
     left_out = errors_with_left_out(
@@ -180,6 +183,18 @@ def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
     upper = np.maximum(robot.upper[places], q.max(axis=0))
     limits: Floats = np.clip([lower, upper], -FARTHEST, FARTHEST)  # a joint may have none
     return limits
+
+
+def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]:
+    """Return in a sentence which joints friction couples, and the level of each of several recordings."""
+    names = [position.removeprefix("q:") for position in found.states.positions]
+    notes = [
+        f"friction couples {', '.join(names)}: {found.gain:.0%} of their error on blocks of time is explained by it"
+    ]
+    for log, logarithms in zip(logs, found.levels if len(logs) > 1 else (), strict=False):
+        levels = ", ".join(f"{name} {level:.2f}" for name, level in zip(names, np.exp(logarithms), strict=True))
+        notes.append(f"{log.name}: friction, over the recordings' mean: {levels}")
+    return notes
 
 
 def prior_notes(model: CalibrationModel) -> list[str]:

@@ -34,6 +34,8 @@ LONGEST = 0.015  # of each joint's range: a longer step is split; 2 deg of a wri
 FIRST_STEP = 0.35  # of the search, in logarithms and couplings
 SEARCH = 80  # steps
 HELD = 1e-4  # weight on squared couplings
+LEVEL_SPREAD = 0.4  # of a day's friction, in its logarithm, about the mean
+CORRELATED, LEVEL_SEARCH, ROUNDS = 40, 30, 2  # rows that count as one; steps of the search for a level; rounds
 BLOCKS = 5
 LEAST_GAIN = 0.03  # in the logarithm of the error, from play states of each joint
 MANY, WINDOWS, WARMING = 12_000, 10, 0.2  # rows that are searched whole; else this many parts, and rows before each
@@ -48,7 +50,9 @@ class _Rows:
     fixed: Floats  # (N, F) positions and play states, and what else the model takes
     error: Floats  # (N, n)
     block: NDArray[np.int64]  # (N,)
-    paths: list[tuple[Floats, NDArray[np.int64]]]  # positions (L, n) of a motion as shares of ranges, and its rows of N
+    recording: NDArray[np.int64]  # (N,)
+    # positions (L, n) of each motion as shares of ranges, which of its rows these are, and the number of its recording
+    paths: list[tuple[Floats, NDArray[np.int64], int]]
     ranges: Floats  # (n,)
     joint_names: tuple[str, ...]
 
@@ -58,10 +62,17 @@ class _Rows:
         names = self.signals.names
         return np.array([i for i, n in enumerate(names) if not (n.startswith("play(") and n[5:].split(",")[0] in own)])
 
-    def lags(self, joints: Sequence[int], friction: CoupledFriction) -> Floats:
-        """Return friction states of joints at the rows, (N, S n)."""
-        parts = [friction.lag(path[:, list(joints)])[rows] for path, rows in self.paths]
-        return np.concatenate(parts).reshape(len(self.fixed), -1)
+    def lags(
+        self, joints: Sequence[int], friction: CoupledFriction, levels: Floats | None = None, only: int | None = None
+    ) -> Floats:
+        """Return friction states of joints at the rows, (N, S n), each recording's at its level (R, m); of one only."""
+        parts = []
+        for path, rows, number in self.paths:
+            if only in (None, number):
+                own = 1.0 if levels is None else np.exp(levels[number])
+                own_friction = friction._replace(thresholds=friction.thresholds * own)
+                parts.append(own_friction.lag(path[:, list(joints)])[rows].reshape(len(rows), -1))
+        return np.concatenate(parts)
 
 
 def find_friction(
@@ -95,6 +106,9 @@ def find_friction(
         if options.coupled is None and not shown:
             return None
         kept, also = _inputs_needed(rows, joints, found)
+        levels = _levels(rows, joints, found) if len(logs) > 1 else np.zeros((1, len(found.directions)))
+        found = found._replace(thresholds=found.thresholds * np.exp(levels.mean(axis=0)))
+        levels -= levels.mean(axis=0)
     unit = rows.ranges[list(joints)]
     states = coupled_friction(
         unit[:, None] * found.lever * unit, found.directions / unit, found.thresholds, found.longest * unit
@@ -104,6 +118,7 @@ def find_friction(
         FrictionStates.of(tuple(f"q:{name}" for name in names), states),
         kept,
         tuple(name for j, name in enumerate(rows.joint_names) if j in joints or j in also),
+        tuple(map(tuple, levels.tolist())),
         float(1.0 - np.exp(-gain.mean())),
     )
 
@@ -111,10 +126,10 @@ def find_friction(
 def _rows_of(logs: Sequence[MotionLog], options: FitOptions, held_out: float, max_error: Floats | None) -> _Rows:
     plain = replace(options, kind="hysteretic", preset=None, friction=None, coupled=(), history=0)
     inputs = choose_inputs(logs, plain, held_out=held_out)
-    fixed, errors, blocks, paths = [], [], [], []
+    fixed, errors, blocks, recording, paths = [], [], [], [], []
     ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)
     scale = np.where(ranges > 0.0, ranges, 1.0)
-    for log in logs:
+    for which, log in enumerate(logs):
         if log.q_encoder is None:
             raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
         for number, (start, first, last) in enumerate(_windows(_seen(log, held_out), len(logs))):
@@ -128,16 +143,16 @@ def _rows_of(logs: Sequence[MotionLog], options: FitOptions, held_out: float, ma
             at = np.flatnonzero(usable)
             ends = [*part.starts[1:], len(part)]
             for begin, end in zip(part.starts, ends, strict=True):
-                paths.append((part.q_nominal[begin:end] / scale, at[(at >= begin) & (at < end)] - begin))
+                paths.append((part.q_nominal[begin:end] / scale, at[(at >= begin) & (at < end)] - begin, which))
             fixed.append(X[at])
             errors.append(error[at])
+            recording.append(np.full(len(at), which))
             whole = first == 0 and last == _seen(log, held_out)
             blocks.append(
                 np.arange(len(at)) * BLOCKS // max(1, len(at)) if whole else np.full(len(at), number % BLOCKS)
             )
-    return _Rows(
-        inputs.features, np.vstack(fixed), np.vstack(errors), np.concatenate(blocks), paths, scale, logs[0].joint_names
-    )
+    numbers = (np.concatenate(blocks), np.concatenate(recording))
+    return _Rows(inputs.features, np.vstack(fixed), np.vstack(errors), *numbers, paths, scale, logs[0].joint_names)
 
 
 def _seen(log: MotionLog, held_out: float) -> int:
@@ -216,6 +231,61 @@ def _searched(rows: _Rows, joints: Sequence[int]) -> CoupledFriction:
         options={"maxiter": SEARCH, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5},
     )
     return _friction(np.clip(found.x, -5.0, 5.0), n)
+
+
+def _levels(rows: _Rows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
+    """Return the logarithm of each recording's friction, (R, m), with springs and a ridge regression shared by all.
+
+    They tell how days differ. A model is fitted at their mean, as another day's is not known: fitted to rows at each
+    recording's own level, it predicted the fourth of four recordings of a real wrist no better.
+
+    Each is where (rows / CORRELATED) mean (r / sigma)^2 + (level / LEVEL_SPREAD)^2 is least, r without a zero of each
+    recording: days differ mostly by how large their friction is.
+    """
+    recordings = int(rows.recording.max()) + 1
+    levels = np.zeros((recordings, len(friction.directions)))
+    fixed, Y = rows.fixed[:, rows.columns(joints)], rows.error[:, list(joints)]
+    own = np.eye(recordings)[rows.recording]
+    for _ in range(ROUNDS):
+        X = np.hstack([fixed, rows.lags(joints, friction, levels), own])
+        mean, scale = standardisation(X)
+        Z, middle = (X - mean) / scale, Y.mean(axis=0)
+        W = np.linalg.solve(Z.T @ Z + MEMORY_RIDGE * np.eye(Z.shape[1]), Z.T @ (Y - middle)) / scale[:, None]
+        sigma = np.sqrt(np.square(Y - middle - (X - mean) @ W).mean(axis=0))
+        at = fixed.shape[1]
+        for r in np.unique(rows.recording):
+            here = rows.recording == r
+            weights, count = W[at:-recordings], here.sum() / CORRELATED
+            shared = (rows, joints, friction, r, Y[here] - fixed[here] @ W[:at], weights, sigma, count)
+            simplex = levels[r] + np.vstack([np.zeros(levels.shape[1]), FIRST_STEP * np.eye(levels.shape[1])])
+            found = minimize(
+                _level_loss,
+                levels[r],
+                args=shared,
+                method="Nelder-Mead",
+                options={"maxiter": LEVEL_SEARCH, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-3},
+            )
+            levels[r] = found.x
+    return levels
+
+
+def _level_loss(
+    level: Floats,
+    rows: _Rows,
+    joints: Sequence[int],
+    friction: CoupledFriction,
+    recording: int,
+    left: Floats,
+    weights: Floats,
+    sigma: Floats,
+    count: float,
+) -> float:
+    """Return what `_levels` minimises, for the rows of one recording: `left` (N, n) of the error for friction."""
+    levels = np.zeros((recording + 1, len(level)))
+    levels[recording] = level
+    lags = rows.lags(joints, friction, levels, only=recording)
+    spread = (left - lags @ weights).std(axis=0) / sigma  # about the recording's zero
+    return float(count * np.square(spread).mean() + np.square(level / LEVEL_SPREAD).sum())
 
 
 def _errors(rows: _Rows, joints: Sequence[int], friction: CoupledFriction | None) -> Floats:

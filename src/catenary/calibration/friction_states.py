@@ -1,6 +1,6 @@
 """Friction states of coupled joints as features: how far dry friction and springs make joints lag, row by row."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -56,11 +56,6 @@ class FrictionStates:
         """Springs and friction as arrays."""
         return CoupledFriction(*(np.array(getattr(self, name)) for name in CoupledFriction._fields))
 
-    def at_level(self, scales: Floats) -> "FrictionStates":
-        """Return the states of a day on which each element's friction is `scales` (m,) times as large."""
-        levels = np.array(self.thresholds) * scales
-        return replace(self, thresholds=tuple(map(tuple, levels.tolist())))
-
     @property
     def columns(self) -> list[tuple[str, str]]:
         """Name of each feature, and the position whose lag it is."""
@@ -80,6 +75,7 @@ class FoundFriction:
     states: FrictionStates
     signals: tuple[str, ...]  # inputs of the coupled joints: without one of them they are predicted worse
     joints: tuple[str, ...]  # that take only these: the coupled ones, and others that need no more
+    levels: Matrix  # (R, m) logarithm of each recording's friction over that of `states`, the mean of all
     gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'
 
 

@@ -231,7 +231,7 @@ def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:
     return Quadratic(mean, scale, weights[:n], weights[n:], bias - middle @ weights)
 
 
-SMOOTH_UNITS, SMOOTH_ROWS = 300, 10_000
+SMOOTH_UNITS, SMOOTH_ROWS = 200, 10_000
 SMOOTH_WEIGHT, SMOOTH_BIAS = 0.4, 0.2  # spread of a unit's argument, and of its bias: little bent over the data
 
 
