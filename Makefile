@@ -13,13 +13,14 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test test-slow lint campaign campaign-short bench bench-dds bench-serving clean help
+.PHONY: demo acceptance test test-slow test-ros2 lint campaign campaign-short bench bench-dds bench-serving clean help
 .PHONY: papers refit prior docs truth
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run the tests (5 minutes on two idle processors)"
 	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
+	@echo "make test-ros2   served robots and rclpy itself, from its wheels, both ways: DISTROS=\"kilted jazzy\" (minutes the first time)"
 	@echo "make lint        format, lint, types, import order"
 	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
 	@echo "make campaign-short  those parts of it whose cases are short, a minute, always the same seeds"
@@ -46,6 +47,11 @@ test: $(VENV)/.development
 # LEAVE_OUT: folders
 test-slow: $(VENV)/.development
 	$(PYTEST) -m slow $(addprefix --ignore=,$(LEAVE_OUT))
+
+DISTROS ?= kilted jazzy
+test-ros2: $(VENV)/.development
+	CRTK_MSGS=1 .ci/ros2 $(DISTROS)
+	$(BIN)/python -m pytest -rs tests/crtk/dds/test_real_ros2.py -m slow
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
@@ -126,3 +132,7 @@ truth: $(VENV)/.development
 clean:
 	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# PROGRAMS: a folder with clones of dvrk_python, crtk_python_client and crtk_msgs
+acceptance: $(VENV)/.development
+	PYTHONPATH=tests:$$PYTHONPATH $(BIN)/python -m tests.acceptance $(PROGRAMS)

@@ -1,0 +1,173 @@
+"""Served robots and rclpy itself, both ways: Kilted on Fast DDS 3, Jazzy on Fast DDS 2, their defaults."""
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from catenary.crtk.dds.transport import DdsTransport
+from catenary.crtk.dds.types import message_hash
+from catenary.crtk.message_values import joint_state_message
+from catenary.dvrk_psm import PSM_JOINTS
+from catenary.nodes.serve import ParkedArm, Serving, make_server
+from catenary.simulation.cable_plant import JOINTS, UNITS
+from oracles.cable_arms import homed_plant
+from oracles.psm_arms import homed_psm
+from patience import until
+from ros2 import DISTRIBUTIONS, Peer, python_of
+
+pytestmark = pytest.mark.slow
+JOINT_STATE = "sensor_msgs/JointState"
+
+
+class Ticking:
+    """A server that ticks in a thread, at its robot's rate where the machine has the time."""
+
+    def __init__(self, serving: Serving, transport: DdsTransport) -> None:
+        self.plant = homed_psm() if serving.is_psm else homed_plant("left")
+        plants = {"PSM1": self.plant}
+        if not serving.is_psm:
+            plants = {"gold": self.plant, "green": ParkedArm(JOINTS, UNITS, self.plant.firmware.home_value)}
+        self.server = make_server(serving, transport, plants=plants)
+        self._transport, self._ends = transport, threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        rate = self._transport.rate(1000.0)
+        while not self._ends.is_set():
+            self.server.tick()
+            rate.sleep()
+
+    def end(self) -> None:
+        self._ends.set()
+        self._thread.join()
+
+
+@pytest.fixture(scope="module", params=DISTRIBUTIONS)
+def distro(request: pytest.FixtureRequest) -> str:
+    python_of(request.param)  # skips where it is not installed
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def peer(distro: str, dds_domain: int) -> Iterator[Peer]:
+    with Peer(distro, dds_domain) as running:
+        yield running
+
+
+@pytest.fixture(scope="module", params=["raven", "crtk"])
+def robot(request: pytest.FixtureRequest, peer: Peer, dds_domain: int) -> Iterator[Ticking]:
+    """A RAVEN-II in its own dialect, a PSM in the present one."""
+    serving = Serving() if request.param == "raven" else Serving(robot="dvrk_psm", dialect="crtk")
+    with DdsTransport("catenary_robot", settle=0.05) as transport:
+        running = Ticking(serving, transport)
+        try:
+            yield running
+        finally:
+            running.end()
+
+
+def test_rclpy_hears_every_kind_of_message(robot: Ticking, peer: Peer) -> None:
+    psm = robot.server.arms.keys() == {"PSM1"}
+    place = "/PSM1" if psm else "/arm1"
+    kinds = {
+        f"{place}/setpoint_js": JOINT_STATE,
+        f"{place}/setpoint_cv": "geometry_msgs/TwistStamped",
+        "/diagnostics": "diagnostic_msgs/DiagnosticArray",
+        f"{place}/setpoint_cp": f"geometry_msgs/{'PoseStamped' if psm else 'TransformStamped'}",
+    }
+    if psm:
+        kinds |= {f"{place}/trajectory_j/ratio": "std_msgs/Float64", f"{place}/desired_state": "std_msgs/String"}
+    for topic, kind in kinds.items():
+        peer("hear", topic=topic, type=kind, latched="ratio" in topic or "desired" in topic)
+    until(lambda: all(peer("count", topic=topic) for topic in kinds), every=0.1)
+    joints = peer("last", topic=f"{place}/setpoint_js")
+    assert tuple(joints["name"]) == (PSM_JOINTS if psm else JOINTS)
+    assert len(joints["position"]) == len(joints["effort"]) == len(joints["name"])
+    assert peer("last", topic="/diagnostics")["status"][0]["name"].startswith("catenary: ")
+    if psm:
+        assert peer("last", topic=f"{place}/trajectory_j/ratio") == {"data": 1.0}
+        assert peer("last", topic=f"{place}/desired_state") == {"data": "HOMED"}
+
+
+@pytest.mark.parametrize("reliable", [True, False])
+def test_a_command_of_rclpy_moves_the_arm(robot: Ticking, peer: Peer, reliable: bool) -> None:
+    psm = robot.server.arms.keys() == {"PSM1"}
+    if psm:
+        topic, values = "/PSM1/move_jr", {"name": ["outer_roll"], "position": [0.1]}
+    else:
+        robot.plant.state_command("enable")
+        topic, values = "/arm1/servo_jr", {"name": ["shoulder"], "position": [0.001]}
+    before = robot.plant.setpoint_js().q.copy()
+    said = peer("say", topic=topic, type=JOINT_STATE, values=values, reliable=reliable)
+    assert said >= 1
+    until(lambda: np.abs(robot.plant.setpoint_js().q - before).max() > 5e-4, every=0.05)
+
+
+def test_states_and_state_commands_are_real_ones(robot: Ticking, peer: Peer) -> None:
+    if not peer("has", package="crtk_msgs"):
+        pytest.skip("crtk_msgs is not built for it: make test-ros2 does")
+    place = "/PSM1" if robot.server.arms.keys() == {"PSM1"} else "/arm1"
+    peer("hear", topic=f"{place}/operating_state", type="crtk_msgs/OperatingState", latched=True)
+    until(lambda: peer("count", topic=f"{place}/operating_state"), every=0.1)
+    for command, state in (("disable", "DISABLED"), ("pause", "DISABLED")):
+        peer("say", topic=f"{place}/state_command", type="crtk_msgs/StringStamped", values={"string": command})
+        until(lambda state=state: peer("last", topic=f"{place}/operating_state")["state"] == state, every=0.1)
+    assert robot.plant.operating_state().state == "DISABLED"
+    robot.plant.state_command("enable")
+
+
+def test_the_graph_names_the_node_the_types_and_the_qualities(robot: Ticking, peer: Peer, distro: str) -> None:
+    psm = robot.server.arms.keys() == {"PSM1"}
+    topic = "/PSM1/measured_js" if psm else "/arm1/setpoint_js"
+    until(lambda: "/catenary_robot" in peer("nodes"), every=0.1)
+    until(lambda: peer("ends", topic=topic), every=0.1)
+    name, kind, found_hash, reliability, durability = peer("ends", topic=topic)[-1]
+    # Fast DDS 3 lists the node, and does not see that its topics are its own
+    known = "_CREATED_BY_BARE_DDS_APP_" if distro == "kilted" else "catenary_robot"
+    assert (name, kind) == (known, "sensor_msgs/msg/JointState")
+    assert message_hash(JOINT_STATE).partition("RIHS01_")[2] in found_hash
+    assert (reliability, durability) == ("RELIABLE", "VOLATILE")
+    state = peer("ends", topic="/PSM1/operating_state" if psm else "/arm1/operating_state")[-1]
+    assert state[4] == ("TRANSIENT_LOCAL")
+    assert [name for name in peer("services") if not name.startswith("/rosout")] == []
+
+
+def test_what_ours_hear_of_rclpy_is_each_message_once(peer: Peer, dds_domain: int) -> None:
+    with DdsTransport("lab", settle=0.05) as lab:
+        for quality in ({}, {"reliable": False}, {"latched": True}):
+            topic = f"/theirs/joints_{len(quality)}_{'_'.join(quality)}"
+            heard = lab.subscribe(topic, JOINT_STATE)
+            values = {"name": ["a", "b"], "position": [1.5, -2.0]}
+            said = {"topic": topic, "type": JOINT_STATE, "values": values, **quality}
+            peer("say", times=0, **said)
+            until(lambda topic=topic: lab.connections(topic).publishers, every=0.05)  # both know of each other
+            peer("say", times=20, **said)
+            least = 20 if quality.get("reliable", True) else 1  # best effort may lose some
+            until(lambda heard=heard, least=least: len(heard) >= least, every=0.05)
+            messages = [one.message for one in heard.take()]
+            assert least <= len(messages) <= 20
+            assert all((m.name, list(m.position)) == (("a", "b"), [1.5, -2.0]) for m in messages)
+
+
+def test_a_thousand_joint_states_a_second_come_through(peer: Peer, dds_domain: int) -> None:
+    with DdsTransport("fast", settle=0.05) as fast:
+        publisher = fast.publisher("/ours/fast", JOINT_STATE, queue=4000)
+        peer("hear", topic="/ours/fast", type=JOINT_STATE, depth=4000)
+        until(lambda: fast.connections("/ours/fast").subscribers, every=0.05)
+        rate = fast.rate(1000.0)
+        for k in range(2000):
+            publisher.publish(joint_state_message(("x",) * 7, fast.now(), np.full(7, float(k))))
+            rate.sleep()
+        until(lambda: peer("count", topic="/ours/fast") >= 2000, every=0.1)
+        assert peer("span", topic="/ours/fast")[0] == 2000
+        heard = fast.subscribe("/theirs/fast", JOINT_STATE, depth=10_000)
+        values = {"name": list("abcdefg"), "position": [0.5] * 7}
+        said = {"topic": "/theirs/fast", "type": JOINT_STATE, "values": values, "depth": 4000}
+        peer("say", times=0, **said)
+        until(lambda: fast.connections("/theirs/fast").publishers, every=0.05)
+        peer("say", times=2000, rate=1000.0, **said)
+        until(lambda: len(heard) >= 2000, every=0.1)
+        assert len(heard.take()) == 2000

@@ -1,0 +1,40 @@
+"""Write crtk_msgs as a package of ROS 2, from the definitions that catenary holds: python -m tests.crtk_package FOLDER."""
+
+import sys
+from pathlib import Path
+
+from catenary.recording.messages import SERVICES, fields
+
+CMAKE = """cmake_minimum_required(VERSION 3.16)
+project(crtk_msgs)
+find_package(ament_cmake REQUIRED)
+find_package(rosidl_default_generators REQUIRED)
+find_package(std_msgs REQUIRED)
+find_package(geometry_msgs REQUIRED)
+rosidl_generate_interfaces(crtk_msgs {files} DEPENDENCIES std_msgs geometry_msgs)
+ament_package()
+"""
+XML = """<package format="3"><name>crtk_msgs</name><version>1.3.0</version><description>as catenary has them</description>
+<maintainer email="nobody@example.org">catenary</maintainer><license>MIT</license><buildtool_depend>ament_cmake</buildtool_depend>
+<depend>std_msgs</depend><depend>geometry_msgs</depend><depend>rosidl_default_generators</depend>
+<member_of_group>rosidl_interface_packages</member_of_group><export><build_type>ament_cmake</build_type></export></package>
+"""
+
+
+def write_package(folder: Path) -> None:
+    """Write messages, services and what builds them."""
+    files: dict[str, str] = {}
+    for name in ("OperatingState", "StringStamped"):
+        files[f"msg/{name}.msg"] = "".join(f"{one.type} {one.name}\n" for one in fields(f"crtk_msgs/{name}"))
+    for name, (request, response) in SERVICES.items():
+        if name.startswith("crtk_msgs/"):
+            files[f"srv/{name.partition('/')[2]}.srv"] = f"{request}---\n{response}"
+    files |= {"package.xml": XML, "CMakeLists.txt": CMAKE.format(files=" ".join(sorted(files)))}
+    for place, text in files.items():
+        path = folder / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+if __name__ == "__main__":
+    write_package(Path(sys.argv[1]))
