@@ -11,6 +11,8 @@ BIN := $(VENV)/bin
 CATENARY_DATA ?= ../shared/data
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# where bytecode is not kept, each worker of the tests and each program that they start compiles every file again
+export PYTHONDONTWRITEBYTECODE =
 
 
 .PHONY: demo acceptance test test-slow test-ros2 lint campaign campaign-short bench bench-dds bench-serving clean help

@@ -1,6 +1,7 @@
 import gc
 import os
 import resource
+from collections import Counter
 from collections.abc import Generator, Iterator
 from fcntl import LOCK_EX, flock
 from hashlib import sha256
@@ -25,6 +26,12 @@ ROOT = Path(__file__).parents[1]
 MEMORY = 8 * 2**30  # [B] of a process: a test that takes ever more fails, and does not end those beside it
 # robots served to several programs; side by side they are late
 IN_REAL_TIME = ("test_ros_robot", "test_side_by_side", "test_tools", "test_stalls", "test_signals_ros1")
+# what takes a minute or more comes first: last, it would keep one worker busy and leave the others idle
+FIRST = (
+    "real time", "tests/view/test_in_browser.py", "tests/test_docs.py", "tests/end_to_end/test_without_home.py",
+    "tests/cli/test_calibrate.py", "tests/real_data/test_identification.py", "tests/website/test_site.py",
+    "tests/cli/test_gravity.py",
+)  # fmt: skip
 LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream
 
 
@@ -58,10 +65,23 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            file = nodeid.split("::", 1)[0]
-            return "real time" if Path(file).stem in IN_REAL_TIME else file
+            return _of_one_worker(nodeid)
 
+    config.option.loadscopereorder = False  # in the order of the collection
     return ByFile(config, log)
+
+
+def _of_one_worker(nodeid: str) -> str:
+    file = nodeid.split("::", 1)[0]
+    return "real time" if Path(file).stem in IN_REAL_TIME else file
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put what takes long first, then files of many tests."""
+    of = {item: _of_one_worker(item.nodeid) for item in items}
+    counts = Counter(of.values())
+    items.sort(key=lambda item: (FIRST.index(of[item]) if of[item] in FIRST else len(FIRST), -counts[of[item]]))
 
 
 def _compile_one_at_a_time(folder: Path) -> None:

@@ -3,12 +3,6 @@ import pytest
 
 from catenary.crtk.message import has_header, header, message_class, message_fields, stamp_of
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.messages import MESSAGES, fields
-
-
-@pytest.mark.parametrize("name", MESSAGES)
-def test_a_message_has_the_fields_of_its_definition(name: str) -> None:
-    assert message_class(name)()._fields == tuple(field.name for field in fields(name))
 
 
 def test_what_is_not_given_is_zero_or_empty() -> None:

@@ -10,7 +10,7 @@ from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
-from catenary.crtk.message_values import command_message, pose_message, pose_of
+from catenary.crtk.message_values import pose_message, pose_of
 from catenary.crtk.reader import model_joints
 from catenary.crtk.topic_names import crtk_topics
 from catenary.dvrk_psm import PSM_JOINTS
@@ -142,16 +142,6 @@ def test_move_cp_brings_the_tool_along(robot):
     assert robot.plant.setpoint_js().q[6] == 0.0
 
 
-@pytest.mark.parametrize("count", [5, 7])
-def test_commands_of_other_lengths_move_nothing(robot, count):
-    before = robot.plant.setpoint_js().q
-    robot.say("servo_jp", joints(np.full(count, 0.01)), 0.2)
-    assert_array_equal(robot.plant.setpoint_js().q, before)
-    robot.say("servo_jp", joints(np.full(6, np.nan)), 0.2)
-    assert_array_equal(robot.plant.setpoint_js().q, before)
-    assert robot.plant.operating_state().state == "ENABLED"
-
-
 def test_it_homes_by_state_commands_and_moves_nowhere_before():
     robot = ServedPsm(PsmPlant())
     with robot.client() as client:
@@ -240,12 +230,3 @@ def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
 def test_what_cannot_be_served_is_refused(options, message):
     with pytest.raises(InputError, match=message):
         Serving(**options)
-
-
-def test_state_commands_have_the_rules_of_crtk(robot):
-    robot.say("state_command", command_message("disable", 0))
-    assert robot.hear("operating_state", "crtk_msgs/OperatingState").state == "DISABLED"
-    robot.say("state_command", command_message("resume", 0))
-    assert robot.plant.operating_state().state == "DISABLED"
-    robot.say("state_command", command_message("enable", 0))
-    assert robot.plant.operating_state().state == "ENABLED"

@@ -1,5 +1,7 @@
 """The tutorial's two-link arm in symbols: Jacobians by differentiation, M and g by their sums."""
 
+from functools import cache
+
 import sympy as sp
 
 q0, q1 = sp.symbols("q0 q1", real=True)
@@ -27,16 +29,21 @@ def spin(R: sp.Matrix, q: sp.Symbol) -> sp.Matrix:
 
 ANGLES = (q0, q0 + q1)
 COMS = (L0 / 2 * along(q0), L0 * along(q0) + L1 / 2 * along(q0 + q1))
-JACOBIANS = tuple(
-    sp.Matrix.vstack(x.jacobian(Q), sp.Matrix.hstack(spin(turned(a), q0), spin(turned(a), q1)))
-    for x, a in zip(COMS, ANGLES, strict=True)
-)
+
+
+@cache
+def jacobians() -> tuple[sp.Matrix, ...]:
+    """Of both links' centres, (6, 2) each: velocity and angular velocity per rates of the joints."""
+    return tuple(
+        sp.Matrix.vstack(x.jacobian(Q), sp.Matrix.hstack(spin(turned(a), q0), spin(turned(a), q1)))
+        for x, a in zip(COMS, ANGLES, strict=True)
+    )
 
 
 def mass_matrix() -> sp.Matrix:
     """M(q) = sum J^T diag(m, m, m, R I R^T) J of uniform rods."""
     total = sp.zeros(2)
-    for J, a, m, L in zip(JACOBIANS, ANGLES, (m0, m1), (L0, L1), strict=True):
+    for J, a, m, L in zip(jacobians(), ANGLES, (m0, m1), (L0, L1), strict=True):
         inertia = turned(a) * sp.diag(0, m * L**2 / 12, m * L**2 / 12) * turned(a).T
         total += J.T * sp.diag(m * sp.eye(3), inertia) * J
     return total
@@ -45,4 +52,4 @@ def mass_matrix() -> sp.Matrix:
 def gravity_torque() -> sp.Matrix:
     """g(q) = -sum J^T F of the links' weights."""
     weight = [sp.Matrix([0, 0, -gravity * m, 0, 0, 0]) for m in (m0, m1)]
-    return -(JACOBIANS[0].T * weight[0] + JACOBIANS[1].T * weight[1])
+    return -sum((J.T * w for J, w in zip(jacobians(), weight, strict=True)), sp.zeros(2, 1))

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import catenary
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.reports.robot_plot import PARTS, draw_torque_bars, end_frames, joints_by_unit, link_segments, middle_pose
+from catenary.reports.robot_plot import PARTS, draw_torque_bars, link_segments, middle_pose
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -123,16 +123,6 @@ def test_every_line_begins_at_the_base_or_where_another_ends_and_one_leads_to_th
     for start in lines[:, 0]:
         assert np.linalg.norm(ends - start, axis=1).min() < 1e-12
     assert_allclose(lines[len(robot.link_names), 1], forward_kinematics(robot, q).position, atol=1e-12)
-
-
-def test_both_hands_of_two_arms_are_ends() -> None:
-    assert end_frames(load_robot("dual_arm_19")) == ["left_hand", "right_hand"]
-    assert end_frames(load_robot("panda")) == ["flange"]
-
-
-def test_joints_that_turn_and_that_slide_have_axes_of_their_own() -> None:
-    assert joints_by_unit(load_robot("raven2")) == {"Nm": [0, 1], "N": [2]}
-    assert joints_by_unit(load_robot("panda")) == {"Nm": list(range(7))}
 
 
 def test_bars_are_as_long_as_the_torques_and_limits_stand_where_they_are() -> None:

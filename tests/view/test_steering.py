@@ -16,7 +16,7 @@ def way(goal: np.ndarray):
     return lambda q: go_to(q, goal, max_velocity=[0.5, 0.5], max_acceleration=[1.0, 1.0])
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.05, 2.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=5))
 def test_motion_is_continuous_however_often_another_is_wanted(wishes) -> None:
     trajectory = SteeredTrajectory(np.zeros(2))

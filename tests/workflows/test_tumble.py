@@ -1,5 +1,6 @@
 """A gravity sensor's calibration: by a tumble, and from recordings in which it rested."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +37,17 @@ TRUE = Mounting(
     rate_bias=np.array([0.02, -0.01, 0.03]),
 )
 READER = simulated_reader(SensorModel(mounting=TRUE), seed=1)
-READINGS = {attitude.name: READER(attitude) for attitude in ATTITUDES}
+
+
+@cache
+def readings() -> dict[str, StillReading]:
+    """Of the sensor at rest, by attitude."""
+    return {attitude.name: READER(attitude) for attitude in ATTITUDES}
 
 
 def test_a_tumble_finds_bias_scale_and_rotation_of_a_sensor():
     start = Mounting(position=np.array([0.1, 0.2, 0.3]))
-    outcome = run_tumble(lambda attitude: READINGS[attitude.name], start=start)
+    outcome = run_tumble(lambda attitude: readings()[attitude.name], start=start)
     assert outcome.faults == ()
     # noise of 0.04 m/s2 over 200 samples
     assert_allclose(outcome.mounting.bias, TRUE.bias, atol=0.01)
@@ -53,14 +59,14 @@ def test_a_tumble_finds_bias_scale_and_rotation_of_a_sensor():
 
 
 def test_what_a_tumble_found_is_loaded_as_it_was(tmp_path):
-    outcome = run_tumble(lambda attitude: READINGS[attitude.name])
+    outcome = run_tumble(lambda attitude: readings()[attitude.name])
     save_mounting(tmp_path / "m.toml", outcome.mounting, outcome.section)
     assert_allclose(load_mounting(tmp_path / "m.toml").rotation, outcome.mounting.rotation)
 
 
 def spoilt(change):
     """A reader of a sensor whose driver changes what it reads."""
-    return lambda attitude: StillReading(change(READINGS[attitude.name].force), None)
+    return lambda attitude: StillReading(change(readings()[attitude.name].force), None)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +88,7 @@ def test_a_driver_that_is_wrong_is_named(change, said):
 def test_a_base_that_was_tilted_the_other_way_is_told():
     def read(attitude):
         other = attitude._replace(up=tuple(np.array(attitude.up) * [-1, 1, 1]))
-        return READER(other) if attitude.name == "pitched" else READINGS[attitude.name]
+        return READER(other) if attitude.name == "pitched" else readings()[attitude.name]
 
     outcome = run_tumble(read)
     assert any("was it tilted as told" in fault for fault in outcome.faults), outcome.faults
@@ -90,7 +96,7 @@ def test_a_base_that_was_tilted_the_other_way_is_told():
 
 def test_sides_that_were_left_out_are_named():
     def read(attitude):
-        return READINGS["+z up" if attitude.name in ("-z up", "slanted 2", "slanted 3") else attitude.name]
+        return readings()["+z up" if attitude.name in ("-z up", "slanted 2", "slanted 3") else attitude.name]
 
     assert any("no reading with -z up" in fault for fault in run_tumble(read).faults)
 

@@ -160,23 +160,6 @@ def test_a_state_that_is_not_a_number_is_left_out_and_counted(tmp_path: Path) ->
     assert any("1 of 600 rows without q_nominal" in note for note in result.log.notes)
 
 
-def test_an_encoder_whose_messages_end_is_reported(tmp_path: Path) -> None:
-    rig_time = RIG_TIME[RIG_TIME < 12.0]
-    result = _synchronised(tmp_path, rig_time, raven_recording.encoder(rig_time))
-    assert result.log.time is not None
-    assert_array_equal(result.log.ok, result.log.time <= rig_time[-1])
-    ((start, length),) = result.topics[1].gaps
-    assert_allclose((start, start + length), (rig_time[-1], STATE_TIME[-1]), atol=1e-6)
-
-
-def test_a_state_that_comes_shuffled_and_twice_is_put_in_order(tmp_path: Path) -> None:
-    state_time = np.concatenate([STATE_TIME[:50], STATE_TIME[40:]])
-    result = _synchronised(tmp_path, RIG_TIME, raven_recording.encoder(RIG_TIME), state_time)
-    assert result.log.time is not None
-    assert_allclose(result.log.time, STATE_TIME, atol=1e-8)  # whole ns
-    assert (result.topics[0].repeated, result.topics[0].shuffled) == (10, 9)
-
-
 @pytest.mark.parametrize("by", [3600, -5])
 def test_a_robots_clock_that_is_set_costs_no_row_and_no_order(tmp_path: Path, by: int) -> None:
     """The clock of state and encoder, by seconds, in the middle; arrivals are by a clock that nobody sets."""
@@ -202,13 +185,6 @@ def test_a_robots_clock_that_is_set_costs_no_row_and_no_order(tmp_path: Path, by
     assert again.ok[:-1].all()
 
 
-def test_a_missing_topic_is_answered_with_those_that_are_there(tmp_path: Path) -> None:
-    raven_recording.record(tmp_path / "r", 1.0)
-    extract([tmp_path / "r"], tmp_path / "x", topics=["ravenstate", "arm2/measured_js"])
-    with pytest.raises(InputError, match=r"no column .*/ext_jpos.*topics are /arm2/measured_js, /ravenstate"):
-        read_raven([tmp_path / "x"])
-
-
 def test_a_state_at_100_hz_is_found_and_two_are_one_too_many(tmp_path: Path) -> None:
     raven_recording.record(tmp_path / "r", 2.0, topics=raven_topics(state_rate=100.0))
     extract([tmp_path / "r"], tmp_path / "x")
@@ -217,11 +193,6 @@ def test_a_state_at_100_hz_is_found_and_two_are_one_too_many(tmp_path: Path) -> 
     extract([tmp_path / "s"], tmp_path / "y")
     with pytest.raises(FileFormatError, match="expected one"):
         read_raven([tmp_path / "y"])
-
-
-def test_a_gap_that_is_not_positive_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="synchronise"):
-        read_raven([tmp_path], max_gap=0.0)
 
 
 # the published layout: first and last column of each field of raven_state
@@ -352,12 +323,6 @@ def test_stamps_that_all_count_from_the_first_state_read_the_same(table: Path, t
     assert_allclose(a.q_encoder, b.q_encoder, atol=1e-6, equal_nan=True)
 
 
-def test_a_line_of_names_is_passed_over(table: Path, tmp_path: Path) -> None:
-    text = table.read_text()
-    (tmp_path / "b.csv").write_text(NAMES + text)
-    assert len(read_raven([tmp_path / "b.csv"]).log) == len(read_raven([table]).log)
-
-
 def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(extraction, tmp_path) -> None:
     write_raven_csv(extraction, tmp_path / "a.csv", max_gap=0.0001)
     rows = _rows(tmp_path / "a.csv")
@@ -386,8 +351,3 @@ def test_what_is_no_table_of_numbers_is_refused(table, change, message) -> None:
     table.write_text(change(table.read_text()))
     with pytest.raises((FileFormatError, InputError), match=message):
         read_raven([table])
-
-
-def test_a_missing_table_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileFormatError, match="no such file"):
-        read_raven([tmp_path / "b.csv"])

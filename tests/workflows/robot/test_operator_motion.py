@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.cli.signals import EndedBySignal
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import InputError, LimitError, NotReadyError, TransportError
+from catenary.errors import InputError, LimitError, TransportError
 from catenary.open_robot import Simulated
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
@@ -94,13 +94,6 @@ def test_whatever_ends_a_motion_the_robot_is_paused(
     told = getattr(caught.value, "__notes__", [])
     assert ["holding the robot failed" in note for note in told] == [True] * (len(stops) - 1)
     assert not any("TransportError(" in note for note in told)  # words, not Python
-
-
-def test_nobody_moves_a_robot_that_is_not_ready() -> None:
-    robot = ideal_robot(START, ready=False)
-    with pytest.raises(NotReadyError):
-        go_to_joints(robot, [0.6])
-    assert robot.plant.setpoints == []
 
 
 def test_random_motion_stays_in_the_calibration_box() -> None:

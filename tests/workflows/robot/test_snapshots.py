@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import joint_state_message
-from catenary.crtk.topic_names import JOINT_STATE, DialectName
+from catenary.crtk.topic_names import JOINT_STATE
 from catenary.errors import InputError, TransportError
 from catenary.gravity.torque import gravity_torque
 from catenary.nodes.serve import Serving, make_server, prepare
@@ -21,7 +21,6 @@ from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot
 from oracles.psm_arms import homed_psm
 from patience import longer_limits
-from served_robot import ServedRobot
 
 START = np.array([0.8, 1.5, 0.4])
 
@@ -105,26 +104,6 @@ def test_a_robot_late_with_its_first_state_is_waited_for_a_while() -> None:
     watched.plant.since, watched.plant.ticks = 100_000, 0
     with pytest.raises(TransportError, match="nothing has come"):
         next(watch_robot(watched, clock=Ticking()))
-
-
-@pytest.mark.parametrize("dialect", ["raven", "crtk"])
-def test_why_a_robot_is_in_fault_is_shown(dialect: DialectName) -> None:
-    served = ServedRobot(dialect)
-    sleep = served.clock.sleep
-
-    def ticking(seconds: float) -> None:
-        for _ in range(max(1, round(seconds * 1000))):
-            sleep(0.001)
-            served.server.tick()
-
-    served.clock.sleep = ticking
-    watched, reader = robot_over(Loopback("monitor", served.network), dialect=dialect, only_read=True)
-    with reader:
-        samples = watch_robot(watched, every=0.0)
-        assert next(samples).fault == ""
-        served.plant._set_state("FAULT", "a motor's command was too large")
-        told = list(islice(samples, 20))[-1]
-    assert "the robot is in FAULT: a motor's command was too large" in told.warnings()
 
 
 def test_a_model_deployed_beside_an_arm_with_a_namespace_is_shown_too(monkeypatch: pytest.MonkeyPatch) -> None:
