@@ -22,7 +22,7 @@ one block of the cross-validation to another: `expected` states between what the
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +94,7 @@ def expected(
     times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
-    stated = {
+    stated: dict[str, Floats] = {
         "rmse_low": mean * np.minimum(1.0 / times, SEEN * np.minimum(known, 1.0) + 1.0 - SEEN),
         "rmse_high": mean * times,
         "rmse_margin": np.maximum(mean * times, offset),
@@ -105,7 +105,8 @@ def expected(
         off = apart * math.sqrt(shares.var(axis=0, ddof=1).mean())
         stated["held_low"] = np.maximum(shares.mean(axis=0) - off, 0.0)
         stated["held_high"] = np.minimum(shares.mean(axis=0) + off, 1.0)
-    return tuple(replace(s, **{name: float(v[j]) for name, v in stated.items()}) for j, s in enumerate(spread))
+    at: list[dict[str, Any]] = [{name: float(v[j]) for name, v in stated.items()} for j in range(len(spread))]
+    return tuple(replace(joint, **values) for joint, values in zip(spread, at, strict=True))
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
