@@ -71,7 +71,7 @@ def identify(
     friction: Names | None = option(
         "PART,...",
         "Parts that held-out blocks may add to Coulomb and viscous friction: asymmetric, stribeck, load, "
-        "presliding; or none. [default: all]",
+        "presliding, recording (each its own); or none. [default: all]",
     ),
     prior: bool = option(
         None, "Draw towards the masses of the robot's file, where it has any.", True, flag="--prior/--no-prior"

@@ -18,7 +18,7 @@ from catenary.config import IN_FILES
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.parameters import recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
-from catenary.robots.actuation import Actuation, ActuationTerm, Friction, MotorInertia
+from catenary.robots.actuation import Actuation, ActuationTerm, Friction
 
 Extra = tuple[str, int]  # kind, and which friction
 SPEEDS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of Stribeck friction, over the rate's RMS
@@ -121,15 +121,19 @@ def choose_friction(
     return replace(actuation, friction=tuple(friction)), tuple(parts.values())
 
 
-def rotors_show(
-    base: BaseParameters, gravity: Floats, samples: Sequence[Samples], weights: Floats, rotors: Sequence[MotorInertia]
+def terms_show(
+    base: BaseParameters,
+    gravity: Floats,
+    samples: Sequence[Samples],
+    weights: Floats,
+    terms: Sequence[ActuationTerm],
+    coulomb_velocity: float,
 ) -> bool:
-    """Return whether held-out blocks are predicted better with rotors than with the base parameters alone.
+    """Return whether held-out blocks are predicted better with some terms, such as rotors, all together.
 
-    Rotors that move like a link's inertia, as that of an upright first joint, have nothing to add, and do not count.
+    Those that the base parameters give, as a rotor that moves like an upright first link, do not count.
     """
-    terms = [ActuationTerm("motor_inertia", rotor.name, rotor.combination) for rotor in rotors]
-    products = _products(base, gravity, samples, terms, weights, 0.0)
+    products = _products(base, gravity, samples, terms, weights, coulomb_velocity)
     columns = list(range(base.count))
     before = _held_out(products, columns, added=1)
     for k in range(len(terms)):
@@ -194,7 +198,7 @@ def _candidates(
         s = np.concatenate([part.q @ c for part in samples])
         travel = float(np.subtract(*np.percentile(s, (95, 5))))
         speed = float(np.sqrt(np.mean(np.concatenate([part.qd @ c for part in samples]) ** 2)))
-        if not (travel > 0.0 and speed > 0.0):
+        if friction.recording or not (travel > 0.0 and speed > 0.0):
             continue
         if friction.viscous and not friction.asymmetric and "asymmetric" in kinds:
             add("asymmetric", place, friction, None)

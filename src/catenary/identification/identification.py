@@ -19,10 +19,10 @@ from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
 from catenary.identification.consistency import LEAST_PRIOR, consistent_fit, prior_of, unseen_of, weight_of_prior
 from catenary.identification.drive_gains import DriveGains, drive_gains
-from catenary.identification.friction_choice import FrictionPart, choose_friction, rotors_show
+from catenary.identification.friction_choice import FrictionPart, choose_friction, terms_show
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
-from catenary.identification.parameters import Parameters
+from catenary.identification.parameters import Parameters, friction_of
 from catenary.identification.residuals import (
     LogResidual,
     MovedRange,
@@ -34,7 +34,7 @@ from catenary.identification.residuals import (
 )
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
-from catenary.robots.actuation import MotorInertia
+from catenary.robots.actuation import Actuation, MotorInertia, actuation_terms
 from catenary.robots.model import RobotModel
 
 TILTING = 0.02  # of gravity: recordings in which its direction varies by less are of one base
@@ -177,8 +177,10 @@ class Identification:
                 mass, moment = phi[link, 0], phi[link, 1:4]
                 point = moment @ moment * np.eye(3) - np.outer(moment, moment)
                 phi[link, 4:] = (point / mass)[np.triu_indices(3)]
-        values = consistent[len(parameters.links) * parameters.per_link :]
+        of_all = [not term.recording for term in parameters.actuation]  # and of the last recording, alone
+        values = consistent[len(parameters.links) * parameters.per_link :][of_all]
         actuation = actuation_of(self.model)
+        actuation = replace(actuation, friction=tuple(f for f in actuation.friction if not f.recording))
         if static:
             none: dict[str, Any] = {"coulomb": False, "viscous": False, "asymmetric": False, "load": False}
             still = [replace(f, stribeck=None, presliding=None, **none) for f in actuation.friction if f.offset]
@@ -277,10 +279,23 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
     model = model if model.actuation is None and not beside else replace(model, actuation=actuation)
     free = replace(options, consistent=False)
     plain = _fit(samples, model, free, gravity)
-    if options.terms == "full" and beside and rotors_show(plain.base, gravity, samples, plain.weights, beside):
-        actuation = replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside))
-        model = replace(model, actuation=actuation)
+
+    def shows(more: Actuation) -> bool:
+        own = {term.name for term in actuation_terms(actuation) if term.kind == "motor_inertia" or term.recording}
+        terms = [t for t in actuation_terms(more) if t.name not in own and (t.kind == "motor_inertia" or t.recording)]
+        return terms_show(plain.base, gravity, samples, plain.weights, terms, actuation.coulomb_velocity)
+
+    geared = replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside))
+    if options.terms == "full" and beside and shows(geared):
+        actuation, model = geared, replace(model, actuation=geared)
         plain = _fit(samples, model, free, gravity)
+    names = [part.name for part in samples]
+    if options.terms == "full" and "recording" in options.friction and len(set(names)) == len(names) > 1:
+        each = (friction_of(friction, name) for name in names[:-1] for friction in actuation.friction)
+        apart = replace(actuation, friction=(*actuation.friction, *each))
+        if shows(apart):
+            actuation, model = apart, replace(model, actuation=apart)
+            plain = _fit(samples, model, free, gravity)
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples, gravity)
         actuation, parts = choose_friction(plain.base, gravity, heard, plain.weights, actuation, options.friction)

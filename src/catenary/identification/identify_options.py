@@ -14,7 +14,7 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
 Terms = Literal["full", "static"]
-FRICTION_PARTS = ("asymmetric", "stribeck", "load", "presliding")
+FRICTION_PARTS = ("asymmetric", "stribeck", "load", "presliding", "recording")
 NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
 
 

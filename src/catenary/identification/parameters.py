@@ -10,12 +10,13 @@ from catenary.dynamics.actuation_loads import NEVER_NEGATIVE, SLIDING, term_load
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PARAMETER_UNITS, PARAMETERS, PER_LINK, torque_regressor
 from catenary.identification.identify_options import Terms, actuation_of
-from catenary.identification.samples import Samples
-from catenary.robots.actuation import ActuationTerm, actuation_terms
+from catenary.identification.samples import HELD_OUT, Samples
+from catenary.robots.actuation import ActuationTerm, Friction, actuation_terms
 from catenary.robots.model import RobotModel
 
 # kinds that no random motion finds dependent on others: they stand beside what is reduced
 OWN = ("asymmetric", "stribeck", "load", "presliding")
+IN = " in "  # between the name of a friction and that of the recording that has it
 FIRST_MOMENTS = 4  # of a link's ten parameters, mass and first moment: all that shows at rest
 
 
@@ -76,7 +77,7 @@ class Parameters:
     @cached_property
     def own(self) -> tuple[int, ...]:
         """Columns of friction that are independent of all others."""
-        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in OWN)
+        return tuple(self._first + k for k, term in enumerate(self.actuation) if term.kind in OWN or term.recording)
 
     @cached_property
     def carrying(self) -> tuple[int, ...]:
@@ -93,10 +94,14 @@ class Parameters:
         """Rows (r, k) of B phi >= 0: no friction drives, no rotor or spring is below zero.
 
         Stribeck's part may be negative down to Coulomb's: friction that rises with speed. What differs by direction
-        is at most the viscous friction.
+        is at most the viscous friction. What one recording has beside the others leaves its friction zero or more.
         """
         place = {(t.kind, t.name): self._first + k for k, t in enumerate(self.actuation)}
-        rows = [{self._first + k: 1.0} for k, term in enumerate(self.actuation) if term.kind in NEVER_NEGATIVE]
+        rows = [
+            {self._first + k: 1.0} | _one(place.get((term.kind, same_elsewhere(term))) if term.recording else None)
+            for k, term in enumerate(self.actuation)
+            if term.kind in NEVER_NEGATIVE
+        ]
         for (kind, name), column in place.items():
             if kind == "stribeck":
                 rows.append({column: 1.0} | _one(place.get(("coulomb", name))))
@@ -148,6 +153,8 @@ class Parameters:
 
 def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float) -> Floats:
     """Return the load (N,) of a term on a recording's rows, per unit, as friction remembers the motion."""
+    if term.recording and samples.name.removesuffix(HELD_OUT) != term.recording:
+        return np.zeros(len(samples))
     if samples.history is None or not samples.history.remembers(term):
         return term_load(term, samples.q, samples.qd, samples.qdd, coulomb_velocity, samples.carried)
     load = samples.history.load(term, coulomb_velocity)
@@ -156,6 +163,19 @@ def recorded_load(term: ActuationTerm, samples: Samples, coulomb_velocity: float
         carried = np.zeros(len(samples)) if samples.carried is None else samples.carried @ c
         load = load * np.abs(carried) / (c @ c)
     return load
+
+
+def friction_of(friction: Friction, recording: str) -> Friction:
+    """Return what Coulomb and viscous friction and constant one recording has beside the friction of all."""
+    return Friction(
+        f"{friction.name}{IN}{recording}", friction.combination, friction.coulomb, friction.viscous, friction.offset,
+        recording=recording,
+    )  # fmt: skip
+
+
+def same_elsewhere(term: ActuationTerm) -> str:
+    """Return the name of the friction of all recordings beside which one recording has a term."""
+    return term.name.removesuffix(f"{IN}{term.recording}")
 
 
 def _one(column: int | None) -> dict[int, float]:

@@ -81,6 +81,7 @@ class Friction(Effect):
     stribeck: Positive | None = None  # v_s [rad/s or m/s]; none when None
     load: bool = False
     presliding: Positive | None = None  # x_s [rad or m]; none when None
+    recording: str = ""  # that alone has this, beside the friction of all; such as that of another day
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +191,7 @@ class ActuationTerm(NamedTuple):
     combination: Floats  # (n,)
     lever: LeverSpring | None = None
     scale: float = 0.0  # v_s of Stribeck friction, x_s of presliding friction
+    recording: str = ""  # that alone has it
 
 
 def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:
@@ -207,7 +209,7 @@ def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[Actu
             ("presliding", friction.presliding is not None, friction.presliding or 0.0),
         )
         terms += [
-            ActuationTerm(kind, name, c, None, scale)
+            ActuationTerm(kind, name, c, None, scale, friction.recording)
             for kind, has, scale in given
             if has and (kind == "offset" or not static)
         ]
