@@ -38,7 +38,7 @@ NAMED: dict[str, tuple[float, set[str]]] = {
     "rates_drop_out": (0.1, {"rates_interrupted"}),
     "rates_not_finite": (0.05, {"rate_not_finite"}),
     "rates_stuck": (0.15, {"rate_stuck"}),
-    "rates_in_deg": (1.0, {"rate_too_fast", "rate_contradicts", "rate_spike", "rate_saturated"}),
+    "rates_in_deg": (1.0, {"rate_too_fast", "rate_contradicts", "rate_spike", "rate_saturated", "rate_unit"}),
 }
 KINDS = tuple(NAMED)
 LATEST = 1.0  # [s] after its cause that a fault may be named, or the vector be anything but live
