@@ -10,8 +10,8 @@ from catenary.errors import InputError
 from catenary.sensing.bases import BASES, BaseSpectrum, rules_for
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import Mailbox
-from catenary.simulation.base_motion import FixedBase, SwayingBase, Wave
+from catenary.sensing.vector import Kind, Mailbox
+from catenary.simulation.base_motion import BaseSamples, FixedBase, SwayingBase, Wave
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SensorModel, SimulatedSensor
 from oracles.sensor_faults import NAMED
 
@@ -104,6 +104,55 @@ def test_a_wrong_scale_from_the_start_is_found_in_the_mean_of_a_sea():
     rules = rules_for("ship", changes={"mean_time": 20.0, "rest_lower": 8.6})
     _, readings, _ = sensed(deck, 25.0, "ship", fault, rate_hz=25.0, reads_hz=25.0, rules=rules, cutoff_hz=4.0)
     assert any("magnitude" in r.faults.names for r in readings[-50:])
+
+
+class Turntable:
+    """Turns about the vertical, back and forth, with its sensor 0.2 m off the axis."""
+
+    def sample(self, times):
+        """Return gravity, and the accelerations of turning."""
+        rate = 0.7 * np.sin(0.07 * times) + 0.5 * np.sin(0.31 * times + 1.0)
+        change = 0.049 * np.cos(0.07 * times) + 0.155 * np.cos(0.31 * times + 1.0)
+        omega, alpha = (np.outer(v, UP) for v in (rate, change))
+        lever = np.array([0.2, 0.1, 0.0])
+        linear = np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever))
+        return BaseSamples(np.tile([0.0, 0.0, -9.81], (len(times), 1)), np.stack([omega, alpha, linear], axis=1))
+
+
+LONG = {
+    "ship": SwayingBase(
+        (*ROLL_AND_PITCH, Wave(0.05, 0.21, X, 1.0)),
+        (Wave(1.5, 0.11, UP), Wave(1.0, 0.17, UP, 2.0), Wave(0.8, 0.08, X), Wave(1.0, 0.09, Y, 1.0)),
+    ),
+    "vehicle": SwayingBase(
+        (Wave(0.07, 0.23, X), Wave(0.05, 0.4, Y, 0.4), Wave(0.017, 1.7, Y)),
+        (Wave(2.5, 0.12, X), Wave(1.0, 0.31, Y), Wave(1.0, 1.5, UP), Wave(0.5, 4.0, UP)),
+    ),
+    "table": SwayingBase((Wave(0.14, 0.21, X), Wave(0.1, 0.37, Y, 0.5), Wave(0.03, 1.1, X, 1.0))),
+    "turntable": Turntable(),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_no_fault_is_named_in_minutes_of_a_base_that_moves(name, rng):
+    times = np.arange(6000) / 50.0
+    samples = LONG[name].sample(times)
+    true = samples.gravity - samples.motion[:, 2]
+    readings = true + 0.02 + 0.04 * rng.normal(size=true.shape)
+    rates = samples.motion[:, 0] + 0.01 * np.array([1.0, -1.0, 0.5]) + 9e-4 * rng.normal(size=true.shape)
+    mailbox = Mailbox()
+    source = SensedGravity(mailbox, mounted_on="table" if name == "turntable" else name)
+    off, said = np.empty(len(times)), set()
+    for k, now in enumerate(times.tolist()):
+        mailbox.put(now, rates[k], Kind.ANGULAR_RATE)
+        mailbox.put(now, readings[k], Kind.FREE_FALL)
+        reading = source.read(now)
+        off[k] = np.linalg.norm(reading.gravity - true[k])
+        if now > 1.0:
+            said.add((reading.status.value, reading.faults.names))
+    assert said == {("live", ())}
+    assert off[50:].max() < 0.5
 
 
 @pytest.mark.slow

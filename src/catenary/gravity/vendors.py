@@ -26,8 +26,8 @@ VENDORS: dict[str, Vendor] = {
         -1.0,
         "set_gravity([{:.4f}, {:.4f}, {:.4f}])",
         "points up, as an accelerometer reads, in axes of its controller's base, half a turn about z of base_link; "
-        "in a secondary program (sec ... end) it runs beside another, a few times a second at most; keep the joints "
-        "still while the base accelerates",
+        "in a secondary program (sec ... end) it runs beside another, twice a second; keep the joints still while "
+        "the base accelerates",
     ),
     # [Kinova: "by default ... the gravity vector is 0, 0, -9.81"; after each start it must be sent again]
     "kortex": Vendor(
