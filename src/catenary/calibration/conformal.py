@@ -22,7 +22,7 @@ one block of the cross-validation to another: `expected` states between what the
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +105,8 @@ def expected(
         off = apart * math.sqrt(shares.var(axis=0, ddof=1).mean())
         stated["held_low"] = np.maximum(shares.mean(axis=0) - off, 0.0)
         stated["held_high"] = np.minimum(shares.mean(axis=0) + off, 1.0)
-    return tuple(replace(s, **{name: float(v[j]) for name, v in stated.items()}) for j, s in enumerate(spread))
+    of_joints: list[dict[str, Any]] = [{name: float(v[j]) for name, v in stated.items()} for j in range(len(spread))]
+    return tuple(replace(joint, **found) for joint, found in zip(spread, of_joints, strict=True))
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
