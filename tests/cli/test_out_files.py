@@ -30,6 +30,7 @@ WRITING = {
     "fit --report": ("fit {run} --model offset --folds 0 --out {new}/o.npz --report", ".npz", PAGE),
     "evaluate --report": ("evaluate {model} {run} --report", ".csv", PAGE),
     "refresh --out": ("refresh {model} {another} --out", ".csv", MODEL),
+    "refresh --report": ("refresh {model} {another} --out {new}/o.npz --report", ".csv", PAGE),
     "drift --report": ("drift {model} {another} --report", ".csv", PAGE),
     "identify --out": ("identify {motion} --robot raven2 --free --friction none --no-prior --out", ".csv", PARAMETERS),
     "identify --report": (
@@ -39,6 +40,7 @@ WRITING = {
     ),
     "identify --urdf": ("identify {motion} --robot raven2 --out {new}/o.npz --urdf", ".npz", URDF),
     "excitation --out": ("excitation raven2 --static 12 --trials 1 --out", ".txt", EXCITATION),
+    "excite --out": ("excite --refresh --out", ".txt", EXCITATION),
     "import --out": ("import {run} --units rad,rad,m --out", ".csv", LOG),
     "export --c": ("export two_link --c", ".c", HEADER),
     "export --onnx": ("export {model} --onnx", ".npz", GRAPH),
@@ -48,7 +50,7 @@ WRITING = {
 }
 # what names a folder, or never replaces anything: by tests of their own
 OTHERS = {"demo --out", "plot --out", "recover --out", "teleop --record", "monitor --record"}
-QUICK = ("fit --out", "import --out")
+QUICK = ("fit --out", "import --out", "excite --out")
 SLOW = (
     "excitation --out",
     "evaluate --report",

@@ -105,8 +105,8 @@ def expected(
         off = apart * math.sqrt(shares.var(axis=0, ddof=1).mean())
         stated["held_low"] = np.maximum(shares.mean(axis=0) - off, 0.0)
         stated["held_high"] = np.minimum(shares.mean(axis=0) + off, 1.0)
-    at: list[dict[str, Any]] = [{name: float(v[j]) for name, v in stated.items()} for j in range(len(spread))]
-    return tuple(replace(joint, **values) for joint, values in zip(spread, at, strict=True))
+    of_joints: list[dict[str, Any]] = [{name: float(v[j]) for name, v in stated.items()} for j in range(len(spread))]
+    return tuple(replace(joint, **found) for joint, found in zip(spread, of_joints, strict=True))
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
