@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from catenary.dynamics.kinematics import forward_kinematics
+from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import Identification, identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_torque_log
+from catenary.recording.logs import Reading, read_torque_log
 from catenary.robots.catalog import load_robot
+from catenary.spatial import LEVEL
 from catenary.workflows.identify import identify_files, part_of
 
 PUBLISHED = IdentifyOptions(consistent=False, friction=())  # as others fit: Coulomb and viscous friction
@@ -84,6 +86,31 @@ def test_panda_is_predicted_on_the_seconds_it_was_not_fitted_to(recordings: Path
     known = np.array([0.085, 0.009, 0.014, 0.012, 0.124, 0.051, 0.158])  # of other tools, the folder's README
     assert (found.tests[0].relative_rms <= known).all()
     assert np.mean(found.tests[0].relative_rms / known) < 0.85
+
+
+def test_a_geared_arm_is_identified_from_its_currents_and_a_known_load(recordings: Path) -> None:
+    folder = recordings / "ur10e_dynamics"
+    fitted, tested, loaded = (
+        folder / f"{name}.npz" for name in ("free_12harm_30s", "free_14harm_50s", "load_14harm_50s")
+    )
+    if not loaded.is_file():
+        pytest.skip(f"no recording {loaded}")
+    result = identify_files(
+        [fitted], "ur10e", IdentifyOptions(), tests=[tested], reading=Reading(currents=True), load=(2.805, loaded)
+    )
+    found, arm = result.identification, load_robot("ur10e")
+    without_rotors = np.array([0.0502, 0.0217, 0.0276, 0.0613, 0.0812, 0.1099])
+    assert (found.tests[0].relative_rms <= without_rotors).all()
+    assert np.mean(found.tests[0].relative_rms / without_rotors) < 0.85
+    assert result.gains is not None
+    assert (result.gains.errors < 0.1).all()
+    assert (result.gains.errors[1:] < 0.05).all()
+    robot, q = found.robot(), np.random.default_rng(0).uniform(-np.pi, np.pi, (500, 6))
+    assert (np.abs(robot.tree.mass / arm.tree.mass - 1.0) < 0.15).all()
+    off = gravity_torque(robot, q, LEVEL) - gravity_torque(arm, q, LEVEL)
+    assert (np.sqrt(np.mean(off**2, axis=0)) < [0.01, 3.0, 1.5, 0.1, 0.1, 0.1]).all()  # of 122 Nm and 42 on J2, J3
+    samples = prepare(read_torque_log(loaded, found.model), found.model, found.options)
+    assert estimate_payload(found, [samples]).mass == pytest.approx(2.805, rel=0.05)
 
 
 def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) -> None:
