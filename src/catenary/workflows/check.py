@@ -41,7 +41,7 @@ from catenary.verdict.finding import Finding
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.file_report import FileReport, Line
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
-from catenary.workflows.recording_screen import Source, check_recording, recording_report
+from catenary.workflows.recording_screen import TypedRecording, check_recording, recording_report
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf")
 REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
@@ -71,7 +71,7 @@ def check_file(
     path = Path(source)
     reading = reading if reading is not None else Reading()
     as_read = replace(reading, mend=NOTHING)
-    as_typed = Source(source, typed)
+    as_typed = TypedRecording(source, typed)
     if reading.mapping is not None:
         log = read_recording(path, as_read)
         return check_recording(log, as_typed, mend=reading.mend, robot=robot, max_error=max_error)
@@ -139,7 +139,7 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
         log, said = import_recording(path, proposal.accepted()), [*said, "--yes"]
     else:
         log = import_recording(path, units=units, robot=robot)
-    as_typed = Source(source, () if robot is None else ("--robot", robot), tuple(said))
+    as_typed = TypedRecording(source, () if robot is None else ("--robot", robot), tuple(said))
     return check_recording(
         log, as_typed, mend=mend, robot=robot, max_error=max_error, layout=layout or "by the mapping that it suggests"
     )

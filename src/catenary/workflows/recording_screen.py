@@ -31,7 +31,7 @@ Limits = tuple[float, ...] | None
 
 
 @dataclass(frozen=True)
-class Source:
+class TypedRecording:
     """A recording as it was typed, of which the command to use next is made."""
 
     name: str  # of the file or folder
@@ -52,7 +52,7 @@ class Source:
 
 def check_recording(
     log: MotionLog,
-    source: Source | None = None,
+    source: TypedRecording | None = None,
     *,
     mend: Mend = NOTHING,
     robot: str | None = None,
@@ -69,7 +69,7 @@ def check_recording(
         max_error: Per joint, deg and mm; rows with larger errors are left out.
         layout: Of its file, in words.
     """
-    source = source if source is not None else Source(f"{log.name}.parquet")
+    source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
     arm = robot_of([log], robot)
     findings = findings_of(log, robot=arm, max_error=error_limits(max_error, log))
@@ -147,7 +147,7 @@ def _cured(
     return mend, mend(log), limits, [each.name for each in findings if each.refuses]
 
 
-def _without_measurement(log: MotionLog, source: Source) -> str:
+def _without_measurement(log: MotionLog, source: TypedRecording) -> str:
     robot = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
     if log.tau is None:
         return "measure the joints beside the robot (a camera, encoders), and bring that in as q_encoder"
