@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE =
 
 
 .PHONY: demo acceptance test test-slow test-ros2 lint campaign campaign-short bench bench-dds bench-serving clean help
-.PHONY: papers refit prior docs truth
+.PHONY: papers refit docs truth
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -32,7 +32,6 @@ help:
 	@echo "make truth       hold what commands claim against the truth, on recordings spoilt in 15 ways (minutes); rewrites tests/truth/table.md"
 	@echo "make docs        the documentation site into build/site: open build/site/index.html"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
-	@echo "make prior       learn the prior of few minutes on simulated arms again (a minute); rewrites its data file"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
 	@echo "make clean       remove .venv and everything made here"
 
@@ -98,9 +97,6 @@ docs: $(VENV)/.documentation
 
 refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
-
-prior: $(VENV)/.package
-	$(BIN)/python -m papers.prior.learn src/catenary/calibration/data/simulated.json
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

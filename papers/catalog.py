@@ -53,8 +53,6 @@ MODULES = {
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
     "beyond-rules": "papers.beyond.rules",
-    "beyond-few-minutes": "papers.beyond.few_minutes",
-    "beyond-prior-control": "papers.beyond.prior_control",
 }
 
 

@@ -145,11 +145,6 @@ def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: py
         ({"ridge": float("nan")}, "ridge: expected a number of zero or more"),
         ({"kind": "neural", "ridge": 1.0}, "only linear, polynomial, hysteretic take one"),
         ({"kind": "offset", "ridge": 0.0}, "only linear, polynomial, hysteretic take one"),
-        ({"prior": "dvrk"}, "expected simulated"),
-        ({"prior": "simulated", "kind": "polynomial"}, 'prior "simulated"'),
-        ({"prior": "simulated", "kind": "neural", "preset": "paper"}, 'prior "simulated"'),
-        ({"prior": "simulated", "kind": "linear", "ridge": 1.0}, 'prior "simulated"'),
-        ({"prior": "simulated", "kind": "linear", "target": "position"}, 'prior "simulated"'),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(options: dict[str, Any], message: str) -> None:

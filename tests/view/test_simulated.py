@@ -114,7 +114,7 @@ def test_refused_motion_is_told_on_the_page() -> None:
 
 def test_page_says_why_the_arm_is_in_fault() -> None:
     arm = DrivenArm("raven2", rng=np.random.default_rng(1), real_time=False)
-    states = drive(arm, (0.1, "payload_kg", 1e9), (0.5, "", None))  # which no slider tells
+    states = drive(arm, (0.1, "payload_kg", 1e5), (0.5, "", None))  # which no slider tells
     assert states[-1].mode.startswith("FAULT")
     assert any(
         "in FAULT: the software e-stop tripped at" in warning and "a motor's command was too large" in warning

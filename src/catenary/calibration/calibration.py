@@ -189,7 +189,6 @@ def fit(
     coverage: float = COVERAGE,
     robot: str | None = None,
     seed: int = 0,
-    prior: str | None = None,
     coupled: Sequence[str] | None = None,
     accept: Sequence[str] = (),
     progress: Progress = silent,
@@ -217,8 +216,6 @@ def fit(
         coverage: Share of errors that the intervals about calibrated positions are to hold.
         robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
-        prior: What a linear model or the linear part of preset "best" begins at, for few minutes of data:
-            "simulated", what simulated robots have in common.
         coupled: Joints that friction couples; found in the recordings when None, none when empty.
         accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
@@ -240,7 +237,6 @@ def fit(
         target=target,
         ridge=ridge,
         seed=seed,
-        prior=prior,
         coupled=None if coupled is None else tuple(coupled),
     )
     run = FitRun(

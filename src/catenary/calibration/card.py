@@ -59,7 +59,6 @@ def model_card(
                 "name": name,
                 "unit": unit,
                 "kind": of_joint[j],
-                "prior": model.priors[j] if model.priors else None,
                 "inputs": [names[c] for c in group_of[j].columns],
                 "widened_by": extrapolation(of_joint[j], features, group_of[j].columns),
                 "fixed_offset": float(model.offset[j]),
@@ -157,7 +156,6 @@ def _settings(options: FitOptions, kinds: set[str]) -> dict[str, Any]:
         "play_shares": None if options.play is None else list(options.play),
         "target": options.target,
         "ridge": options.ridge_used,
-        "prior": options.prior,
     }
     if "neural" in kinds:
         chosen: NetworkSettings = PAPER if options.network == "paper" else BEST

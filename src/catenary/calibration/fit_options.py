@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from datetime import date as day
 from typing import Literal, get_args
 
-from catenary.calibration.feature_prior import PRIORS
 from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import Target
@@ -22,7 +21,6 @@ PLAY_SHARES = (0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 FOLDS = 5
 COVERAGE = 0.9
-TAKE_PRIOR = ("auto", "linear", "neural")
 TAKE_RIDGE = ("auto", "linear", "polynomial", "hysteretic")
 TAKE_FRICTION = ("auto", "hysteretic", "neural")
 
@@ -36,8 +34,7 @@ class FitOptions:
     states of the positions, as shares of each joint's range of motion; None means none, except for the neural
     preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
     then play states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions on features
-    with memory. A fixed offset is one of the error, whatever the target. `prior` names what a linear model, or
-    the linear part of preset `best`, begins at (feature_prior.py): for few minutes of data. `coupled` names joints that
+    with memory. A fixed offset is one of the error, whatever the target. `coupled` names joints that
     friction couples, for the kinds that take friction states; None finds them in recordings (friction_fit.py), and
     `friction` is what was found.
     """
@@ -50,7 +47,6 @@ class FitOptions:
     target: Target = "error"
     ridge: float | None = None
     seed: int = 0
-    prior: str | None = None
     coupled: tuple[str, ...] | None = None
     friction: FoundFriction | None = None
 
@@ -76,19 +72,11 @@ class FitOptions:
         if self.kind == "auto" and self.target != "error":
             raise InputError(f'target "{self.target}": models of it are not chosen; give a kind in place of auto')
 
-        if self.prior not in (None, *PRIORS):
-            raise InputError(f'prior "{self.prior}": expected {" or ".join(PRIORS)}')
-        if self.prior in PRIORS and (self.kind not in TAKE_PRIOR or self.network == "paper"):
-            raise InputError(f'prior "{self.prior}" of model {self.kind}: only linear and preset best take one')
-        if self.prior in PRIORS and (self.target != "error" or self.ridge is not None):
-            raise InputError(f'prior "{self.prior}": is of errors, and in place of a ridge; leave out the other')
-
     def of_kind(self, kind: Kind, preset: Preset | None = None) -> "FitOptions":
         """Return the options of a kind of model, without those that it does not take."""
         ridge = self.ridge if kind in TAKE_RIDGE else None
-        prior = self.prior if kind in TAKE_PRIOR and preset != "paper" else None
         coupled = self.coupled if kind in TAKE_FRICTION and preset != "paper" else ()
-        return replace(self, kind=kind, preset=preset, ridge=ridge, prior=prior, coupled=coupled)
+        return replace(self, kind=kind, preset=preset, ridge=ridge, coupled=coupled)
 
     def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
         """Return shares of each joint's range of motion that the play states take beside the given signals."""

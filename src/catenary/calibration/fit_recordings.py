@@ -13,7 +13,6 @@ from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
-from catenary.calibration.feature_prior import load_prior
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
 from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
@@ -146,7 +145,7 @@ def _concluded(
 ) -> FitResult:
     """Return a fitted model with its intervals, errors and card."""
     data, late, everything = _rows(logs, model.features, run)
-    notes = (*data_notes(logs, everything), *found.notes, *prior_notes(model))
+    notes = (*data_notes(logs, everything), *found.notes)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     limits = _limits(robot_of(logs, run.robot), data)
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
@@ -194,16 +193,6 @@ def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]
     for log, logarithms in zip(logs, found.levels if len(logs) > 1 else (), strict=False):
         levels = ", ".join(f"{name} {level:.2f}" for name, level in zip(names, np.exp(logarithms), strict=True))
         notes.append(f"{log.name}: friction, over the recordings' mean: {levels}")
-    return notes
-
-
-def prior_notes(model: CalibrationModel) -> list[str]:
-    """Return in a sentence for which joints a prior was used."""
-    notes = []
-    for name in dict.fromkeys(each for each in model.priors if each is not None):
-        joints = [joint for joint, each in zip(model.joint_names, model.priors, strict=True) if each == name]
-        robots = load_prior(name).robots
-        notes.append(f"prior {name}: {', '.join(joints)} began at what {robots} simulated robots have in common")
     return notes
 
 

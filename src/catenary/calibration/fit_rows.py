@@ -1,22 +1,20 @@
 """Which inputs recordings give a model, and the fit of one kind of model to rows of them."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.arithmetic import Integers
 from catenary.calibration.dataset import CalibrationData, in_one_order, sampling_rate
-from catenary.calibration.feature_prior import load_prior, prior_of_features
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, Progress, part_of, silent
 from catenary.calibration.midline import RADIUS, TRAVEL, Midline
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
-from catenary.calibration.predictors import AnyPredictor, Linear, fit_linear, fit_offset, fit_polynomial, fit_smooth
+from catenary.calibration.predictors import AnyPredictor, fit_linear, fit_offset, fit_polynomial, fit_smooth
 from catenary.calibration.spike_filter import ANY, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
@@ -153,10 +151,6 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
     target: Target = "error" if options.kind == "offset" else options.target
     Y = data.error if target == "error" else data.q_nominal + data.error
     groups: list[JointGroup] = []
-    priors: list[str | None] = [None] * len(data.joint_names)
-    prior = None
-    if options.prior is not None:
-        prior = prior_of_features(load_prior(options.prior), inputs.features, data.X)
     together: dict[tuple[str, ...], list[int]] = {}
     for joint, signals in enumerate(inputs.per_joint):
         together.setdefault(signals, []).append(joint)
@@ -165,14 +159,7 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         columns = inputs.features.columns_of(signals)
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
-        linear = None
-        if prior is not None:
-            of_columns = prior.of_columns(columns)
-            names = [data.joint_names[j] for j in joints]
-            for joint in joints:
-                priors[joint] = prior.prior.name
-            linear = partial(of_columns.fit, joints=names)
-        predictor = _fit_predictor(X, Y[:, joints], options, late, linear, report)
+        predictor = _fit_predictor(X, Y[:, joints], options, late, report)
         watched = columns[~inputs.features.bounded[columns]]
         groups.append(
             JointGroup(
@@ -195,7 +182,6 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         largest=np.full(len(offset), ANY),
         groups=tuple(groups),
         rate_hz=data.rate_hz,
-        priors=tuple(priors) if any(priors) else (),
     )
     return replace(model, largest=largest_shown(model, data))
 
@@ -212,21 +198,12 @@ def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
     return largest
 
 
-def _fit_predictor(
-    X: Floats,
-    Y: Floats,
-    options: FitOptions,
-    late: np.ndarray,
-    linear: Callable[[Floats, Floats], Linear] | None,
-    progress: Progress,
-) -> AnyPredictor:
+def _fit_predictor(X: Floats, Y: Floats, options: FitOptions, late: np.ndarray, progress: Progress) -> AnyPredictor:
     if options.kind == "offset":
         return fit_offset(Y)
     if options.kind == "neural":
         settings = BEST if options.network == "best" else PAPER
-        return fit_neural(X, Y, settings, seed=options.seed, late=late, linear=linear, progress=progress)
-    if options.kind == "linear" and linear is not None:
-        return linear(X, Y)
+        return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
     if options.kind == "hysteretic":
         return fit_smooth(X, Y, ridge=options.ridge_used or 0.0, seed=options.seed)
     regression = fit_linear if options.kind == "linear" else fit_polynomial

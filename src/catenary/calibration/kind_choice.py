@@ -124,8 +124,6 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
                         place[group.watched],
                     )
                 )
-    began = [taken[choice.chosen].priors[j : j + 1] for j, choice in enumerate(choices)]
-    priors = tuple(each[0] if each else None for each in began)
     largest = np.array([taken[choice.chosen].largest[j] for j, choice in enumerate(choices)])
     return replace(
         first,
@@ -134,7 +132,6 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
         features=features,
         largest=np.maximum(largest, np.abs(first.offset)),
         groups=tuple(groups),
-        priors=priors if any(priors) else (),
     )
 
 

@@ -93,7 +93,6 @@ class CalibrationModel:
     groups: Many[JointGroup]
     rate_hz: Positive | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
-    priors: Many[str | None] = ()  # (n,) that joints' fits began at; empty where none did
     limits: StoredFloats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
     mends: Mends = field(default_factory=dict)  # of its recordings: MotionLog.settled
 
@@ -109,8 +108,6 @@ class CalibrationModel:
             columns = np.concatenate([group.columns, group.watched])
             if len(columns) and not (0 <= columns.min() and columns.max() < width):
                 raise InputError(f"model: joints {group.joints} take features beyond the {width} that there are")
-        if self.priors and len(self.priors) != n:
-            raise InputError(f"model: expected a prior, or none, for each of its {n} joints, got {len(self.priors)}")
         object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
         object.__setattr__(self, "largest", as_array("largest", self.largest, (n,)))
         if not (np.abs(self.offset) <= self.largest).all():

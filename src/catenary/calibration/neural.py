@@ -4,9 +4,8 @@ Numbers are those of scikit-learn's MLPRegressor with the same seed, to the roun
 schedule of the learning rate for Adam.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -229,14 +228,7 @@ BEST = NetworkSettings((100, 100), "tanh", (1e-5, 1e-4, 1e-3, 3e-3, 1e-2), 3e-3,
 
 
 def fit_neural(
-    X: Floats,
-    Y: Floats,
-    settings: NetworkSettings,
-    *,
-    seed: int,
-    late: np.ndarray,
-    linear: Callable[[Floats, Floats], Linear] | None = None,
-    progress: Progress = silent,
+    X: Floats, Y: Floats, settings: NetworkSettings, *, seed: int, late: np.ndarray, progress: Progress = silent
 ) -> Network:
     """Train a network to give Y (N, m) from features X (N, F).
 
@@ -246,7 +238,6 @@ def fit_neural(
 
     Args:
         late: Rows to choose `l2` on.
-        linear: Fits the linear model that the network corrects, in place of ridge regression.
     """
     candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
     if not late.any() or late.all():
@@ -255,17 +246,16 @@ def fit_neural(
     # a third of the training tells candidates apart where a pass over the data has many steps
     short = settings if len(X) <= MANY_ROWS else replace(settings, epochs=max(1, settings.epochs // 3))
     losses = np.zeros(len(candidates))
-    if linear is None and settings.skip_ridge is not None:
-        linear = partial(fit_linear, ridge=settings.skip_ridge)
+    ridge = settings.skip_ridge
     with threadpool_limits(limits=1):  # two BLAS threads on two busy cores are slower than one
-        before = linear(X[~late], Y[~late]) if trials and linear is not None else None
+        before = fit_linear(X[~late], Y[~late], ridge=ridge) if trials and ridge is not None else None
         for i in range(trials):
             part = part_of(progress, i, trials + 1)
             trial = _train(X[~late], Y[~late], short, candidates[i], seed, before, part)
             errors = np.mean((trial.predict(X[late]) - Y[late]) ** 2, axis=0)
             losses[i] = np.mean(np.log(errors + 1e-30))  # a noisy output must not outweigh the others
         chosen = candidates[int(np.argmin(losses))]
-        skip = None if linear is None else linear(X, Y)
+        skip = None if ridge is None else fit_linear(X, Y, ridge=ridge)
         return _train(X, Y, settings, chosen, seed, skip, part_of(progress, trials, trials + 1))
 
 

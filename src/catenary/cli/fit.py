@@ -100,11 +100,6 @@ class ModelOptions:
         least=0.0,
         shows_default=False,
     )
-    prior: str | None = option(
-        "NAME",
-        "What linear models and preset best begin at, for few minutes of data: simulated (what simulated "
-        "robots have in common).",
-    )
     held_out: float | None = option("SHARE", "Keep the last part of each recording, this share of it, for a test.")
     folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, least=0)
     coverage: float = option("SHARE", "Share of errors that the intervals about corrected joints hold.", 0.9)
@@ -117,7 +112,7 @@ class ModelOptions:
         """Return the options of the model, its training by this seed."""
         from catenary.calibration.fit_options import FitOptions
 
-        names = ("kind", "preset", "inputs", "history", "play", "target", "ridge", "prior", "coupled")
+        names = ("kind", "preset", "inputs", "history", "play", "target", "ridge", "coupled")
         return FitOptions(seed=seed, **values_of(self, *names))
 
     def run(self, accept: Sequence[str], robot: str | None = None) -> "FitRun":
