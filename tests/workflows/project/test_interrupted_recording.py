@@ -115,12 +115,11 @@ def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path, monkeypatc
     holds_the_motion_once(folder, motion, 0)
 
 
-@pytest.mark.slow  # twenty minutes of a robot's ticks: minutes of a processor
-@pytest.mark.timeout(3600)
-def test_twenty_minutes_that_are_interrupted_three_times(tmp_path: Path) -> None:
-    motion = Waves(1200.0)
+@pytest.mark.slow  # minutes of a robot's ticks
+def test_minutes_that_are_interrupted_three_times(tmp_path: Path) -> None:
+    motion = Waves(120.0)
     folder = interrupted(tmp_path, motion, dict.fromkeys((0.2, 0.5, 0.9), interrupt))
     holds_the_motion_once(folder, motion, 3)
     arrivals, _, _ = recorded(folder)
-    # 240 s in passes of 20 s each: what is driven again is less than a pass each time
-    assert len(arrivals) == pytest.approx(120_000, abs=10)
+    # passes of 20 s each: what is driven again is less than a pass each time
+    assert len(arrivals) == pytest.approx(12_000, abs=10)
