@@ -9,7 +9,7 @@ from catenary.crtk.transport import absolute
 from catenary.errors import InputError
 from catenary.raven2.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
 
-PAGE = Path(__file__).parents[2] / "docs" / "crtk.md"
+PAGE = Path(__file__).parents[2] / "docs" / "crtk-topics.md"
 
 
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])

@@ -2,7 +2,7 @@
 
 `raven` is what the public RAVEN-II software speaks (uw-biorobotics/raven2, branch crtk); `crtk` is the present
 convention (collaborative-robotics.github.io, PoseStamped since 2022). The two differ in types, so one topic cannot
-serve both. Rates and units are in docs/crtk.md.
+serve both. Rates and units are in docs/crtk-topics.md.
 
 Trap: the RAVEN-II publishes `measured_js` and `measured_cp` of its arms swapped, arm1 the green arm's and arm2 the gold
 one's; setpoints and commands are not swapped. Ask `topic_name` for an arm, never put a name together.

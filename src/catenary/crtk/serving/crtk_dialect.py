@@ -1,4 +1,4 @@
-"""What the present CRTK convention says and obeys, verb for verb below an arm's namespace; see docs/crtk.md.
+"""What the present CRTK convention says and obeys, verb for verb below an arm's namespace; see docs/crtk-topics.md.
 
 [collaborative-robotics.github.io; what its Python client relies on]
 """

@@ -1,4 +1,4 @@
-"""The public RAVEN-II software's dialect (branch crtk), topic for topic, /ravenstate too; see docs/crtk.md."""
+"""The public RAVEN-II software's dialect (branch crtk), topic for topic, /ravenstate too; see docs/crtk-topics.md."""
 
 from collections.abc import Iterable, Mapping
 
