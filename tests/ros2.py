@@ -95,7 +95,7 @@ rclpy.shutdown()
 
 def python_of(distro: str) -> Path:
     """Return the interpreter of a distribution's environment; skip where there is none."""
-    place = os.environ.get(f"CATENARY_{distro.upper()}", str(ROOT / ".cache" / distro))
+    place = os.environ.get(f"CATENARY_{distro.upper()}", str(ROOT / ".ros2" / distro))
     found = Path(place) / "bin" / "python"
     if not found.is_file():
         pytest.skip(f"ROS 2 {distro} is not installed: no {found}; .ci/ros2 {distro} makes it")

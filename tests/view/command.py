@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +32,12 @@ def view(*arguments: object) -> Iterator[str]:
                 break
         else:
             raise AssertionError("".join(lines))
-        program.send_signal(signal.SIGINT)
-        assert program.wait(30.0) == 0
+        for _ in range(3):  # as somebody presses Ctrl-C again, where a busy machine has not ended it
+            program.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                program.wait(30.0)
+                break
+        assert program.poll() == 0
     finally:
         if program.poll() is None:
             program.kill()
