@@ -7,6 +7,7 @@ from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
@@ -85,7 +86,7 @@ def fit_logs(
     else:
         choices, attempt = (), attempts[options.kind]
         model, validation = attempt.fitted(progress), attempt.validation
-    return _concluded(logs, options, run, model, validation, choices, found)
+    return _concluded(logs, options, run, model, validation, choices, found, shared)
 
 
 def with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
@@ -142,9 +143,12 @@ def _concluded(
     validation: CrossValidation | None,
     choices: tuple[JointChoice, ...],
     found: Passed,
+    places: NDArray[np.int64],
 ) -> FitResult:
-    """Return a fitted model with its intervals, errors and card."""
+    """Return a model fitted to the rows at these places, with its intervals, errors and card."""
     data, late, everything = _rows(logs, model.features, run)
+    data = data.rows(np.isin(data.places, places))
+    everything = data if late is None else everything
     notes = (*data_notes(logs, everything), *found.notes)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     limits = _limits(robot_of(logs, run.robot), data)

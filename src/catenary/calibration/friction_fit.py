@@ -71,7 +71,8 @@ class _Rows:
             if only in (None, number):
                 own = 1.0 if levels is None else np.exp(levels[number])
                 own_friction = friction._replace(thresholds=friction.thresholds * own)
-                parts.append(own_friction.lag(path[:, list(joints)])[rows].reshape(len(rows), -1))
+                lag = own_friction.lag(path[:, list(joints)])
+                parts.append(lag.reshape(len(lag), lag.shape[1] * lag.shape[2])[rows])  # of some there are no rows
         return np.concatenate(parts)
 
 

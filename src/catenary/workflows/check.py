@@ -15,7 +15,7 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.calibration.card import clock_delay
-from catenary.calibration.model import Card
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_file import load_model
 from catenary.errors import ExcitationError, FileFormatError, InputError
 from catenary.files import card_path, card_text, table_ending
@@ -300,6 +300,15 @@ def _version(card: Card) -> Line:
 
 def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
+    try:
+        return _model_report(path, model, card)
+    except (TypeError, KeyError, AttributeError, ValueError, IndexError) as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(f"{path}: damaged: its card is not one that catenary fit writes ({error})") from error
+
+
+def _model_report(path: Path, model: CalibrationModel, card: Card) -> FileReport:
     blocks = {one["joint"]: one for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]}
     last = {one["name"]: one for one in card["errors"]["held_out"] or []}
     joints, on_blocks, on_last, faults = list[Mapping[str, Any]](), list[Line](), list[Line](), _copy_faults(path, card)
