@@ -7,7 +7,6 @@ from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
@@ -143,7 +142,7 @@ def _concluded(
     validation: CrossValidation | None,
     choices: tuple[JointChoice, ...],
     found: Passed,
-    places: NDArray[np.int64],
+    places: Floats,
 ) -> FitResult:
     """Return a model fitted to the rows at these places, with its intervals, errors and card."""
     data, late, everything = _rows(logs, model.features, run)
