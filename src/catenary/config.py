@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from catenary.documents import MOST_JSON, MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
+from catenary.documents import MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
 from catenary.errors import ConfigError, FileFormatError
 
 MOST_PROBLEMS = 10  # of one file that are told at once
@@ -54,11 +54,6 @@ def load_toml(path: Path, schema: type[Schema]) -> Schema:
     except FileFormatError as error:
         raise ConfigError(str(error)) from error
     return parse_settings(content, schema, str(path))
-
-
-def load_json(path: Path, schema: type[Schema]) -> Schema:
-    """Read a JSON file into its schema."""
-    return parse_json(read_bounded(path, MOST_JSON), schema, str(path))
 
 
 def parse_json(data: str | bytes, schema: type[Schema], where: str, *, finite: bool = True) -> Schema:

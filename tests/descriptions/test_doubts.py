@@ -1,20 +1,8 @@
-import logging
-
-import pytest
-
 from tests.descriptions.doubts import main
 
 LINK = """<robot name="{name}"><link name="root"/><link name="rod"><inertial><mass value="{mass}"/><inertia ixx="0.01"
 ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint name="j" type="continuous"><parent link="root"/>
 <child link="rod"/>{inside}</joint></robot>"""
-
-
-@pytest.fixture(autouse=True)
-def _log_level():
-    log = logging.getLogger("catenary")
-    before = log.level
-    yield
-    log.setLevel(before)
 
 
 def test_the_table_has_a_row_a_robot_with_what_is_doubted(tmp_path, capsys):

@@ -1,18 +1,7 @@
-import logging
-
 import numpy as np
-import pytest
 
 from oracles.random_robots import random_urdf
 from tests.descriptions.__main__ import main
-
-
-@pytest.fixture(autouse=True)
-def _log_level():
-    log = logging.getLogger("catenary")
-    before = log.level
-    yield
-    log.setLevel(before)
 
 
 def test_the_table_has_a_row_a_file_with_the_reason_for_what_is_refused(tmp_path, capsys):

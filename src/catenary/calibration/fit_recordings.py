@@ -60,13 +60,13 @@ def fit_logs(
     if options.history >= longest:
         raise InputError(f"history: {options.history} previous commands, but the longest recording has {longest} rows")
     require_folds(options, run)
-    options = with_friction(logs, options, run)
-    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
-    data, _, _ = _rows(logs, inputs.features, run)
+    _rows_of_kind(logs, options, run)  # what cannot be fitted to is refused before anything takes long
     limits = error_limits(run.max_error, logs[0])
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
+    options = with_friction(logs, options, run)
     kinds: dict[str, FitOptions] = {options.kind: options}
     if options.kind == "auto":
+        inputs, data = _rows_of_kind(logs, options, run)
         kinds = tried(options, len(inputs.features.names), len(data))
     of_kinds = {name: _rows_of_kind(logs, of_kind, run) for name, of_kind in kinds.items()}
     shared = reduce(np.intersect1d, (data.places for _, data in of_kinds.values()))  # all kinds are asked about these

@@ -12,7 +12,7 @@ from catenary.calibration.spike_filter import ANOTHER, AWAY, BACK
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
-from catenary.transmission.coupled_friction import CoupledFriction, drag, parts_of
+from catenary.transmission.coupled_friction import CoupledFriction, drag, lag_of, parts_of
 
 Row = Annotated[tuple[Annotated[float, Field(ge=-1e100, le=1e100)], ...], Field(max_length=100)]
 Matrix = Annotated[tuple[Row, ...], Field(max_length=100)]
@@ -164,8 +164,6 @@ def rub(
             if not away:
                 friction[1] = friction[0]
         for c in range(len(thresholds)):
+            forces = friction[0, n + c * m : n + (c + 1) * m]
             for j in range(n):
-                lag = 0.0 if finite else np.nan
-                for k in range(m):
-                    lag -= lever[j, k] * friction[0, n + c * m + k]
-                X[row, at[0] + c * n + j] = lag
+                X[row, at[0] + c * n + j] = lag_of(j, lever, forces) if finite else np.nan

@@ -75,6 +75,15 @@ def parts_of(moved: Numbers, longest: Numbers) -> int:
 
 
 @compiled
+def lag_of(joint: int, lever: Floats, forces: Floats) -> float:
+    """Return z - x of a joint under the friction elements' forces (m,)."""
+    lag = 0.0
+    for k in range(len(forces)):
+        lag -= lever[joint, k] * forces[k]
+    return lag
+
+
+@compiled
 def drag_along(
     x: Floats,
     longest: Floats,
@@ -111,10 +120,7 @@ def drag_along(
         for c in range(len(forces)):
             drag(moved, parts, directions, mutual, hold, thresholds[c], forces[c], slip)
             for j in range(n):
-                lagging = 0.0
-                for k in range(len(slip)):
-                    lagging -= lever[j, k] * forces[c, k]
-                lag[row, c * n + j] = lagging
+                lag[row, c * n + j] = lag_of(j, lever, forces[c])
 
 
 class CoupledFriction(NamedTuple):

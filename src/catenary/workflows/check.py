@@ -5,7 +5,7 @@ Facts are numbers with units for programs (docs/formats.md), and lines for peopl
 """
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,9 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.calibration.card import clock_delay
-from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
-from catenary.errors import ExcitationError, FileFormatError, InputError
+from catenary.errors import CatenaryError, ExcitationError, FileFormatError, InputError
 from catenary.files import card_path, card_text, table_ending
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.identification import Identification, identify_samples
@@ -86,7 +86,7 @@ def check_file(
     # a model may have any name; a recording's says what it is
     arrays = read_arrays(path).keys() if path.is_file() and is_zipfile(path) else set[str]()
     if "structure" in arrays:
-        return _check_identification(path) if "combination" in arrays else _check_model(path)
+        return _with_card(_check_identification if "combination" in arrays else _check_model, path)
     if "q" in arrays and "q_des" not in arrays and {"tau", "effort"} & arrays:
         if robot is None:
             raise InputError(
@@ -256,6 +256,16 @@ def _fit_in_words(result: Identification) -> Sequence[str]:
     ]
 
 
+def _with_card(check: Callable[[Path], FileReport], path: Path) -> FileReport:
+    """Check a file that carries a card, which may say anything where a key is expected."""
+    try:
+        return check(path)
+    except CatenaryError:
+        raise
+    except (TypeError, LookupError, AttributeError, ValueError) as error:
+        raise FileFormatError(f"{path}: damaged: its card is not one that catenary writes ({error})") from error
+
+
 def _check_identification(path: Path) -> FileReport:
     result, card = load_identification(path)
     recordings, lines = [], []
@@ -300,15 +310,6 @@ def _version(card: Card) -> Line:
 
 def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
-    try:
-        return _model_report(path, model, card)
-    except (TypeError, KeyError, AttributeError, ValueError, IndexError) as error:
-        if isinstance(error, FileFormatError):
-            raise
-        raise FileFormatError(f"{path}: damaged: its card is not one that catenary fit writes ({error})") from error
-
-
-def _model_report(path: Path, model: CalibrationModel, card: Card) -> FileReport:
     blocks = {one["joint"]: one for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]}
     last = {one["name"]: one for one in card["errors"]["held_out"] or []}
     joints, on_blocks, on_last, faults = list[Mapping[str, Any]](), list[Line](), list[Line](), _copy_faults(path, card)

@@ -12,35 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tests.campaign.part import Fell, Part
+from tests.oracles.sensor_faults import NAMED
 
 if TYPE_CHECKING:
     from catenary.sensing.vector import GravityReading
 
 FALLBACKS = ("hold", "fade", "static", "stop")
-# the latest that a fault is named by one of these names [s]; ten samples for what repeats, a second for what only the
-# mean shows; rates in deg/s are noise on a base that stands still, and so is what is not named then
-NAMED: dict[str, tuple[float, set[str]]] = {
-    "drop_out": (0.1, {"interrupted"}),
-    "not_finite": (0.05, {"not_finite"}),
-    "stuck": (0.15, {"stuck"}),
-    "wrong_sign": (0.05, {"wrong_sign"}),
-    "axes_swapped": (0.1, {"axes_swapped", "jump", "spike"}),
-    "saturated": (0.05, {"saturated", "spike", "magnitude"}),
-    "spikes": (0.15, {"spike", "magnitude"}),
-    "jump": (0.1, {"jump", "spike", "axes_swapped", "magnitude"}),
-    "unit_g": (0.05, {"unit_g"}),
-    "unit_cm": (0.05, {"unit_cm"}),
-    "gravity_stripped": (0.05, {"gravity_stripped"}),
-    "wrong_scale": (0.1, {"magnitude", "jump", "spike"}),
-    "stamp_backwards": (0.05, {"stamp_backwards"}),
-    "stamp_repeated": (0.05, {"stamp_repeated"}),
-    "stamp_future": (0.05, {"stamp_future"}),
-    "rates_drop_out": (0.1, {"rates_interrupted"}),
-    "rates_not_finite": (0.05, {"rate_not_finite"}),
-    "rates_stuck": (0.15, {"rate_stuck"}),
-    "rates_in_deg": (1.0, {"rate_too_fast", "rate_contradicts", "rate_spike", "rate_saturated", "rate_unit"}),
-}
-KINDS = tuple(NAMED)
+# also by what the two sensors say of each other
+IN_TIME = {**NAMED, "rates_in_deg": (1.0, NAMED["rates_in_deg"][1] | {"rate_unit"})}
+KINDS = tuple(IN_TIME)
 LATEST = 1.0  # [s] after its cause that a fault may be named, or the vector be anything but live
 BACK = 10.0  # [m/s3] at which a vector that is live again comes back
 EASED = 0.7  # [s] after which it has
@@ -79,7 +59,7 @@ def unit(seed: int, folder: Path) -> None:
     before = set().union(*(n for n, t in zip(names, times, strict=True) if BEGIN - 1.0 < t < BEGIN))
     if before:
         raise Fell(f"{kind}: faults before there was one: {sorted(before)}")
-    latest, expected = NAMED[kind]
+    latest, expected = IN_TIME[kind]
     named = [t for t, n in zip(times, names, strict=True) if t >= BEGIN and n & expected]
     if not named or named[0] > BEGIN + latest:
         said = sorted(set().union(*names))
