@@ -20,7 +20,7 @@ export PYTHONDONTWRITEBYTECODE =
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
-	@echo "make test        set up, run the tests (5 minutes on two idle processors)"
+	@echo "make test        set up, run the tests (11 minutes from nothing on two processors)"
 	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
 	@echo "make test-ros2   served robots and rclpy itself, from its wheels, both ways: DISTROS=\"kilted jazzy\" (minutes the first time)"
 	@echo "make lint        format, lint, types, import order"
