@@ -13,13 +13,14 @@ from catenary.units import DISPLAY
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN, SHOWN_ROWS = 10.0, 40  # [s] of motion, and rows of it, at least
-DELAYS = 20.0  # that the shown motion is long, at least
+SHOWN, SHOWN_ROWS = 10.0, 40  # [s] of motion without a delay; and rows of it, at least
+SHOWN_REACH = {"rad": 0.02, "m": 1e-3}  # of a joint that moves, not one whose sensor is noisy
+DELAYS = 20.0  # that the shown motion is long
 CAPTION = "Measured positions less their median error there. Where the lines turn at unlike times, a delay is left."
 
 
 def overlay(log: MotionLog, before: float = 0.0, after: float = 0.0) -> "Figure":
-    """Draw the fastest joint where it moves most, as it was recorded and re-timed.
+    """Draw a joint where it goes fastest to and fro, as it was recorded and re-timed.
 
     Args:
         log: With measured positions.
@@ -45,7 +46,7 @@ def overlay(log: MotionLog, before: float = 0.0, after: float = 0.0) -> "Figure"
         axes.set_title(said, loc="left", fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel(f"time [{in_unit}]")
-    figure.axes[0].legend(frameon=False, ncols=2, loc="upper right")
+    figure.axes[0].legend(frameon=False, ncols=2, loc="best")
     return figure
 
 
@@ -55,12 +56,14 @@ def overlay_picture(log: MotionLog, before: float = 0.0) -> Picture:
 
 
 def _fastest(log: MotionLog, t: Floats, delay: float) -> tuple[int, slice]:
-    """Return the joint that crosses its range soonest, and the rows where it moves most."""
-    reach = np.ptp(log.q_nominal, axis=0)
-    speed = np.abs(np.diff(log.q_nominal, axis=0)).mean(axis=0) / np.where(reach > 0.0, reach, np.inf)
-    j = int(np.argmax(speed))
+    """Return the joint, and the rows where it goes most of its range to and fro: one way, a delay is an offset."""
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    count = min(len(t), int(max(SHOWN_ROWS, max(SHOWN, DELAYS * delay) / max(step, 1e-9))))
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(log.q_nominal[:, j])) * log.ok[1:])])
-    first = int(np.argmax(way[count - 1 :] - way[: len(way) - count + 1]))
-    return j, slice(first, first + count)
+    count = min(len(t), int(max(SHOWN_ROWS, (DELAYS * delay or SHOWN) / max(step, 1e-9))))
+    reach = np.ptp(log.q_nominal, axis=0)
+    moved = reach > [SHOWN_REACH[unit] for unit in log.joint_units]
+    steps = np.diff(log.q_nominal, axis=0) * log.ok[1:, None] / np.where(moved, reach, np.inf)
+    ways = [np.cumsum(np.maximum(way, 0.0), axis=0) for way in (steps, -steps)]
+    to, fro = (np.vstack([np.zeros_like(reach), way]) for way in ways)
+    both = np.minimum(*(way[count - 1 :] - way[: len(way) - count + 1] for way in (to, fro)))
+    first, j = np.unravel_index(np.argmax(both), both.shape)
+    return int(j), slice(int(first), int(first) + count)
