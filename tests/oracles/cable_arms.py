@@ -23,11 +23,12 @@ def _without(cable: Cable, *fields: str) -> Cable:
 
 
 def without_runout(cable: Cable) -> Cable:
-    return _without(cable, "capstan_runout", "pulley_runout")
+    return _without(cable, "capstan_runout", "pulley_runout", "idler_runout")
 
 
 def without_friction(cable: Cable) -> Cable:
-    return _without(cable, "rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction")
+    parts = ("rotor", "node", "link")
+    return _without(cable, *(f"{part}_{kind}" for part in parts for kind in ("friction", "load_friction")))
 
 
 def with_linear_cables(cable: Cable) -> Cable:

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import mass_matrix
 from catenary.gravity.torque import gravity_torque
+from catenary.kernels.compiled import compiled
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
-from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.cable_physics import ArmState, Work
+from catenary.simulation.cable_parameters import Cable, load_cable_arm
+from catenary.simulation.cable_physics import ArmState, Work, pull_at_joint, pull_cable
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import control_motors, read_encoders
 from catenary.simulation.records import OFF
@@ -66,19 +68,24 @@ def energy_balance(cable, step, seconds=0.5):
     rate = before["velocity"] / ratio - np.array([winding_of(cable.coupling, v) for v in before["qd"]])
     K, a, w, k = cable.stiffness, cable.elastic_share, cable.hysteresis_width, cable.slow_share
     elastic = 0.5 * K * (a * stretch[-1] ** 2 + k * (stretch[-1] - steps.slow_stretch[-1]) ** 2)
+    share = cable.node_share
+    winding_rate = np.array([winding_of(cable.coupling, v) for v in before["qd"]])
+    way = (1.0 - share) * before["velocity"] / ratio + share * winding_rate  # of the node, were it free
 
     held = (1.0 - a) * K * w * steps.hysteresis  # hysteretic part of the tension
     creeping = k * K * (stretch - steps.slow_stretch)
     lost = step * (
         np.sum(cable.damping * np.where(stretch != 0.0, rate, 0.0) ** 2)
         + np.sum(held * rate)
+        + np.sum(steps.node * way)  # stored in the cable beside the node, or rubbed away
         # inside the backlash the Maxwell branch pulls along the travel, outside it only flows
         + np.sum(np.where(stretch != 0.0, 0.0, creeping * rate))
         + np.sum(creeping**2 / (k * K * cable.slow_time) if np.all(k > 0.0) else 0.0)
         + np.sum(cable.rotor_damping * before["velocity"] * rotor_velocity)
     )
     inertial = cable.rotor_inertia * (rotor_velocity - before["velocity"]) / step
-    rotor_friction = torque - steps.tension / ratio - cable.rotor_damping * before["velocity"] - inertial
+    load = (steps.tension + (1.0 - share) * steps.node) / ratio
+    rotor_friction = torque - load - cable.rotor_damping * before["velocity"] - inertial
     lost += step * np.sum(rotor_friction * rotor_velocity)
     lost += np.sum(steps.friction * steps.qd)
     turned_over = np.sum(np.abs(torque * rotor_velocity)) * step
@@ -89,6 +96,7 @@ NO_RUNOUT = cable_arms.without_runout(CABLE).replace(set_rate=np.zeros(3), loss_
 BALANCED = {
     "springs": cable_arms.with_linear_cables(CABLE).replace(damping=np.zeros(3), rotor_damping=np.zeros(3)),
     "linear cables": cable_arms.with_linear_cables(CABLE),
+    "idlers": cable_arms.with_linear_cables(CABLE).replace(node_friction=[0.3, 0.3, 3.0]),
     "hysteresis, creep, backlash": cable_arms.without_friction(NO_RUNOUT),
     "everything": NO_RUNOUT,
 }
@@ -157,3 +165,69 @@ def test_sticking_joint_stands_exactly_still():
     for _ in range(2000):  # on its brakes
         plant.wait()
     assert_allclose(plant.state.qd, 0.0, atol=1e-12)
+
+
+@compiled
+def wind_up(cable: Cable, state: ArmState, way: float, winding: float, ends: Floats) -> None:
+    """Turn the first motor by a way [rad of the joint], whose joint is held; write what both ends of its cable feel."""
+    steps = len(ends)
+    cable, state = cable[()], state[()]
+    ratio = cable.ratio[0] * (1.0 + cable.ratio_error[0])
+    for k in range(steps):
+        state.rotor_velocity[0] = ratio * way / steps / PERIOD
+        state.rotor[0] += ratio * way / steps
+        pull_cable(cable, state, 0, winding, 0.0, PERIOD)
+        ends[k, 0] = state.tension[0] + (1.0 - cable.node_share[0]) * state.node[0]
+        ends[k, 1] = pull_at_joint(cable, state, 0)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.7])
+def test_a_held_joint_feels_nothing_until_its_cable_slides_over_the_idlers(share):
+    friction, stiffness = 0.4, CABLE.stiffness[0]
+    linear = cable_arms.with_linear_cables(CABLE).replace(damping=np.zeros(3))
+    cable = linear.replace(node_friction=[friction, 0.0, 0.0], node_share=[share, 0.5, 0.5])
+    slides = friction * share / stiffness  # the motor's part of the cable alone is stretched until here
+    state, ends = ArmState(), np.empty((100, 2))
+    wind_up(cable, state, slides, 0.0, ends)
+    assert_allclose(ends[-1], [friction, 0.0], atol=1e-9)
+    wind_up(cable, state, 2.0 * slides, 0.0, ends)  # it slides: both ends feel the whole cable's stiffness
+    assert_allclose(ends[-1], [friction + 2.0 * stiffness * slides, 2.0 * stiffness * slides], rtol=1e-9)
+    wind_up(cable, state, -2.0 * slides, 0.0, ends)  # and back: friction has to turn round before the joint feels it
+    assert_allclose(ends[-1], [2.0 * stiffness * slides - friction, 2.0 * stiffness * slides], atol=1e-9)
+
+
+def test_idlers_out_of_round_move_the_joint_as_their_cable_winds():
+    cable = cable_arms.with_linear_cables(CABLE).replace(idler_runout=[1e-3, 0.0, 0.0], idler_turns=[8.0, 1.0, 1.0])
+    ratio, ends = cable.ratio[0] * (1.0 + cable.ratio_error[0]), np.empty((1, 2))
+    for q in np.linspace(-1.0, 1.0, 9):
+        state = cable_arms.resting_state(cable, np.array([q, *cable_arms.HOME[1:]]))
+        assert_allclose(state.rotor[0] / ratio, q - 1e-3 * np.sin(8.0 * q), atol=1e-12)
+        wind_up(cable, state, 0.0, q, ends)
+        assert_allclose(ends, 0.0, atol=1e-9)  # no cable is stretched
+
+
+def turned_tool(cable, torque, steps=200, velocity=0.0):
+    """Speed of the first tool's motor after some milliseconds under a torque [Nm]."""
+    state = cable_arms.resting_state(cable, cable_arms.HOME)
+    state.rotor_velocity[3] = velocity
+    shaft = np.zeros((steps, 7))
+    shaft[:, 3] = torque
+    log = ArmState.rows(steps)
+    cable_arms.take_steps(TREE, cable, state, shaft, GRAVITY, np.zeros((3, 3)), PERIOD, Work(), log)
+    return log.rotor_velocity[:, 3], log.rotor[:, 3]
+
+
+def test_a_tool_sticks_harder_than_it_slides_and_unevenly():
+    friction = 0.004
+    sticky = CABLE.replace(tool_friction=np.full(4, friction), tool_stiction=np.full(4, 0.5), tool_damping=np.zeros(4))
+    assert not turned_tool(sticky, 1.49 * friction)[0].any()
+    assert turned_tool(sticky, 1.51 * friction)[0][-1] > 0.0
+    assert (np.diff(turned_tool(sticky, 1.2 * friction, velocity=5.0)[0]) > 0.0).all()  # it keeps what moves going
+    uneven = sticky.replace(tool_stiction=np.zeros(4), tool_ripple=np.full(4, 0.4), tool_wave=np.full(4, 3.0))
+    speed, rotor = turned_tool(uneven, 0.0, steps=30, velocity=50.0)
+    joint = (
+        rotor - uneven.tool_carried[0] * cable_arms.resting_state(uneven, cable_arms.HOME).rotor[2]
+    ) / uneven.tool_ratio[0]
+    slowing = -np.diff(speed) / PERIOD * uneven.tool_inertia[0]
+    expected = friction * (1.0 + 0.4 * np.sin(3.0 * joint[:-1]))
+    assert_allclose(slowing, expected, rtol=0.02)  # the insertion's motor turns a little meanwhile

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
-from catenary.transmission.cable_friction import coulomb, coulomb_coupled
+from catenary.transmission.cable_friction import coulomb, coulomb_coupled, dragged
+from catenary.transmission.coupled_friction import coupled_friction
 
 speeds = st.floats(-10.0, 10.0)
 bounds = st.floats(0.0, 10.0)
@@ -71,3 +72,18 @@ def test_constant_push_below_friction_ends_in_exact_rest():
         velocity += A @ push
         coulomb_coupled(A, impulse, velocity, impulses, 4)
     assert_allclose(velocity, 0.0, atol=1e-14)
+
+
+@given(st.lists(speeds, min_size=1, max_size=30), st.floats(0.01, 10.0), st.floats(0.1, 10.0))
+def test_a_spring_that_ends_in_dry_friction_is_one_element_of_the_coupled_law(x, most, stiffness):
+    law = coupled_friction([[1.0 / stiffness]], [[1.0]], [[most]], [1e9])
+    force, at, stored = 0.0, x[0], 0.0
+    for here, lag in zip(x, law.lag(np.array(x)[:, None])[:, 0, 0], strict=True):
+        before, force = force, dragged(force, here - at, stiffness, most)
+        assert_allclose(force, -stiffness * lag, atol=1e-9)
+        # of the work done on it along a straight way, what is not stored in the spring was rubbed away
+        stick = (force - before) / stiffness
+        work = 0.5 * (before + force) * stick + force * (here - at - stick)
+        stored_now = 0.5 * force**2 / stiffness
+        assert work - (stored_now - stored) >= -1e-9
+        at, stored = here, stored_now

@@ -39,6 +39,12 @@ class CableDrive(Record):
     capstan_phase: PerJoint  # [rad]
     pulley_runout: PerJoint  # [rad, rad, m]
     pulley_phase: PerJoint  # [rad]
+    idler_runout: PerJoint  # [rad, rad, m]
+    idler_turns: PerJoint  # of an idler per winding of the cable [rad/rad, rad/rad, rad/m]
+    idler_phase: PerJoint  # [rad]
+    node_friction: PerJoint  # of idlers on the cable, from its pretension [Nm, Nm, N]
+    node_load_friction: PerJoint  # per tension
+    node_share: PerJoint  # of the cable's compliance between motor and idlers, between 0 and 1
     backlash: PerJoint  # total width [rad, rad, m]
     set_rate: PerJoint  # per rad or m of travel
     set_side: PerJoint  # 1 or -1
@@ -59,6 +65,9 @@ class Cable(CableDrive):
     stop_damping: PerJoint
     tool_inertia: PerTool  # [kg m2]
     tool_friction: PerTool  # [Nm]
+    tool_stiction: PerTool  # by which friction is larger at rest, as a share of it
+    tool_ripple: PerTool  # of friction along the joint, as a share of it
+    tool_wave: PerTool  # periods of that ripple per 2 pi of the joint
     tool_damping: PerTool  # [Nm s]
     tool_ratio: PerTool  # motor turns per joint turn
     tool_carried: PerTool  # turns of its motor per turn of the insertion's that keep the joint still

@@ -20,7 +20,7 @@ from catenary.transmission.cable_elasticity import (
     set_rate,
     tension_of,
 )
-from catenary.transmission.cable_friction import coulomb, coulomb_coupled
+from catenary.transmission.cable_friction import coulomb, coulomb_coupled, dragged
 
 _PerLink = Annotated[Floats, "f8", ("link",)]
 _Vectors = Annotated[Floats, "f8", ("node", 3)]
@@ -39,12 +39,18 @@ class ArmState(Record):
     slack: PerJoint  # permanent set of the cables [rad, rad, m]
     loss: PerJoint  # share of the stiffness that is lost
     tension: PerJoint  # of the last step [Nm, Nm, N]
+    node: PerJoint  # friction on the cable between motor and joint: by how much its two ends' tensions differ
     friction: PerJoint  # impulses of the last step, where the next one's search starts
 
 
 @inlined
 def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, winding_rate: float, step: float) -> None:
-    """Stretch cable j and write its tension; update its hysteresis, creep, set and wear.
+    """Stretch cable j and write its tension; update its friction, hysteresis, creep, set and wear.
+
+    Idlers rub on the cable between motor and joint. Taken as one node that slides on the cable, a share of its
+    compliance on the motor's side, they make the tensions at both ends differ by their friction f: the motor feels
+    T + (1 - share) f, the joint T - share f, which for a linear cable is exact. While the node sticks, f grows with its
+    way were it free, by the stiffness K / share + K / (1 - share) of both parts.
 
     winding is what the joints wind up of it, in units of the motor's side of the gear [rad or m], step in s.
     """
@@ -52,6 +58,7 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
     runout = cable.capstan_runout[j] * math.sin(
         state.rotor[j] / cable.gearbox[j] + cable.capstan_phase[j]
     ) + cable.pulley_runout[j] * math.sin(state.q[j] + cable.pulley_phase[j])
+    runout += cable.idler_runout[j] * math.sin(cable.idler_turns[j] * winding + cable.idler_phase[j])
     pulled = state.rotor[j] / true_ratio - winding + runout - state.slack[j]
     stretch = beyond_backlash(pulled, cable.backlash[j])
     # run-out moves slowly: it enters the stretch, not its rate
@@ -62,18 +69,23 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
         rate = 0.0
     state.hysteresis[j] = bouc_wen_step(state.hysteresis[j], stretched, cable.hysteresis_width[j])
     state.slow_stretch[j] = maxwell_step(state.slow_stretch[j], stretch, step, cable.slow_time[j])
+    stiffness = cable.stiffness[j] * (1.0 - state.loss[j])
     tension = tension_of(
         stretch,
         rate,
         state.hysteresis[j],
         state.slow_stretch[j],
-        cable.stiffness[j] * (1.0 - state.loss[j]),
+        stiffness,
         cable.elastic_share[j],
         cable.hysteresis_width[j],
         cable.slow_share[j],
         cable.damping[j],
     )
     state.tension[j] = tension
+    share = cable.node_share[j]
+    way = step * ((1.0 - share) * state.rotor_velocity[j] / true_ratio + share * winding_rate)
+    most = cable.node_friction[j] + cable.node_load_friction[j] * abs(tension)
+    state.node[j] = dragged(state.node[j], way, stiffness / (share * (1.0 - share)), most)
     speed = abs(state.qd[j])
     if speed > 0.0:
         state.slack[j] += step * set_rate(
@@ -89,12 +101,20 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
 
 
 @inlined
+def pull_at_joint(cable: CableDrive, state: ArmState, j: int) -> float:
+    """Return what cable j pulls with at the joint's end [Nm or N]."""
+    pull: float = state.tension[j] - cable.node_share[j] * state.node[j]
+    return pull
+
+
+@inlined
 def turn_rotor(cable: CableDrive, state: ArmState, j: int, torque: float, braked: bool, step: float) -> None:
     """Turn motor j against its cable: torque [Nm] at its shaft, or held by its brake."""
     if braked:
         state.rotor_velocity[j] = 0.0
         return
-    load = state.tension[j] / (cable.ratio[j] * (1.0 + cable.ratio_error[j]))
+    pull = state.tension[j] + (1.0 - cable.node_share[j]) * state.node[j]
+    load = pull / (cable.ratio[j] * (1.0 + cable.ratio_error[j]))
     velocity = state.rotor_velocity[j]
     free = velocity + step / cable.rotor_inertia[j] * (torque - load - cable.rotor_damping[j] * velocity)
     friction = cable.rotor_friction[j] + cable.rotor_load_friction[j] * abs(load)
@@ -197,7 +217,8 @@ def physics_step(cable: Cable, state: ArmState, shaft_torque: Floats, braked: bo
         pull_cable(cable, state, j, winding[j], rate[j], step)
         turn_rotor(cable, state, j, shaft_torque[j], braked, step)
 
-    force = joint_forces(cable.coupling, (state.tension[0], state.tension[1], state.tension[2]))
+    pull = (pull_at_joint(cable, state, 0), pull_at_joint(cable, state, 1), pull_at_joint(cable, state, 2))
+    force = joint_forces(cable.coupling, pull)
     for j in range(3):
         push = 0.0
         into = cable.stop_side[j] * (q[j] - cable.stop_position[j])
@@ -220,6 +241,7 @@ def unstretched_rotors(cable: CableDrive, q: Floats, winding: Floats) -> Floats:
     """Return the motors' positions [rad] at which no cable is stretched at joint positions q, (n,) as their winding."""
     true_ratio = cable.ratio * (1.0 + cable.ratio_error)
     fixed = winding - cable.pulley_runout * np.sin(q + cable.pulley_phase)
+    fixed = fixed - cable.idler_runout * np.sin(cable.idler_turns * winding + cable.idler_phase)
     rotor: Floats = true_ratio * fixed
     for _ in range(20):  # the capstan's run-out turns with the rotor; each round leaves 1/20 of the error
         rotor = true_ratio * (fixed - cable.capstan_runout * np.sin(rotor / cable.gearbox + cable.capstan_phase))
@@ -237,7 +259,10 @@ def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: boo
     push = -cable.tool_stop_stiffness[t] * into / cable.tool_ratio[t] if into > 0.0 else 0.0
     velocity = state.rotor_velocity[3 + t]
     free = velocity + step / cable.tool_inertia[t] * (torque + push - cable.tool_damping[t] * velocity)
-    velocity = coulomb(free, step * cable.tool_friction[t] / cable.tool_inertia[t])
+    friction = cable.tool_friction[t] * (1.0 + cable.tool_ripple[t] * math.sin(cable.tool_wave[t] * joint))
+    if velocity == 0.0:
+        friction *= 1.0 + cable.tool_stiction[t]
+    velocity = coulomb(free, step * friction / cable.tool_inertia[t])
     state.rotor_velocity[3 + t] = velocity
     state.rotor[3 + t] += step * velocity
 

@@ -179,15 +179,16 @@ class CablePlant(FirmwarePlant[TickLog]):
         self._tree = _writable(self._positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree)
 
     def rub(self, factor: float) -> None:
-        """Rub with so many times the arm's own Coulomb friction from now on, at rotors and joints.
+        """Rub with so many times the arm's own Coulomb friction from now on, at rotors, idlers and joints.
 
         Raises:
             InputError: Not zero or more.
         """
         if not factor >= 0.0 or not np.isfinite(factor):
             raise InputError(f"friction: expected zero or more times the arm's own, got {factor}")
-        for name in ("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction"):
-            setattr(self.cable, name, factor * getattr(self.arm.cable, name))
+        for part in ("rotor", "node", "link"):
+            for name in (f"{part}_friction", f"{part}_load_friction"):
+                setattr(self.cable, name, factor * getattr(self.arm.cable, name))
 
     def wear(self, share: float) -> None:
         """Wear the cables: their permanent set and lost stiffness become a share, 0 to 1, of the largest there are.

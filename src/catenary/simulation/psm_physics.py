@@ -12,6 +12,7 @@ from catenary.simulation.cable_physics import (
     ArmState,
     Work,
     invert_symmetric,
+    pull_at_joint,
     pull_cable,
     tree_dynamics,
     turn_rotor,
@@ -69,11 +70,11 @@ def psm_step(drive: PsmDrive, state: PsmState, shaft_torque: Floats, braked: boo
         turn_rotor(drive, state, j, shaft_torque[j], braked, step)
     for j in range(7):
         if j < 3:
-            force = state.tension[j]
+            force = pull_at_joint(drive, state, j)
         else:  # the transpose of `wind`, so that power is kept
             force = 0.0
             for t in range(4):
-                force += drive.coupling[t, j - 3] * state.tension[3 + t]
+                force += drive.coupling[t, j - 3] * pull_at_joint(drive, state, 3 + t)
         force -= drive.joint_damping[j] * qd[j]
         below, above = drive.stop_lower[j] - q[j], q[j] - drive.stop_upper[j]
         if below > 0.0:
