@@ -3,7 +3,7 @@
 Every experiment has a page, docs/results/NAME.md, with all that it left. A document quotes between
 `<!-- papers WHAT -->` and `<!-- end -->`, where WHAT is one of
 
-    NAME              its pictures, its first table if that is small, and how its claims came out
+    NAME              its pictures, or its first table if it has none and that is small, and how its claims came out
     NAME TABLE        one table of it, by its number
     counts            how many claims of each paper hold
     total             the same of all, in words
@@ -70,7 +70,7 @@ HEADLINES = (
     "A case exists in which perturbations of the base make an unstable feedback between robot and accelerometer",
 )
 SHORT, LONG = 14, 30  # words of a number that a line still holds: of every claim, of those on a paper's page
-SMALL_ROWS, SMALL_WORDS = 6, 90  # of a table that stands beside its picture
+SMALL_ROWS, SMALL_WORDS = 6, 90  # of a table that stands for a picture
 
 Results = Mapping[str, Mapping[str, Any]]
 
@@ -195,8 +195,9 @@ def _pictures(content: Mapping[str, Any], folder: str) -> list[str]:
 def _short(content: Mapping[str, Any]) -> str:
     """Return what a document shows of an experiment."""
     parts = _pictures(content, "images/papers")
-    small = [table for table in content["tables"] if len(table["rows"]) <= SMALL_ROWS and _words(table) <= SMALL_WORDS]
-    parts += [f"{table['title']}:\n\n{markdown(table)}" for table in small[:1]]
+    if not parts:
+        small = [one for one in content["tables"] if len(one["rows"]) <= SMALL_ROWS and _words(one) <= SMALL_WORDS]
+        parts += [f"{table['title']}:\n\n{markdown(table)}" for table in small[:1]]
     counted = Counter(claim["verdict"] for claim in content["claims"])
     told = ", ".join(f"{counted[verdict]} {verdict}" for verdict in MARKS if counted[verdict])
     of = f"Claims: {told}. " if told else ""

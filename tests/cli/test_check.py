@@ -118,12 +118,12 @@ def keys_of(facts: Any) -> set[str]:
     return facts.keys() | set().union(*(keys_of(facts[key]) for key in facts.keys() - {"version", "relative_rms"}))
 
 
-def test_the_page_of_formats_names_every_fact(run: Path, model: Path, motion: Path, tmp_path: Path) -> None:
+def test_the_page_of_json_names_every_fact(run: Path, model: Path, motion: Path, tmp_path: Path) -> None:
     identified = tmp_path / "arm.npz"
     catenary("identify", motion, "--robot", "raven2", "--out", identified, "--free", "--friction", "none", "--no-prior")
     facts = [catenary("check", file, "--json").json["facts"] for file in ("raven2", run, model, identified)]
-    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text()
-    section = page.partition("### Facts of `check --json`")[2].partition("\n#")[0]
+    page = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
+    section = page.partition("## Facts of `check --json`")[2].partition("\n#")[0]
     assert set().union(*map(keys_of, facts)) <= set(re.findall("`([a-z0-9_]+)`", section))
 
 

@@ -36,7 +36,7 @@ def test_a_table_has_the_default_rules():
 
 @pytest.mark.parametrize(("number", "base"), list(enumerate(BASES)))
 def test_every_rule_is_documented_with_its_value(number, base):
-    lines = Path("docs/gravity-vector.md").read_text().splitlines()
+    lines = Path("docs/gravity-sensor-rules.md").read_text().splitlines()
     rows = {line.split("`")[1]: [c.strip() for c in line.split("|")] for line in lines if line.startswith("| `")}
     for name, value in vars(rules_for(base)).items():
         # as printed there

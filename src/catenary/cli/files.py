@@ -33,7 +33,7 @@ def check(
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xacro, .xml and .mjcf files;
     models are .npz; recordings bags of ROS 1 and 2, MCAP, journals, .npz, .parquet, .csv. A recording gets the verdict
-    that catenary fit begins with, mended by the same options. --json prints numbers with units (docs/formats.md).
+    that catenary fit begins with, mended by the same options. --json prints numbers with units (docs/json.md).
 
     Example: catenary check run1.npz --swap J1,J2
     """

@@ -1,6 +1,6 @@
 """Report what a file is and what is wrong with it: robot, calibration model, or recording.
 
-Facts are numbers with units for programs (docs/formats.md), and lines for people. Positions are in a joint's own `unit`
+Facts are numbers with units for programs (docs/json.md), and lines for people. Positions are in a joint's own `unit`
 (rad, m), errors in its `error_unit` (deg, mm); None: not stated.
 """
 
