@@ -168,7 +168,8 @@ def _finite(content: Any) -> Any:
 
 
 # how a table is read: endings of names, and the first bytes of files: Parquet's and zip's own marks
-_TABLE_ENDINGS = (".npz", ".parquet", ".csv", ".npy", ".mat", ".txt")
+TEXT_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc")
+_TABLE_ENDINGS = (".npz", ".parquet", ".npy", ".mat", *TEXT_ENDINGS)
 _FIRST_BYTES = {b"PAR1": ".parquet", b"PK\x03\x04": ".npz"}
 
 

@@ -150,3 +150,33 @@ def test_an_import_says_at_once_what_a_fit_would_refuse(tmp_path: Path) -> None:
     done = catenary("import", bad, *LAB, "--out", tmp_path / "bad.parquet")
     assert done.code == 0
     assert "sign: J1: the measurement falls when the command of J1 rises" in " ".join(done.err.split())
+
+
+def test_a_question_is_answered_on_the_command_line_and_what_was_not_used_is_listed(tmp_path: Path) -> None:
+    t = np.arange(0.0, 12.0, 0.02)
+    q = np.column_stack([np.sin(t), np.cos(1.3 * t)])
+    rows = np.column_stack([t, q, q + 0.02, q + 0.5, q])
+    head = "t,cmd_a,cmd_b,vicon_a,vicon_b,camera_a,camera_b,action1,action2"
+    table, log = tmp_path / "lab.csv", tmp_path / "lab.parquet"
+    np.savetxt(table, rows, delimiter=",", header=head, comments="", fmt="%.9f")
+    units = ("--units", "rad")
+    proposed = catenary("import", table, *units)
+    assert "#   --answer q_encoder=camera_a   camera_a ... camera_b" in proposed.out
+    asked = catenary("import", table, *units, "--json").json
+    assert asked["not_used"] == ["camera_a", "camera_b", "action1 ... action2"]
+    assert "--answer q_encoder=vicon_a or --answer q_encoder=camera_a" in asked["questions"][0]
+    done = catenary("import", table, *units, "--answer", "q_encoder=cam", "--out", log)
+    assert done.code == 0, done.err
+    assert "not used: vicon_a, vicon_b, action1 ... action2" in " ".join(done.err.split())
+    assert_allclose(read_log(log).q_encoder, q + 0.5, atol=1e-9)
+    for answer, complaint in (
+        ("q_encoder=laser", "expected one of vicon_a, camera_a"),
+        ("q_encoder=a", "expected one of vicon_a, camera_a"),
+        ("time=t", "is not asked; open is q_encoder"),
+        ("cam", "expected QUESTION=ANSWER"),
+    ):
+        refused = catenary("import", table, *units, "--answer", answer, "--out", log)
+        assert refused.code != 0
+        assert complaint in " ".join(refused.err.split())
+    mapped = catenary("import", table, "--map", "q_nominal=cmd_*", *units, "--answer", "q_encoder=cam", "--out", log)
+    assert "leaves nothing open" in mapped.err

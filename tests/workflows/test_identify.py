@@ -157,9 +157,9 @@ def test_three_joints_of_an_arm_are_identified_from_every_container(
         header = ",".join(names)
         if container == "headerless":
             path, header = tmp_path / "run.txt", ""
-            columns = [f"column_{i + 1}" for i in range(19)]
+            columns = [f"data[{i}]" for i in range(19)]
             mapping = [f"{key}={','.join(columns[1 + 6 * k : 7 + 6 * k])}" for k, key in enumerate(keys)]
-            mapping.append("time=column_1")
+            mapping.append("time=data[0]")
         table = np.column_stack([log.time, log.q_nominal, log.qd, log.tau])
         np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
     reading = Reading(mapping=mapping_of(mapping)) if mapping else None

@@ -242,12 +242,15 @@ def import_recording(
     foreign: MappingOptions,
     sources: Sequence[Path] = argument(
         "SOURCE...",
-        "The files of one recording: ROS 1 bags, ROS 2 bags, .mcap, headed .csv, .parquet, .npz, .npy, .mat.",
+        "The files of one recording: ROS 1 bags, ROS 2 bags, .mcap, .csv, .txt, .parquet, .npz, .npy, .mat.",
     ),
     out: Path | None = option("LOG", f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}", writes=LOG),
     units: str | None = option("U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."),
     robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
     yes: bool = option(None, "Take the proposed mapping, if nothing in it is open.", False),
+    answer: Sequence[str] = option(
+        "QUESTION=ANSWER", "Answer what the proposal leaves open, e.g. q_encoder=cam; with --out takes it; repeatable."
+    ),
     as_json: bool = AS_JSON,
 ) -> None:
     """Bring a recording of any make into a motion log.
@@ -258,15 +261,17 @@ def import_recording(
     Example: catenary import lab.bag --map q_nominal=/arm/joint_cmd.position --map q_encoder=/camera/joints.position@deg
     --units deg,deg,mm --out lab.parquet
     """
+    from catenary.recording.import_formats.proposal import answers_of
     from catenary.workflows.import_recording import findings_about, known_layout, propose_mapping
     from catenary.workflows.import_recording import import_recording as read
 
-    mapping = foreign.read(units, robot=robot)
-    layout = known_layout(sources, robot=robot)
-    if mapping is None and layout is None and not (yes and out is not None):
-        proposal = propose_mapping(sources, units=units, robot=robot)
+    mapping, answers = foreign.read(units, robot=robot), answers_of(answer)
+    layout = None if answers else known_layout(sources, robot=robot)
+    if mapping is None and layout is None and not ((yes or answers) and out is not None):
+        proposal = propose_mapping(sources, units=units, robot=robot, answers=answers)
         if as_json:
-            print_json({"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions})
+            content = {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
+            print_json({**content, "not_used": proposal.not_used})
         else:
             print(proposal.toml, end="")
             _say_how_to_go_on(sources, is_open=bool(proposal.questions))
@@ -275,7 +280,7 @@ def import_recording(
         return
     if out is None:
         raise InputError("--out: where does the log go? expected --out LOG.parquet")
-    log = read(sources, mapping, units=units, robot=robot, accept_proposal=yes)
+    log = read(sources, mapping, units=units, robot=robot, accept_proposal=yes, answers=answers)
     from catenary.recording.logs import write_parquet
 
     write_parquet(log, out)
@@ -307,7 +312,7 @@ def _say_how_to_go_on(sources: Sequence[Path], *, is_open: bool) -> None:
     print_notes(
         [
             "this is a proposal; nothing was imported. Write it to a file, "
-            + ("answer what is marked OPEN, " if is_open else "check it, ")
+            + ("answer what is marked OPEN there (or by --answer, with --out), " if is_open else "check it, ")
             + f"and: catenary import {files} --mapping FILE.toml --out LOG.parquet"
             + ("" if is_open else ", or take it as it is: --yes --out LOG.parquet")
         ]

@@ -29,6 +29,7 @@ def import_recording(
     units: str | None = None,
     robot: str | None = None,
     accept_proposal: bool = False,
+    answers: Mapping[str, str] | None = None,
 ) -> MotionLog:
     """Read a recording of any make: bags of ROS 1 and 2, MCAP, CSV, Parquet, NumPy and MATLAB files.
 
@@ -42,6 +43,7 @@ def import_recording(
         units: Of the joints, for positions and velocities where the mapping has none, such as "deg,deg,mm".
         robot: Catalogue name or file: names, units and limits of the joints.
         accept_proposal: Without a mapping, take the one that is proposed if nothing in it is open.
+        answers: To questions that the proposal leaves open, such as {"q_encoder": "cam"}; accepts it, too.
 
     Raises:
         FileFormatError: A file cannot be read.
@@ -54,35 +56,42 @@ def import_recording(
     """
     paths = [Path(sources)] if isinstance(sources, str | Path) else [Path(source) for source in sources]
     chosen = _as_mapping(mapping, units, robot)
+    found = None if chosen is not None or answers else _known(paths, robot)
     if chosen is not None:
+        if answers:
+            raise InputError("answers are to a proposal; here is a mapping, which leaves nothing open")
         return import_sources(Sources(paths), chosen)
-    found = _known(paths, robot)
     if found is not None:
         listed = None if units is None else [unit.strip() for unit in units.split(",")]
         if found is MOTION_LOG:
             return read_log(paths[0], units=listed)
         return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
     opened = Sources(paths)
-    proposal = propose(opened, robot=robot, units=units)
-    if not accept_proposal:
+    proposal = propose(opened, robot=robot, units=units, answers=answers)
+    if not accept_proposal and not answers:
         raise InputError(f"{', '.join(map(str, paths))}: give a mapping, or accept the proposed one:\n{proposal.toml}")
     return import_sources(opened, proposal.accepted())
 
 
 @explained
 def propose_mapping(
-    sources: PathLike | Sequence[PathLike], *, units: str | None = None, robot: str | None = None
+    sources: PathLike | Sequence[PathLike],
+    *,
+    units: str | None = None,
+    robot: str | None = None,
+    answers: Mapping[str, str] | None = None,
 ) -> Proposal:
     """Propose what of a recording is which quantity, by type, name, rate and range; `toml` is its text to edit.
 
     Args:
         units: As for `import_recording`.
+        answers: As for `import_recording`; those that are not asked are refused.
 
     Raises:
         FileFormatError: A file cannot be read.
     """
     paths = [sources] if isinstance(sources, str | Path) else sources
-    return propose(Sources([Path(path) for path in paths]), robot=robot, units=units)
+    return propose(Sources([Path(path) for path in paths]), robot=robot, units=units, answers=answers)
 
 
 def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:

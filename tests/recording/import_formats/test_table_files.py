@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.io import savemat
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.import_formats.csv_files import read_csv
+from catenary.recording.import_formats.table_files import read_table_file
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from lab_bags import true_q
 
@@ -96,7 +96,7 @@ def test_a_first_line_that_tells_spreadsheets_the_separator_is_no_line_of_names(
     table.write_text("sep=;\n" + table.read_text())
     assert_allclose(import_recording(table, ["q_nominal=q1,q2"], units="rad").q_nominal, Q[:, :2], atol=1e-9)
     table.write_text("sep=;\n")
-    with pytest.raises(FileFormatError, match="expected a line of names"):
+    with pytest.raises(FileFormatError, match="expected a line of names, if any"):
         import_recording(table, ["q_nominal=q1,q2"], units="rad")
 
 
@@ -185,7 +185,7 @@ def test_matlab_s_version_7_3_is_refused_with_advice(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "expected a line of names"),
+        (b"", "expected a line of names, if any"),
         (b"\xff\xfea\0", "expected"),
         (b"a,b\n" + b"\0" * 20 + b"\n", "no text"),
         (b"a,b\nx,y\nz,w\n", "no column of numbers"),
@@ -202,11 +202,11 @@ def test_what_is_no_table_is_refused_in_words(content: bytes, message: str, tmp_
 
 def test_columns_of_text_without_a_line_of_names_are_numbered(tmp_path: Path) -> None:
     (tmp_path / "lab.txt").write_bytes(b"0.5 2 3\n4 5 6\n7 8 9.5\n")
-    columns, notes = read_csv(tmp_path / "lab.txt")
-    assert {name: values.tolist() for name, values in columns.items()} == {
-        "column_1": [0.5, 4, 7], "column_2": [2, 5, 8], "column_3": [3, 6, 9.5],
+    (table,) = read_table_file(tmp_path / "lab.txt")
+    assert {name: values.tolist() for name, values in table.columns.items()} == {
+        "data[0]": [0.5, 4, 7], "data[1]": [2, 5, 8], "data[2]": [3, 6, 9.5],
     }  # fmt: skip
-    assert any("no line of names" in note for note in notes)
+    assert any("no line of names" in note for note in table.notes)
 
 
 @pytest.mark.parametrize("ending", [".mat", ".npz", ".npy", ".parquet", ".bag", ".mcap", ".db3", ".csv"])

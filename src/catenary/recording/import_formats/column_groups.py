@@ -8,13 +8,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.errors import InputError
 from catenary.plant import Jointed
+from catenary.recording.import_formats.column_motion import MovingColumns, by_motion
 from catenary.recording.import_formats.columns import Stream, arrays_of, natural
-from catenary.recording.import_formats.table_time import time_columns
+from catenary.recording.import_formats.table_time import is_nameless, time_columns, time_of
 from catenary.topics import SECOND
 
 Kind = Literal["position", "velocity", "effort", "current"]
-Role = Literal["measured outside", "actual", "reported", "commanded", "unknown"]
+Role = Literal["measured outside", "commanded", "actual", "own", "estimated", "measured", "reported", "unknown"]
 
 
 def _set(words: str) -> frozenset[str]:
@@ -26,20 +28,23 @@ _KINDS: dict[Kind, frozenset[str]] = {
     "effort": _set("effort efforts tau torque torques jf"),
     "current": _set("current currents cur amps amp dac"),
 }
-_ROLES: dict[Role, frozenset[str]] = {
+_ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
+    "own": _set("motor motors"),  # whose encoders are the robot's, too
     "measured outside": _set(
-        "encoder encoders enc ext external opt optical optitrack opti vicon mocap truth gt ground camera cam tracker "
-        "tracked aurora ndi polaris laser zivid marker markers"
+        "encoder encoders enc ext external opt optical optitrack opti vicon mocap truth true gt ground camera cam "
+        "tracker tracked aurora ndi polaris laser zivid marker markers"
     ),
     "commanded": _set(
         "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref"
     ),
-    "actual": _set("actual act true real"),
-    "reported": _set(
-        "measured meas state states joint joints jpos pos position positions q js motor motors feedback fb nominal"
-    ),
+    "actual": _set("actual act real"),
+    "estimated": _set("estimated estimate estimates est"),
+    "measured": _set("measured meas sensed"),  # the robot's own, or beside what it reports what somebody measured
+    "reported": _set("states state joint joints jpos pos position positions q js feedback fb"),
 }
-_OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values())
+_REPORTED = _set("reported report reports nominal")  # by the robot itself, as "own"
+_CRTK = re.compile(r"measured_(?=[jc][psvf]\b)")  # its verbs of what a robot reports: measured_js
+_OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values(), _REPORTED)
 _OK = _set("ok valid tracked visible good")
 _NO_JOINTS = _set(
     "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
@@ -164,7 +169,13 @@ def _of_topic(stream: Stream) -> list[Candidate]:
 
 def _of_table(stream: Stream) -> list[Candidate]:
     """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
-    times = {*time_columns(stream), *ok_columns(stream)}
+    moved = moving_columns(stream)
+    if moved is not None:
+        kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
+            ("position", moved.q), ("position", moved.again), ("velocity", moved.qd), ("effort", moved.tau),
+        )  # fmt: skip
+        return [Candidate(stream, names, kind, "unknown", ("",) * len(names)) for kind, names in kinds if names]
+    times = {*time_columns(stream), *ok_columns(stream), *stream.dates}
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)
@@ -189,6 +200,19 @@ def _of_table(stream: Stream) -> list[Candidate]:
             joints = named if is_named else ("",) * len(ordered)
             found.append(Candidate(stream, tuple(ordered), _kind(words), _role(words), joints))
     return found
+
+
+def moving_columns(stream: Stream) -> MovingColumns | None:
+    """Return which columns of a table without names are what, told by how they move; None where that tells nothing."""
+    if not is_nameless(stream) or set(_words(next(iter(stream.columns)))) & _OF_QUANTITIES:
+        return None
+    times = {*time_columns(stream), *stream.dates}
+    try:
+        time = time_of(stream, (), None, None)
+    except InputError:  # of a unit that is not known
+        time = None
+    columns = {name: values for name, values in stream.columns.items() if name not in times}
+    return by_motion(columns, None if time is None else time.stamp / SECOND)
 
 
 def _joint_number(name: str) -> str:
@@ -227,7 +251,7 @@ def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
 
 def _words(name: str) -> list[str]:
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
-    return re.findall(r"[a-z]+", apart.lower())
+    return re.findall(r"[a-z]+", _CRTK.sub("", apart.lower()))
 
 
 def _kind(words: Sequence[str]) -> Kind:
@@ -235,6 +259,8 @@ def _kind(words: Sequence[str]) -> Kind:
 
 
 def _role(words: Sequence[str]) -> Role:
+    if set(words) & _REPORTED and not set(words) & _ROLES["measured outside"]:
+        return "own"
     return next((role for role, names in _ROLES.items() if set(words) & names), "unknown")
 
 

@@ -1,7 +1,7 @@
 """Columns of a recording that share their rows: a topic of a bag, or a table."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
@@ -31,6 +31,7 @@ class Stream:
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
+    dates: tuple[str, ...] = ()  # columns that were dates or times of day, now nanoseconds
     notes: tuple[str, ...] = ()
 
 
@@ -118,15 +119,40 @@ def _choices(reference: str, streams: Sequence[Stream]) -> str:
     own = [s for s in streams if s.type != "table" and reference.startswith(f"{s.name}.")]
     tables = [s for s in streams if s.type == "table"]
     if not own and not tables:
-        return f"topics are {_listed([stream.name for stream in streams])}"
+        return f"topics are {listed([stream.name for stream in streams])}"
     chosen = own or tables
     names = [f"{base}[0:{len(columns)}]" for stream in chosen for base, columns in arrays_of(stream).items()]
     names += [name for stream in chosen for name in stream.columns if not _INDEXED.match(name)]
     joints = [joint for stream in own for inner in stream.joints.values() for joint in inner]
-    said = f"; its joints are {_listed(list(dict.fromkeys(joints)))}" if joints else ""
-    return f"{', '.join(stream.name for stream in chosen)} has {_listed(names)}{said}"
+    said = f"; its joints are {listed(list(dict.fromkeys(joints)))}" if joints else ""
+    return f"{', '.join(stream.name for stream in chosen)} has {listed(names)}{said}"
 
 
-def _listed(names: Sequence[str]) -> str:
+def not_used(streams: Sequence[Stream], used: Collection[tuple[str, str]]) -> tuple[str, ...]:
+    """Return what of a recording is not among the columns (of a stream) that are used: topics, arrays, columns.
+
+    Of a topic that is used, arrays beside names of joints; columns that differ in a number are one, `tau1 ... tau7`.
+    """
+    found: list[str] = []
+    for stream in streams:
+        mine = {column for name, column in used if name == stream.name}
+        if stream.type != "table" and not mine:
+            found.append(stream.name)
+        elif stream.type != "table":
+            arrays = {f"{stream.name}.{array}": arrays_of(stream)[array] for array in stream.joints}
+            found += [name for name, columns in arrays.items() if columns and not mine & set(columns)]
+        else:
+            groups: dict[str, list[str]] = {}
+            for column in stream.columns:
+                indexed = _INDEXED.match(column)
+                group = indexed["base"] if indexed else re.sub(r"\d+", "#", column)
+                groups.setdefault(group, []).extend([column] * (column not in mine))
+            for columns in filter(None, groups.values()):
+                found.append(columns[0] if len(columns) == 1 else f"{columns[0]} ... {columns[-1]}")
+    return tuple(found)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names in a line; of many the first, and how many more there are."""
     more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
     return ", ".join(map(cut, names[:MOST_SHOWN])) + more if names else "none"

@@ -1,113 +1,136 @@
-"""CSV with a line of names, as spreadsheets, MATLAB, rostopic and PlotJuggler write it."""
+"""Tables of text, with a line of names or without, as spreadsheets, MATLAB, NumPy, ROS and PlotJuggler write them.
 
-import csv
-import re
-from collections import Counter
-from collections.abc import Sequence
-from itertools import islice
+Read in pieces, so that the memory that a table takes is that of the columns that are kept.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
 from catenary.documents import cut
 from catenary.errors import FileFormatError
-from catenary.recording.parquet_files import MOST_COLUMNS
+from catenary.recording.import_formats.text_dates import since_midnight
+from catenary.recording.import_formats.text_head import COMMENT, NOTHING, TextColumn, TextHead, read_head
+from catenary.topics import SECOND
 
 MOST_LINE = 1_000_000  # characters
 _LOOKED_AT = 200  # lines by which separator, decimal sign and kinds of columns are told
-_NOTHING = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "None", "none", "#N/A")
-_EXACT = 2.0**53  # from which on a float64 has not every whole number
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
-_SAYS_SEPARATOR = re.compile(r"\"?sep=[;,\t]\"?[;,\t]*")  # a first line for spreadsheets
+_END = 65_536  # [B] at the end of a file that are looked at, too
+_BLOCK = 4 << 20  # [B] that are read at a time
+_TYPES: Mapping[str, Any] = {"number": pa.float64(), "whole": pa.int64(), "truth": pa.bool_()}
+
+Block = dict[str, NDArray[Any]]
 
 
-class _Dialect(NamedTuple):
-    separator: str
-    decimal: str
+class TextTable:
+    """A table of text, opened: its head was read."""
+
+    def __init__(self, path: Path) -> None:
+        """Read its first and last lines."""
+        self.path = path
+        lines, ends, last = _lines(path)
+        self.head: TextHead = read_head(str(path), lines, last)
+        self._first_byte = ends[self.head.begins - 1] if self.head.begins else 0
+        self._torn = "" if _ends_with_line_feed(path) else (last or lines or [""])[-1]
+        self.notes = list(self.head.notes)  # and, once it was read, on rows that were passed over
+
+    def blocks(self, wanted: Collection[str] | None = None) -> Iterator[Block]:
+        """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time.
+
+        Dates become nanoseconds. Whole numbers that a float64 cannot hold, such as stamps in nanoseconds, stay whole.
+        """
+        columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
+        kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
+        read = pa.csv.ReadOptions(column_names=[str(i) for i in range(self.head.width)], block_size=_BLOCK)
+        comments, torn = [0], [0]
+
+        def passed_over(row: Any) -> str:
+            comments[0] += bool(COMMENT.match(row.text))
+            torn[0] += row.text == self._torn
+            return "skip" if COMMENT.match(row.text) or row.text == self._torn else "error"
+
+        parse = pa.csv.ParseOptions(delimiter=self.head.dialect.separator, invalid_row_handler=passed_over)
+        convert = pa.csv.ConvertOptions(
+            column_types=kinds, include_columns=list(kinds), null_values=list(NOTHING), strings_can_be_null=True,
+            decimal_point=self.head.dialect.decimal,
+            true_values=["true", "True", "TRUE"], false_values=["false", "False", "FALSE"],
+        )  # fmt: skip
+        carried: dict[str, tuple[int, int | None]] = {}
+        try:
+            with pa.OSFile(str(self.path)) as file:
+                file.seek(self._first_byte)
+                source = file if self.head.dialect.separator != " " else pa.PythonFile(_OneBlank(file), "r")
+                for batch in pa.csv.open_csv(source, read, parse, convert):
+                    yield {column.name: _numbers(column, batch, carried) for column in columns}
+        except (pa.ArrowException, OSError, MemoryError, ValueError) as error:
+            raise FileFormatError(f"{self.path}: cannot be read as CSV: {cut(str(error))}") from error
+        said = [f"{comments[0]} comment lines among the rows were passed over"] * bool(comments[0])
+        said += ["its last line is torn, and was left out"] * bool(torn[0])
+        self.notes += [note for note in said if note not in self.notes]
 
 
-def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
-    """Read the columns of numbers of a CSV, and what there is to say of it; column_1, ... where a line of names lacks.
-
-    Commas, semicolons, tabs and spaces separate columns, decimals have a point or, where commas separate nothing, a
-    comma. Dates as of ISO 8601 become nanoseconds since 1970; a first column of them without a name is the time. Other
-    columns of text are left out. Of a name that is there twice, the second is called `name#2`. Whole numbers
-    that a float64 cannot hold, such as stamps in nanoseconds, stay whole.
-    """
-    head = _first_lines(path)
-    skipped = 1 if head and _SAYS_SEPARATOR.fullmatch(head[0]) else 0
-    head = head[skipped:]
-    if len(head) < 2:
-        raise FileFormatError(f"{path}: expected a line of names and lines of numbers, got {len(head)} line(s)")
-    dialect = _dialect(head)
-    first = head[0].lstrip("\ufeff").lstrip("#% \t") if head[0][:1] in "#%\ufeff" else head[0]
-    names = [name.strip() for name in _split(first, dialect)]
-    nameless = all(not name or is_number(_point(name, dialect)) for name in names)
-    if nameless:  # no line of names: they are numbered, and a mapping says which is what
-        head = ["", *head]
-        names = [f"column_{i + 1}" for i in range(len(names))]
-    if len(names) > MOST_COLUMNS:
-        raise FileFormatError(f"{path}: {len(names)} columns, expected {MOST_COLUMNS} at most")
-    rows = [_split(line, dialect) for line in head[1:] if line.strip()]
-    while names and not names[-1] and all(len(row) < len(names) or not row[len(names) - 1] for row in rows):
-        names.pop()  # a separator at the end of each line
-        rows = [row[: len(names)] for row in rows]
-        if len(names) < len(_split(first, dialect)) - 1:
-            break
-    unique, notes = _unique(names)
-    if nameless:
-        notes.append(f"has no line of names: its columns are called column_1 to column_{len(unique)}")
-    ends_in_separator = len(unique) < len(_split(first, dialect))
-    kinds = [_kind([row[i] for row in rows if i < len(row)], dialect) for i in range(len(unique))]
-    if not names[0] and kinds[0] is not None and pa.types.is_timestamp(kinds[0]) and "time" not in unique:
-        unique[0] = "time"
-    texts = [name for name, kind in zip(unique, kinds, strict=True) if kind is None]
-    if texts:
-        notes.append(f"columns of text were left out: {', '.join(map(cut, texts[:10]))}")
-    types = {name: kind for name, kind in zip(unique, kinds, strict=True) if kind is not None}
-    if not types:
-        raise FileFormatError(f"{path}: no column of numbers among {', '.join(map(cut, unique[:10]))}")
-    read = pa.csv.ReadOptions(column_names=[*unique, *[" "] * ends_in_separator], skip_rows=skipped + (not nameless))
-    parse = pa.csv.ParseOptions(delimiter=dialect.separator)
-    convert = pa.csv.ConvertOptions(
-        column_types=types, include_columns=list(types), null_values=list(_NOTHING),
-        decimal_point=dialect.decimal, true_values=["true", "True", "TRUE"], false_values=["false", "False", "FALSE"],
-    )  # fmt: skip
-    try:
-        table = pa.csv.read_csv(path, read, parse, convert)
-    except (pa.ArrowException, OSError, MemoryError, ValueError) as error:
-        raise FileFormatError(f"{path}: cannot be read as CSV: {cut(str(error))}") from error
-    columns = {}
-    for name, kind in types.items():
-        column = table.column(name)
-        if pa.types.is_timestamp(kind):
-            column = column.cast(pa.int64())
-            zone = "UTC" if kind.tz else "no time zone, as if of UTC"
-            notes.append(f"{name}: holds dates, read as nanoseconds since 1970 ({zone})")
-        columns[name] = column.to_numpy()
-    if dialect != (",", "."):
-        separator = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f'"{dialect.separator}"')
-        notes.append(f'columns are separated by {separator}, decimals by "{dialect.decimal}"')
-    return columns, notes
+def joined(blocks: list[Block]) -> Block:
+    """Return blocks one behind the other."""
+    return {name: np.concatenate([block[name] for block in blocks]) for name in (blocks[0] if blocks else {})}
 
 
-def is_number(text: str) -> bool:
-    """Return true for a cell of a text table that is a number; NaN and infinity are."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _arrow_type(column: TextColumn) -> pa.DataType:
+    if column.date is not None:
+        zone = "UTC" if column.date.has_zone else None
+        return pa.timestamp("ns", tz=zone) if column.date.is_iso and len(column.places) == 1 else pa.string()
+    return _TYPES[column.kind]
 
 
-def _first_lines(path: Path) -> list[str]:
+def _numbers(column: TextColumn, batch: pa.RecordBatch, carried: dict[str, tuple[int, int | None]]) -> NDArray[Any]:
+    """Return a column's cells in a batch as numbers; NaN where there is none."""
+    cells = [batch.column(str(place)) for place in column.places]
+    one = cells[0]
+    if column.kind == "whole" and len(cells) == 2:  # seconds and nanoseconds
+        one = pc.add(pc.multiply(cells[0], SECOND), cells[1])
+    elif column.date is not None and pa.types.is_timestamp(one.type):
+        one = one.cast(pa.int64())
+    elif column.date is not None:
+        one = column.date.nanoseconds(one if len(cells) == 1 else pc.binary_join_element_wise(*cells, " "))
+        one, carried[column.name] = since_midnight(one, column.date, carried.get(column.name, (0, None)))
+    values: NDArray[Any] = one.to_numpy(zero_copy_only=False)
+    return values.astype(np.float64) if values.dtype.kind == "O" else values  # truth values, and some missing
+
+
+class _OneBlank:
+    """A file whose rows are parted by any number of blanks and tabs, read as if by one."""
+
+    def __init__(self, file: pa.OSFile) -> None:
+        self._file, self._left, self.closed = file, b"", False
+
+    def read(self, size: int = -1) -> bytes:
+        """Return about as many bytes of whole lines; none at the end."""
+        while True:
+            block = self._file.read(size // 2)  # no more than was asked for, with what is left of the last one
+            data = self._left + block
+            cut_at = data.rfind(b"\n") + 1 if block else len(data)
+            data, self._left = data[:cut_at], data[cut_at:]
+            if data or not block:
+                return b"\n".join(b" ".join(line.split()) for line in data.split(b"\n"))
+
+    def readable(self) -> bool:
+        """Return that it can be read."""
+        return True
+
+
+def _lines(path: Path) -> tuple[list[str], list[int], list[str]]:
+    """Return the first lines of a file, where each ends [B], and its last lines behind them."""
     try:
         with path.open("rb") as file:
             lines = [file.readline(MOST_LINE + 1) for _ in range(_LOOKED_AT)]
+            end, size = file.tell(), path.stat().st_size
+            file.seek(max(end, size - _END))
+            last = file.read().split(b"\n")[1 if size - _END > end else 0 :]
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from error
     if any(len(line) > MOST_LINE for line in lines):
@@ -116,64 +139,15 @@ def _first_lines(path: Path) -> list[str]:
         raise FileFormatError(f"{path}: is UTF-16, expected UTF-8")
     if any(b"\0" in line for line in lines):
         raise FileFormatError(f"{path}: holds bytes that are no text, expected CSV")
+    ends = np.cumsum([len(line) for line in lines]).tolist()
     try:
-        return [text for line in lines if (text := line.decode("utf-8-sig").rstrip("\r\n"))]
+        first = [line.decode().rstrip("\r\n") for line in lines if line]
+        return first, ends, [text for line in last if (text := line.decode(errors="replace").rstrip("\r\n")).strip()]
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: is no UTF-8 text: {error}") from error
 
 
-def _dialect(lines: Sequence[str]) -> _Dialect:
-    """Tell what separates columns: what is in every line equally often; commas only where nothing else does."""
-    for separator in (";", "\t"):
-        if all(separator in line for line in lines[:20]):
-            body = [field.strip() for line in lines[1:] for field in line.split(separator)]
-            with_comma = sum("," in field and is_number(field.replace(",", ".")) for field in body)
-            return _Dialect(separator, "," if with_comma else ".")
-    if "," in lines[0]:
-        return _Dialect(",", ".")
-    return _Dialect(" " if " " in lines[1].strip() else ",", ".")
-
-
-def _split(line: str, dialect: _Dialect) -> list[str]:
-    if dialect.separator == " ":
-        return line.split(" ")
-    return next(csv.reader(islice([line], 1), delimiter=dialect.separator), [])
-
-
-def _point(text: str, dialect: _Dialect) -> str:
-    return text.replace(",", ".") if dialect.decimal == "," else text
-
-
-def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return names that differ, and a note on those that did not."""
-    seen: Counter[str] = Counter()
-    unique = []
-    taken = set(names)
-    for i, name in enumerate(names):
-        name = name or f"column{i + 1}"
-        seen[name] += 1
-        new = name
-        while seen[name] > 1 and new in taken:
-            new = f"{name}#{seen[name]}"
-            seen[name] += new in taken
-        taken.add(new)
-        unique.append(new)
-    twice = [name for name, count in seen.items() if count > 1]
-    note = f"names that are there more than once are numbered, such as {cut(twice[0])}#2" if twice else ""
-    return unique, [note] if note else []
-
-
-def _kind(fields: Sequence[str], dialect: _Dialect) -> pa.DataType | None:
-    """Return how a column is read: by its first rows; None for text."""
-    values = [text for field in fields if (text := field.strip().strip('"')) not in _NOTHING]
-    if values and all(text.lower() in ("true", "false") for text in values):
-        return pa.bool_()
-    dates = [_DATE.fullmatch(text) for text in values]
-    if dates and all(dates):
-        return pa.timestamp("ns", tz="UTC" if any(date and date["zone"] for date in dates) else None)
-    if any(not is_number(_point(text, dialect)) for text in values):
-        return None
-    whole = values and all(text.lstrip("-").isdigit() for text in values)
-    if whole and max(abs(float(text)) for text in values) > _EXACT:
-        return pa.int64()
-    return pa.float64()
+def _ends_with_line_feed(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 1))
+        return file.read(1) in (b"\n", b"")

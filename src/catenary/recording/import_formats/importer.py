@@ -15,7 +15,7 @@ from catenary.plant import Joints, MotionLog, joints_text, nameless
 from catenary.plant import places_of as places_of_joints
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
 from catenary.recording.import_formats.column_units import encoder_units, factors, joint_units_of
-from catenary.recording.import_formats.columns import Place, Stream, places_of
+from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock
 from catenary.recording.import_formats.sources import Sources
@@ -183,6 +183,9 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     lost = int((~ok[whole]).sum())
     unseen = "" if measured is None else _by_joint(~np.isfinite(measured[whole]), names)
     notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder{unseen}"] * bool(lost)
+    taken = {(place.stream, place.column) for places in found.places().values() for place in places}
+    left = () if mapping.name else not_used(sources.streams, taken | clock.times)
+    notes += [f"not used: {listed(left)}"] * bool(left)
     signals, signal_units = _signals(further, mapping, whole)
     time, began = clock.time(whole)
     stated_robot = None if sources.about is None else sources.about.robot

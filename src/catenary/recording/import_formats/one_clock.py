@@ -75,6 +75,7 @@ class OneClock:
         self._series = found
         series = found[self.base, ""]
         self.repeated = series.report.repeated
+        self.times = {(name, time.column or "") for name, time in stamps.table.items()}  # columns that hold them
         table = stamps.table.get(self.base)
         self._at: dict[tuple[str, str], Floats] = {}
         self.stamp = series.stamp

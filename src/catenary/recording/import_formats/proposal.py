@@ -1,7 +1,7 @@
 """The mapping that a recording suggests, as TOML to edit; what cannot be told is asked, never chosen in silence."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,14 +14,15 @@ from catenary.recording.import_formats.column_groups import (
     Kind,
     Role,
     candidates_of,
+    moving_columns,
     ok_columns,
     pose_references,
 )
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
-from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.columns import Stream, listed, not_used, places_of
+from catenary.recording.import_formats.mapping import SI, RecordingMapping, words_of
 from catenary.recording.import_formats.sources import Sources
-from catenary.recording.import_formats.table_time import time_columns, time_of
+from catenary.recording.import_formats.table_time import UNITS, time_columns, time_of
 from catenary.robots.catalog import load_robot
 from catenary.visible import visible
 
@@ -30,17 +31,18 @@ _JOINTS_SHOWN = 8
 
 @dataclass(frozen=True)
 class Proposal:
-    """A mapping as TOML, what was decided in it, and what is left to the reader."""
+    """A mapping as TOML, what was decided in it, what is left to the reader, and what of the recording it leaves."""
 
     toml: str
     decisions: tuple[str, ...]
     questions: tuple[str, ...]
+    not_used: tuple[str, ...] = ()
 
     def accepted(self) -> RecordingMapping:
         """Return the mapping."""
         if self.questions:
             raise InputError(
-                "the proposed mapping leaves open: " + "; ".join(self.questions) + ". Edit it:\n" + self.toml
+                "the proposed mapping leaves open: " + "; ".join(self.questions) + ". Answer, or edit it:\n" + self.toml
             )
         return parse_settings(toml_table(self.toml, "proposal"), RecordingMapping, "proposal")
 
@@ -49,37 +51,61 @@ class Proposal:
 class _Draft:
     """Lines of TOML, decisions and questions."""
 
+    answers: Mapping[str, str]
     top: list[str] = field(default_factory=list)
     tables: list[str] = field(default_factory=list)
     decisions: list[str] = field(default_factory=list)
-    questions: list[str] = field(default_factory=list)
+    questions: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)  # text and choices, by what about
+    heard: set[str] = field(default_factory=set)
+    used: set[tuple[str, str]] = field(default_factory=set)  # columns of streams
+
+    def ask(self, about: str, text: str, choices: Mapping[str, str], *, is_free: bool = False) -> str | None:
+        """Return the answer, one of the choices or, where they are examples, any; None where there is none yet.
+
+        An answer may be a part of a choice that is in no other: cam for cam_yaw.
+        """
+        if about not in self.answers:
+            self.questions[about] = (text, dict(choices))
+            return None
+        self.heard.add(about)
+        answer = self.answers[about]
+        if is_free or answer in choices:
+            return answer
+        fits = [choice for choice in choices if answer.lower() in choice.lower()]
+        fits = fits or [choice for choice, words in choices.items() if answer.lower() in words.lower()]
+        if len(fits) == 1:
+            return fits[0]
+        raise InputError(f"--answer {about}={answer}: expected one of {', '.join(choices)}: {text}")
 
 
-def propose(sources: Sources, *, robot: str | None = None, units: str | None = None) -> Proposal:
+def propose(
+    sources: Sources, *, robot: str | None = None, units: str | None = None, answers: Mapping[str, str] | None = None
+) -> Proposal:
     """Propose which columns are which quantity: by type, name, rate and range.
 
     Args:
         sources: A recording.
         robot: Catalogue name or file: units of the joints.
         units: Of the joints: of q_nominal, and of q_encoder where the names of its columns say none.
+        answers: To questions that were left open, by what they are about.
     """
-    draft = _Draft()
+    draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
     found = candidates_of(sources.streams)
     for one in [one for one in found if not one.moves]:
         draft.decisions.append(f"{one.name} never changes, and was set aside")
     found = [one for one in found if one.moves]
-    nominal, encoder = _positions(found, draft)
+    nominal, encoder = _positions(found, sources.streams, draft)
     if robot is not None:
         draft.top.append(f"robot = {_text(robot)}")
     if nominal is not None:
         chosen, why, is_sure = nominal_units(nominal, model, units)
-        draft.questions += [] if is_sure else [f"the units of q_nominal ({why})"]
-        _write(draft, "q_nominal", nominal, chosen, why if is_sure else f"OPEN: {why}")
+        chosen, why = (chosen, why) if is_sure else _asked_units("q_nominal", chosen, why, draft)
+        _write(draft, "q_nominal", nominal, chosen, why)
         if encoder is not None:
             its, why, is_sure = encoder_units(encoder, nominal, chosen, units)
-            draft.questions += [] if is_sure else [f"the units of q_encoder ({why})"]
-            _write(draft, "q_encoder", encoder, its, why if is_sure else f"OPEN: {why}")
+            its, why = (its, why) if is_sure else _asked_units("q_encoder", its, why, draft)
+            _write(draft, "q_encoder", encoder, its, why)
         _further(found, nominal, draft)
     poses = [pose for stream in sources.streams for pose in pose_references(stream)]
     if encoder is None:
@@ -87,46 +113,109 @@ def propose(sources: Sources, *, robot: str | None = None, units: str | None = N
     _times(sources.streams, nominal, encoder, draft)
     for stream in sources.streams:
         draft.decisions += [f"{stream.name}: {note}" for note in stream.notes]
-    return Proposal(_toml(draft), tuple(draft.decisions), tuple(draft.questions))
+        moved = moving_columns(stream) if stream.type == "table" else None
+        draft.decisions += [] if moved is None else [f"{stream.name}: {moved.said()}"]
+    left = not_used(sources.streams, draft.used)
+    draft.decisions += [f"not used: {listed(left)}"] * bool(left)
+    unheard = [about for about in draft.answers if about not in draft.heard]
+    if unheard:
+        raise InputError(
+            f"--answer {unheard[0]}: is not asked; open is {', '.join(draft.questions) or 'nothing'}"
+            + (f" ({'; '.join(_in_words(*each) for each in draft.questions.items())})" if draft.questions else "")
+        )
+    questions = tuple(_in_words(*each) for each in draft.questions.items())
+    return Proposal(_toml(draft), tuple(draft.decisions), questions, left)
 
 
-def _positions(found: Sequence[Candidate], draft: _Draft) -> tuple[Candidate | None, Candidate | None]:
+def answers_of(options: Sequence[str]) -> dict[str, str]:
+    """Return answers such as "q_encoder=cam" by what they are about."""
+    parted = {option: option.partition("=") for option in options}
+    for option, (about, _, answer) in parted.items():
+        if not about.strip() or not answer.strip():
+            raise InputError(f"--answer {option}: expected QUESTION=ANSWER, such as q_encoder=cam")
+    return {about.strip(): answer.strip() for about, _, answer in parted.values()}
+
+
+def _in_words(about: str, question: tuple[str, Mapping[str, str]]) -> str:
+    text, choices = question
+    return f"{text}: " + " or ".join(f"--answer {about}={visible(choice)}" for choice in choices)
+
+
+def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -> tuple[tuple[str, ...], str]:
+    """Return units that are not sure as they were answered, or as they stand with the question."""
+    about, stand = f"{quantity}.units", ",".join(units)
+    other = ",".join({"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}.get(unit, unit) for unit in units)
+    choices = {stand: "as they stand below", other: "or any of rad, deg, m, mm for each"}
+    answer = draft.ask(about, f"the units of {quantity} ({why})", choices, is_free=True)
+    told = words_of(answer)
+    if answer is None:
+        return tuple(units), f"OPEN: {why}"
+    if len(told) not in (1, len(units)) or not set(told) <= set(SI):
+        raise InputError(f"--answer {about}={answer}: expected one of {', '.join(SI)} for each of {len(units)} columns")
+    return tuple(told * len(units) if len(told) == 1 else told), "as answered"
+
+
+def _positions(
+    found: Sequence[Candidate], streams: Sequence[Stream], draft: _Draft
+) -> tuple[Candidate | None, Candidate | None]:
     """Choose what the robot reports, or was told, and what measured the joints beside it."""
 
     def of(role: Role) -> list[Candidate]:
         return [one for one in found if one.kind == "position" and one.role == role]
 
-    outside, reported, commanded, actual = (of("measured outside"), of("reported"), of("commanded"), of("actual"))
-    if not reported and not commanded and not outside:
-        reported = of("unknown")
+    outside, commanded, actual, measured = of("measured outside"), of("commanded"), of("actual"), of("measured")
+    own, estimated, unknown = of("own"), of("estimated"), of("unknown")
+    reported = [*own, *estimated, *of("reported")]
+    if not own and not estimated:
+        reported, measured = [*reported, *measured], []
+    if not reported and not commanded and not outside and not measured:
+        reported = unknown
         pair = None if actual else _command_and_measurement(reported)
         if pair is not None:
-            draft.questions.append(
-                f"which is q_nominal: {_ends(pair[0])} or {_ends(pair[1])}, which moves with it; the other is q_encoder"
-            )
-            return pair
-    elif not reported and not commanded and not actual:
-        reported = [one for one in of("unknown") if len(one.columns) == len(outside[0].columns)]
-    if not outside and actual and (reported or commanded):
-        outside = actual
-        draft.questions.append(
-            f"whether {actual[0].name} was measured at the joints (an encoder there, a camera); where the motors' "
-            "encoders gave it, it is what the robot reports: q_nominal"
+            both = f"{_ends(pair[0])} or {_ends(pair[1])}"
+            text = f"which is q_nominal: {both}, which moves with it; the other is q_encoder"
+            said = {one.references[0]: f"{_ends(one)} is q_nominal" for one in pair}
+            return pair[::-1] if draft.ask("q_nominal", text, said) == pair[1].references[0] else pair
+    elif not reported and not commanded and not actual and outside:
+        reported = [one for one in unknown if len(one.columns) == len(outside[0].columns)]
+    if not outside and measured and own:
+        outside = measured
+        draft.decisions.append(f"q_nominal is what the robot reports ({own[0].name}), q_encoder what was measured")
+    elif not outside and (measured or (actual and (reported or commanded))):
+        outside = measured or actual
+        doubt = outside[0]
+        answer = draft.ask(
+            "q_encoder",
+            f"whether {doubt.name} was measured at the joints (an encoder there, a camera); where the motors' "
+            "encoders gave it, it is what the robot reports: q_nominal",
+            {doubt.references[0]: f"{doubt.name} was measured at the joints", "none": f"{doubt.name} is q_nominal"},
         )
-        if commanded:
+        if answer == "none":
+            outside, reported = [], outside
+        elif commanded and actual:
             reported = []
     choices = reported or commanded or ([] if outside else actual)
     if not choices:
-        draft.questions.append("which columns are q_nominal, what the robot reports or was told")
-        return None, None
+        answer = draft.ask(
+            "q_nominal.columns",
+            "which columns are q_nominal, what the robot reports or was told",
+            {"COLUMN,COLUMN,...": "columns in the order of the joints, as --map has them"},
+            is_free=True,
+        )
+        if answer is None:
+            return None, None
+        places = [place for reference in words_of(answer) for place in places_of(reference, streams)]
+        stream = next(stream for stream in streams if stream.name == places[0].stream)
+        columns = tuple(place.column for place in places)
+        choices = [Candidate(stream, columns, "position", "unknown", ("",) * len(columns))]
     truth = _one(outside, "q_encoder", draft, len(choices[0].columns)) if outside else None
     nominal = _one(choices, "q_nominal", draft, len(truth.columns) if truth is not None else None)
-    if reported and commanded and nominal.role == "reported":
+    if reported and commanded and nominal.role != "commanded":
         draft.decisions.append(
             f"q_nominal is what the robot reports ({nominal.name}), not what it was told ({commanded[0].name})"
         )
     if truth is None:
-        if reported and commanded and nominal.role == "reported" and commanded[0].is_followed_by(nominal):
+        if reported and commanded and nominal.role != "commanded" and commanded[0].is_followed_by(nominal):
             draft.decisions.append(
                 f"if a sensor at the joints measured {nominal.name}, it is q_encoder, and {commanded[0].name} is "
                 "q_nominal"
@@ -151,9 +240,12 @@ def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | No
     """Choose the only one, or the only one of as many joints; ask where several are left."""
     fitting = [one for one in choices if count is not None and len(one.columns) == count] or list(choices)
     typed = [one for one in fitting if one.stream.type.endswith("JointState")] or fitting
-    if len(typed) > 1:
-        draft.questions.append(f"which is {what}: {' or '.join(one.name for one in typed[:5])}")
-    return typed[0]
+    if len(typed) == 1:
+        return typed[0]
+    named = {one.references[0]: one for one in typed}
+    text = f"which is {what}: {' or '.join(one.name for one in typed[:5])}"
+    answer = draft.ask(what, text, {key: one.name for key, one in named.items()})
+    return typed[0] if answer is None else named[answer]
 
 
 def _same_joints(nominal: Candidate, truth: Candidate, draft: _Draft) -> tuple[Candidate, Candidate]:
@@ -165,16 +257,25 @@ def _same_joints(nominal: Candidate, truth: Candidate, draft: _Draft) -> tuple[C
                 one.part([one.columns[one.joints.index(joint)] for joint in shared]) for one in (nominal, truth)
             )
             return both[0], both[1]
-        draft.questions.append(
+        draft.ask(
+            "joints",
             f"which joints of {truth.name} ({', '.join(truth.joints)}) are which of {nominal.name} "
-            f"({', '.join(nominal.joints)})"
+            f"({', '.join(nominal.joints)})",
+            {"in order": "the first is the first, and so on"},
         )
     count = min(len(truth.columns), len(nominal.columns))
-    if len(truth.columns) != len(nominal.columns):
-        draft.questions.append(
-            f"which {len(truth.columns)} of the {len(nominal.columns)} columns of {nominal.name} go with {truth.name}"
-        )
-    return nominal.part(nominal.columns[:count]), truth.part(truth.columns[:count])
+    if len(truth.columns) == len(nominal.columns):
+        return nominal, truth
+    more, fewer = (nominal, truth) if len(nominal.columns) > count else (truth, nominal)
+    about = "q_nominal.columns" if more is nominal else "q_encoder.columns"
+    first = ",".join(more.references[:count])
+    text = f"which {count} of the {len(more.columns)} columns of {more.name} go with {fewer.name}"
+    answer = draft.ask(about, text, {first: "as they stand below, or any others"}, is_free=True)
+    chosen = [place.column for reference in words_of(answer) for place in places_of(reference, [more.stream])]
+    if answer is not None and (len(chosen) != count or not set(chosen) <= set(more.columns)):
+        raise InputError(f"--answer {about}={answer}: expected {count} of {', '.join(more.references)}")
+    part = more.part(chosen or more.columns[:count])
+    return (part, truth) if more is nominal else (nominal, part)
 
 
 def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> None:
@@ -202,8 +303,10 @@ def _without_encoder(poses: Sequence[str], robot: str | None, draft: _Draft) -> 
             "identification does not"
         )
         return
-    draft.questions.append(
-        f"whether {' or '.join(poses[:5])} tells where the joints were; then it needs the robot and two transforms"
+    draft.ask(
+        "q_encoder",
+        f"whether {' or '.join(poses[:5])} tells where the joints were; then it needs the robot and two transforms",
+        {"none": "it does not, or is not wanted; else edit what stands below"},
     )
     lines = [
         "# joints from a tracked marker: take the # away, and fill in the robot (above) and the transforms",
@@ -225,16 +328,22 @@ def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candid
         valid = ok_columns(stream)
         if valid:
             draft.top.append(f"ok = [{', '.join(map(_text, valid))}]")
+            draft.used |= {(stream.name, column) for column in valid}
         named = time_columns(stream)
-        try:
-            found = time_of(stream, named[:1] if len(named) > 1 else (), None, None)
-        except InputError as error:
-            draft.questions.append(f"the time: {error}")
-            columns.append(named[0])
-            units.append("")
-            continue
+        column: str | None = named[0] if named else None
         if len(named) > 1:
-            draft.questions.append(f"which column is the time: {' or '.join(named[:5])}")
+            text = f"which column is the time: {' or '.join(named[:5])}"
+            column = draft.ask("time", text, dict.fromkeys(named, "is the time")) or column
+        draft.used |= {(stream.name, column or "")}
+        try:
+            found = time_of(stream, named and [column or ""], None, None)
+        except InputError as error:
+            unit = draft.ask("time_unit", f"the time: {error}", dict.fromkeys(UNITS, "of all tables"))
+            if unit is None:
+                columns.append(column or "")
+                units.append("")
+                continue
+            found = time_of(stream, [column or ""], unit, None)
         if found is not None and found.column:
             columns.append(found.column)
             units.append(found.unit)
@@ -254,6 +363,7 @@ def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candid
 
 
 def _write(draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], why: str) -> None:
+    draft.used |= {(one.stream.name, column) for column in one.columns}
     ranges = [f"{low:.3g} to {high:.3g}" for low, high in one.ranges[:_JOINTS_SHOWN]]
     rate = f"{one.rate:.4g} Hz, " if np.isfinite(one.rate) else ""
     draft.tables += [
@@ -270,7 +380,9 @@ def _write(draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], w
 
 def _toml(draft: _Draft) -> str:
     """Return the text; a comment has no line feeds, whatever the names in it hold."""
-    said = [f"# {line}" for line in draft.decisions] + [f"# OPEN: {line}" for line in draft.questions]
+    said = [f"# {line}" for line in draft.decisions]
+    for about, (text, choices) in draft.questions.items():
+        said += [f"# OPEN: {text}", *(f"#   --answer {about}={choice}   {words}" for choice, words in choices.items())]
     lines = [*said, *draft.top, *draft.tables]
     return "\n".join(visible(line).replace("\n", "\\n").replace("\t", " ") for line in lines) + "\n"
 

@@ -34,10 +34,10 @@ from catenary.raven2.topics import (
 from catenary.raven2.transmission import CALIBRATED, COUPLING, JOINT_TORQUE
 from catenary.recording.extract import topic_file
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.csv_files import is_number
 from catenary.recording.import_formats.importer import Synchronisation, synchronise
 from catenary.recording.import_formats.mapping import RecordingMapping, layout_mapping
 from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.text_head import is_number
 from catenary.recording.series import ClockStep, Series, clean_series, without_steps
 from catenary.topics import SECOND, Topic, TopicColumn
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
-from catenary.files import table_ending
+from catenary.files import TEXT_ENDINGS, table_ending
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.csv_files import read_csv
+from catenary.recording.import_formats.csv_files import TextTable, joined
 from catenary.recording.parquet_files import MOST_COLUMNS
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
-ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
+ENDINGS = (*TEXT_ENDINGS, ".parquet", ".npz", ".npy", ".mat")
 DEEPEST = 8  # structs and cells within each other
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -32,9 +32,11 @@ def read_table_file(path: Path) -> list[Stream]:
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     ending = table_ending(path)
-    if ending in (".csv", ".txt"):
-        columns, notes = read_csv(path)
-        return [_table(path, columns, {}, notes)]
+    if ending in TEXT_ENDINGS:
+        text = TextTable(path)
+        columns = joined(list(text.blocks()))
+        dates = tuple(column.name for column in text.head.columns if column.date is not None)
+        return [replace(_table(path, columns, {}, text.notes), joints=text.head.joints, dates=dates)]
     if ending == ".parquet":
         return [_parquet(path)]
     if ending == ".npz":

@@ -94,12 +94,12 @@ def time_columns(stream: Stream) -> list[str]:
     named = [name for name in stream.columns if _NAMED.match(name.lstrip("%").strip())]
     if not named:  # t_encoder
         named = [name for name in stream.columns if re.fullmatch(r"(t|time|stamp|timestamp)_\w+", name)]
-    if not named:  # an array without names, whose first column is the time
-        first = next(iter(stream.columns), "")
-        arrays = {name.partition("[")[0] for name in stream.columns}
-        if len(arrays) == 1 and first.endswith("[0]") and len(stream.columns) > 1:
-            values = np.asarray(stream.columns[first], dtype=np.float64)
-            return [first] if len(values) >= _RISING and (np.diff(values) > 0.0).all() else []
+    if not named and stream.dates:
+        return list(stream.dates[:1])
+    if not named and is_nameless(stream) and len(stream.columns) > 1 and stream.rows >= _RISING:
+        numbers = {name: np.asarray(values, dtype=np.float64) for name, values in stream.columns.items()}
+        rising = [name for name, values in numbers.items() if (np.diff(values) > 0.0).all()]
+        return rising[:1] if rising[:1] == list(numbers)[:1] or len(rising) == 1 else []
     headers = [name for name in named if re.search(r"stamp", name, re.IGNORECASE)]
     plain = [name for name in named if re.fullmatch(r"%?(time|t)([_ ]?[\[(]?\w+[\])]?)?", name, re.IGNORECASE)]
     if len(plain) == 1 and not (plain[0].startswith("%") and headers):
@@ -107,7 +107,16 @@ def time_columns(stream: Stream) -> list[str]:
     return headers if len(headers) == 1 else named
 
 
+def is_nameless(stream: Stream) -> bool:
+    """Return whether all columns of a table but the time are those of one array: a .npy, or a text without names."""
+    names = [name for name in stream.columns if not _NAMED.match(name)]
+    found = [re.fullmatch(r"([^\[]+)\[\d+\]", name) for name in names]
+    return all(found) and len({one[1] for one in found if one}) == 1
+
+
 def _unit(stream: Stream, column: str, values: NDArray[np.generic]) -> tuple[str, str]:
+    if column in stream.dates:
+        return "ns", "a date or a time of day"
     found = _NAMED.match(column.lstrip("%").strip())
     if found and found["unit"]:
         unit = found["unit"].lower()

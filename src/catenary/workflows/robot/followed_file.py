@@ -1,6 +1,5 @@
 """A motion in a file: rows of joint positions with their times, whose units the file states."""
 
-import csv
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,11 +8,11 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats, frozen
-from catenary.documents import no_file
+from catenary.documents import cut, no_file
 from catenary.errors import FileFormatError, InputError
-from catenary.files import table_ending
+from catenary.files import TEXT_ENDINGS, table_ending
 from catenary.plant import MotionLog
-from catenary.recording.import_formats.csv_files import is_number
+from catenary.recording.import_formats.csv_files import TextTable, joined
 from catenary.recording.logs import read_parquet
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
@@ -51,10 +50,11 @@ class FollowedFile:
 def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> FollowedFile:
     """Read a motion.
 
-    CSV with a heading that states units, as in `time [s],shoulder [deg],insertion [mm]`, or that of `catenary
-    excitation` (`t [s],q:shoulder [rad],...,dq:shoulder [rad/s],...`, of which positions are taken); CSV of numbers
-    alone in the layout of the published zig-zags (rad, rad, m, no times); a motion log, `.parquet`; an `.npz` with `q`
-    or `q_des` (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
+    A table of text, as `catenary import` reads it, with a heading that states units, as in `time [s],shoulder
+    [deg],insertion [mm]` or in a line of units behind the names, or that of `catenary excitation` (`t [s],q:shoulder
+    [rad],...,dq:shoulder [rad/s],...`, of which positions are taken); numbers alone in the layout of the published
+    zig-zags (rad, rad, m, no times); a motion log, `.parquet`; an `.npz` with `q` or `q_des` (N, k), `t` (N,) [s],
+    `units` and `joint_names` (k,).
 
     Args:
         rows_per_second: Of a file without times; that of the published zig-zags when None.
@@ -68,29 +68,28 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
     if rows_per_second is not None and not 0.0 < rows_per_second < np.inf:
         raise InputError(f"--rows-per-second: expected more than 0, got {rows_per_second}")
     ending = table_ending(path)
-    if ending == ".csv":
-        found = _read_csv(path, rows_per_second)
+    if ending in TEXT_ENDINGS:
+        found = _read_text(path, rows_per_second)
     elif ending == ".parquet":
         found = _of_log(path, read_parquet(path))
     elif ending == ".npz":
         found = _read_npz(path)
     else:
-        raise FileFormatError(f'{path}: ending "{path.suffix}": expected .csv, .parquet or .npz')
+        raise FileFormatError(f'{path}: ending "{path.suffix}": expected {", ".join(TEXT_ENDINGS)}, .parquet or .npz')
     if rows_per_second is not None and found.joint_names is not None:
         raise InputError(f"{path}: states its times; --rows-per-second is for files without")
     return _checked(path, found)
 
 
-def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
-    try:
-        with path.open(newline="") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileFormatError(f"{path}: cannot be read as CSV: {error}") from error
-    if not rows:
-        raise FileFormatError(f"{path}: is empty")
-    if is_number(rows[0][0]):
-        values = _numbers(path, rows, first=1)
+def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
+    table = TextTable(path)
+    columns = joined(list(table.blocks()))
+    odd = next((column for column in table.head.columns if column.kind == "text"), None)
+    if odd is not None:
+        where = f", {odd.odd}" if odd.odd else ""
+        raise FileFormatError(f'{path}: column "{cut(odd.name)}": expected numbers, got text{where}')
+    values = np.column_stack([np.asarray(numbers, dtype=float) for numbers in columns.values()])
+    if not table.head.is_named:
         if values.shape[1] != len(PUBLISHED_UNITS):
             raise FileFormatError(
                 f"{path}: numbers without a heading, {values.shape[1]} columns: expected a heading such as "
@@ -99,15 +98,14 @@ def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
         rate = ROWS_PER_SECOND if rows_per_second is None else rows_per_second
         note = f"{path.name}: no heading: taken as rad, rad, m, {rate:g} rows a second, as the published zig-zags"
         return FollowedFile(path.name, None, PUBLISHED_UNITS, np.arange(len(values)) / rate, frozen(values), (note,))
-    heads = [_HEAD.match(cell.strip()) for cell in rows[0]]
-    plain = [cell for cell, head in zip(rows[0], heads, strict=True) if head is None]
+    heads = [_HEAD.match(name) for name in columns]
+    plain = [name for name, head in zip(columns, heads, strict=True) if head is None]
     if plain:
         raise FileFormatError(f'{path}: column "{plain[0]}" has no unit: expected NAME [UNIT], as in time [s]')
     names = [head["name"] for head in heads if head]
     units = [head["unit"] for head in heads if head]
     if names[0] not in ("time", "t") or units[0] not in SECONDS:
-        raise FileFormatError(f'{path}: first column "{rows[0][0]}": expected time [s] or time [ms]')
-    values = _numbers(path, rows[1:], first=2, width=len(names))
+        raise FileFormatError(f'{path}: first column "{names[0]} [{units[0]}]": expected time [s] or time [ms]')
     positions = [k for k, name in enumerate(names) if name.startswith("q:")]
     if positions:  # velocities and accelerations stand beside them
         names = [names[0], *(names[k].removeprefix("q:") for k in positions)]
@@ -156,11 +154,3 @@ def _checked(path: Path, found: FollowedFile) -> FollowedFile:
     if not (steps > 0.0).all():
         raise InputError(f"{path}: row {int(np.argmin(steps > 0.0)) + 2}: time does not rise")
     return replace(found, time=frozen(found.time - found.time[0]))
-
-
-def _numbers(path: Path, rows: list[list[str]], *, first: int, width: int | None = None) -> Floats:
-    wanted = len(rows[0]) if width is None and rows else width
-    for k, row in enumerate(rows):
-        if len(row) != wanted or not all(is_number(cell) for cell in row):
-            raise FileFormatError(f"{path}: line {first + k}: expected {wanted} numbers, got {','.join(row)[:60]!r}")
-    return np.array(rows, dtype=float).reshape(len(rows), wanted or 0)

@@ -1,0 +1,5 @@
+"""Write the table of docs/formats-read.md anew: `python -m tests.gallery`."""
+
+from . import PAGE, page
+
+PAGE.write_text(page())

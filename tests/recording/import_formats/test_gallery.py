@@ -1,0 +1,68 @@
+"""Files in the shape of those that labs have are read right at the first try; the page's table says what is read."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import gallery
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.import_formats.column_motion import by_motion
+from catenary.workflows.import_recording import import_recording, propose_mapping
+
+SAMPLES = gallery.samples()
+
+
+@pytest.mark.parametrize("sample", SAMPLES, ids=[sample.file for sample in SAMPLES])
+def test_a_file_of_the_field_is_read_at_the_first_try(sample: gallery.Sample, tmp_path: Path) -> None:
+    path = tmp_path / sample.file
+    sample.write(path)
+    if sample.refused:
+        with pytest.raises((FileFormatError, InputError), match=sample.refused):
+            import_recording(path, accept_proposal=True, units=sample.units, robot=sample.robot)
+        return
+    proposal = propose_mapping(path, units=sample.units, robot=sample.robot)
+    asked = [question.rpartition("--answer ")[2].partition("=")[0] for question in proposal.questions]
+    assert asked == list(sample.asks), proposal.toml
+    log = import_recording(
+        path, accept_proposal=True, units=sample.units, robot=sample.robot, answers=dict(sample.asks)
+    )
+    answered = propose_mapping(path, units=sample.units, robot=sample.robot, answers=dict(sample.asks)).toml
+    for words in sample.says:
+        assert words in answered
+    for quantity, expected in sample.truth.items():
+        found = getattr(log, quantity)
+        assert found is not None, (quantity, answered)
+        assert_allclose(found, expected, atol=sample.within, err_msg=quantity)
+
+
+REAL = Path(os.environ.get("CATENARY_DATA", gallery.PAGE.parents[2] / "shared" / "data"))
+ARMS = (
+    "dvrk_wpi_dynamics/mtm_one", "dvrk_wpi_dynamics/psm_one", "panda_dynamics/panda_first60",
+    "tiago_dynamics/tiago_dynamic", "ur10e_dynamics/free_12harm_30s",
+)  # fmt: skip
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"no recordings in {REAL}; set CATENARY_DATA")
+@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("order", ["q dq third", "third q dq", "q third dq"])
+@pytest.mark.parametrize("timed", [True, False])
+def test_velocities_and_torques_of_real_arms_are_told_without_names(arm: str, order: str, timed: bool) -> None:
+    content = np.load(REAL / f"{arm}.npz")
+    third = next(content[name] for name in ("tau", "current", "effort") if name in content)
+    blocks = {"q": content["q"], "dq": content["dq"], "third": third}
+    n = third.shape[1]
+    columns = {f"data[{i}]": v for i, v in enumerate(np.column_stack([blocks[b] for b in order.split()]).T)}
+    seconds = np.arange(len(third)) / float(content["fs"]) if "fs" in content else content["t"]
+    found = by_motion(columns, seconds if timed else None)
+    assert found is not None
+    for block, told in (("q", found.q), ("dq", found.qd), ("third", found.tau)):
+        first = n * order.split().index(block)
+        assert told == tuple(f"data[{first + j}]" for j in range(n))
+    assert not found.again
+
+
+def test_the_page_says_what_the_gallery_holds() -> None:
+    assert gallery.PAGE.read_text() == gallery.page(), "run python -m tests.gallery"
