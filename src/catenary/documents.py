@@ -6,6 +6,7 @@ is its schema's business (`config`).
 
 import json
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ MOST_ELEMENTS = 100_000  # of an XML file
 LARGEST = 2**128  # of integers: seeds of NumPy have up to 128 bits
 SHOWN = 200  # characters of a value or a message that an error repeats
 
+# a text of JSON, which may hold // and /*, or a comment; one that does not end goes to the end of the file
+_TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 
 
@@ -97,6 +100,15 @@ def json_table(data: str | bytes, where: str, *, finite: bool = True) -> dict[st
     if not isinstance(content, dict):
         raise FileFormatError(f"{where}: holds {shortened(content)}, expected a table (a JSON object)")
     return content
+
+
+def without_comments(data: bytes) -> bytes:
+    """Return JSON without the comments of JavaScript that the dVRK's files have; lines keep their numbers."""
+
+    def blank(found: re.Match[bytes]) -> bytes:
+        return found[0] if found[0].startswith(b'"') else b" " + b"\n" * found[0].count(b"\n")
+
+    return _TEXT_OR_COMMENT.sub(blank, data)
 
 
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:

@@ -28,8 +28,9 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
     """Load a robot by catalogue name, from a file, or from the text of a URDF.
 
     Args:
-        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, `.xacro`, MJCF (`.xml`, `.mjcf`) or the
-            `.npz` that identification wrote, or URDF itself, as ROS has it in `robot_description`.
+        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, `.xacro`, MJCF (`.xml`, `.mjcf`), the
+            dVRK's `.json` or the `.npz` that identification wrote, or URDF itself, as ROS has it in
+            `robot_description`.
         massless: Links that have no inertia in the file and are meant to have none; "all" for all such.
         strict: Refuse what is doubtful: inertias that no body has, masses of zero, lengths that no arm has. Otherwise
             the model names them in `doubts`, they are logged, and what would be wrong with them is refused when it is
@@ -66,14 +67,24 @@ def _load(source: str | Path, massless: Massless) -> RobotModel:
 
 
 def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a `.toml`, `.urdf`, `.xacro`, `.xml`, `.mjcf` or `.npz` file; an `.xml` may hold both kinds."""
+    """Load a robot from a `.toml`, `.urdf`, `.xacro`, `.xml`, `.mjcf`, `.json` or `.npz` file.
+
+    An `.xml` may be URDF or MJCF.
+    """
     kind = path.suffix.lower()
     # each reader is imported when its kind of file comes: a table needs neither an XML nor a MuJoCo reader
     if kind == ".toml":
         from catenary.robots.described import as_described, described_table, description_of
 
         if (described := described_table(path)) is not None:
-            model = load_file(description_of(path, described), massless=massless or described.massless)
+            description, chosen = description_of(path, described.description), massless or described.massless
+            if described.instrument is None:
+                model = load_file(description, massless=chosen)
+            else:
+                from catenary.robots.dvrk_files import load_dvrk
+
+                instrument = description_of(path, described.instrument)
+                model = load_dvrk(description, instrument=instrument, massless=chosen)
             return as_described(model, path, described)
         from catenary.robots.dh_table import load_table
 
@@ -82,6 +93,10 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
         from catenary.robots.model_record import load_identified
 
         return load_identified(path, massless=massless)
+    if kind == ".json":
+        from catenary.robots.dvrk_files import load_dvrk
+
+        return load_dvrk(path, massless=massless)
     if kind == ".xacro":
         from catenary.robots.urdf import load_xacro
 
@@ -97,7 +112,7 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
 
             return load_mjcf(path, massless=massless)
         raise FileFormatError(f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)")
-    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xacro, .xml, .mjcf or .npz')
+    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xacro, .xml, .mjcf, .json or .npz')
 
 
 def load_text(text: str, *, massless: Massless = ()) -> RobotModel:

@@ -1,4 +1,4 @@
-"""Robot tables beside a URDF or MJCF: what the description lacks, its actuation above all, or an arm cut out of it."""
+"""Robot tables beside a URDF, MJCF or a dVRK's JSON: what these lack, actuation above all, or an arm cut out of it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,13 +14,15 @@ from catenary.robots.assembly import file_source
 from catenary.robots.cut import cut_arm, lock_joints
 from catenary.robots.model import RobotModel
 
-DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
+DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")  # that have shapes, too
+DVRK = ".json"
 
 
 class DescribedRobot(Settings):
     """A robot whose links stand in another file."""
 
     description: str  # the file, beside the table
+    instrument: str | None = None  # of a dVRK's arm, whose description is its kinematics
     name: str | None = None
     base: str | None = None  # with `tip`: the arm between these frames, on its own base
     tip: str | None = None
@@ -41,13 +43,12 @@ def described_table(path: Path) -> DescribedRobot | None:
     return load_toml(path, DescribedRobot) if names_one else None
 
 
-def description_of(path: Path, table: DescribedRobot) -> Path:
-    """Return the file of a table's description."""
-    place = path.parent / table.description
-    if place.suffix.lower() not in DESCRIPTIONS or not place.is_file():
-        raise ConfigError(
-            f'{path}: description "{table.description}": expected a {", ".join(DESCRIPTIONS)} file beside it'
-        )
+def description_of(path: Path, named: str) -> Path:
+    """Return the file that a table names as its description, or as the instrument's."""
+    place = path.parent / named
+    kinds = (*DESCRIPTIONS, DVRK)
+    if place.suffix.lower() not in kinds or not place.is_file():
+        raise ConfigError(f'{path}: description "{named}": expected a {", ".join(kinds)} file beside it')
     return place
 
 

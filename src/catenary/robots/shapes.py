@@ -88,7 +88,7 @@ def described_geometry(
     if path.suffix.lower() == ".toml":
         if (described := described_table(path)) is None:
             return table_shapes(path, model)
-        path = description_of(path, described)
+        path = description_of(path, described.description)
     if path.suffix.lower() == ".xacro":
         return urdf_shapes(expanded_xacro(path), str(path), model, path, packages, kind)
     if path.suffix.lower() not in DESCRIPTIONS:

@@ -43,7 +43,7 @@ from catenary.workflows.file_report import FileReport, Line
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
 from catenary.workflows.recording_screen import TypedRecording, check_recording, recording_report
 
-ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf")
+ROBOT_ENDINGS = (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".json")
 REST = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
 ROUNDING = 1e-9  # two ways to sum the same offset differ in their last digits
 
