@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -132,3 +133,21 @@ class Peer:
     def __exit__(self, *exception: object) -> None:
         self._process.kill()
         self._process.communicate()
+
+
+def sourced(distro: str) -> dict[str, str]:
+    """Return the environment of a program of ours beside a distribution, as when its setup was sourced."""
+    prefix = python_of(distro).parents[1]
+    (packages,) = prefix.glob("lib/python3*/site-packages")
+    if not list(packages.glob(f"rclpy/_rclpy_pybind11.cpython-{sys.version_info[0]}{sys.version_info[1]}-*")):
+        pytest.skip(f"ROS 2 {distro} is there for another Python: {packages}")
+    libraries = [str(prefix / "lib"), *map(str, packages.glob("ros_*.libs"))]
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(packages), str(ROOT / "src"), str(ROOT / "tests")]),
+        "LD_LIBRARY_PATH": os.pathsep.join(libraries),
+        "AMENT_PREFIX_PATH": str(prefix),
+        "ROS_DISTRO": distro,
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "PYTEST_ADDOPTS": "",
+    }

@@ -53,7 +53,7 @@ class Option:
     not_with: str | Names = ()  # parameters, none of which may be given beside it
     shows_default: bool = True
     is_argument: bool = False
-    joins_ros: bool = False  # the command then takes --ros-distro, and what stands behind --ros-args
+    joins_ros: bool = False  # the command then takes --transport, --ros-distro, and what stands behind --ros-args
 
 
 def option(metavar: str | None, help: str, default: Any = None, **settings: Any) -> Any:
@@ -79,8 +79,8 @@ def group(cls: type[Group]) -> type[Group]:
 def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command as typer takes it: with the options of its groups in place of the groups.
 
-    Help lists a command's own options, then those of its groups, then --json, --ros-distro and, of every command,
-    --no-notes. Before the command runs, options are refused that do nothing beside the others.
+    Help lists a command's own options, then those of its groups, then --json, --transport, --ros-distro and, of every
+    command, --no-notes. Before the command runs, options are refused that do nothing beside the others.
     """
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
@@ -88,14 +88,15 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     asked += [_Asked(f.name, f.type, f.metadata["option"]) for g in groups.values() for f in fields(g)]
     asked.sort(key=lambda one: one.name == "as_json")
     if any(one.option.joins_ros for one in asked):
-        asked.append(_Asked("ros_distro", str, _ROS_DISTRO))
+        asked += [_Asked("transport", str, _TRANSPORT), _Asked("ros_distro", str, _ROS_DISTRO)]
 
     def run(*, no_notes: bool, **given: Any) -> None:
         values = {one.name: one.value(given[one.name]) for one in asked}
         _refuse_wrong(asked, values)
         _refuse_files(asked, values)
-        if (distro := values.get("ros_distro")) is not None:
-            say_ros_arguments(replace(said_ros_arguments(), distro=distro))
+        if "ros_distro" in values:
+            chosen = {"distro": values["ros_distro"], "transport": values["transport"]}
+            say_ros_arguments(replace(said_ros_arguments(), **chosen))
         for name, kind in groups.items():
             values[name] = kind(**{each.name: values.pop(each.name) for each in fields(kind)})
         with without_notes(no_notes):
@@ -271,6 +272,12 @@ def _reader(kind: Any) -> Read | None:
     return lambda text: numbers(text, count)
 
 
+_TRANSPORT = option(
+    "rclpy|dds",
+    "On ROS 2: by what. [default: rclpy where it and crtk_msgs can be imported]",
+    choices=("rclpy", "dds"),
+    goes_with=("ros", "project"),
+)
 _ROS_DISTRO = option(
     "NAME",
     "On ROS 2: distribution of the others, such as humble. [default: ROS_DISTRO, or jazzy]",

@@ -123,9 +123,10 @@ def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator
     from catenary.workflows.robot.homing import AnswerYes
 
     connection = project.settings.connection
-    distro = said_ros_arguments().distro
-    if distro is not None and connection != "ros2":
-        raise InputError(f"--ros-distro {distro}: goes with --ros 2; this project's robot is not on ROS 2")
+    said = said_ros_arguments()
+    for typed, value in (("--ros-distro", said.distro), ("--transport", said.transport)):
+        if value is not None and connection != "ros2":
+            raise InputError(f"{typed} {value}: goes with --ros 2; this project's robot is not on ROS 2")
     if connection == "simulation":
         if access.yes or access.simulated:
             raise InputError("--yes and --simulated go with --ros; this project's robot is simulated here")

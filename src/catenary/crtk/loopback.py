@@ -4,7 +4,6 @@ Every message is turned into ROS's bytes and back, so what passes here passes a 
 """
 
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import count
 
@@ -170,19 +169,12 @@ class Loopback(Transport):
             publishers if self.name in subscribers else (), subscribers if self.name in publishers else ()
         )
 
-    def topics(self) -> Mapping[str, str]:
-        """Return the topics that anyone publishes, with their types."""
+    def _published(self) -> list[tuple[str, str, str]]:
         with self.network.lock:
-            found = sorted(self.network.topics.items())
-            return {name: topic.type_name for name, topic in found if topic.publishers}
-
-    def publishing(self) -> Mapping[str, frozenset[str]]:
-        """Return the processes that publish each topic."""
-        with self.network.lock:
-            return {
-                name: frozenset(one.origin.process for one in topic.publishers.values())
-                for name, topic in self.network.topics.items()
-            }
+            topics = self.network.topics.items()
+            return [
+                (name, one.type_name, who.origin.process) for name, one in topics for who in one.publishers.values()
+            ]
 
     def close(self) -> None:
         """Leave the network."""

@@ -11,8 +11,9 @@ Services run where `poll` is called, in that thread and nowhere else.
 import math
 import re
 import threading
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, Self
 
 from catenary.crtk.clock import SECOND, Clock, Rate
@@ -26,6 +27,8 @@ Handler = Callable[[Message], Message]
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 DEPTH = 1000  # messages that wait for the program: 1 s
+SETTLE = 0.5  # [s] without news of other programs, until those of ROS 2 that are there count as known
+_LONGEST_SETTLE = 3.0  # [s] to wait for that
 
 
 class Sending(NamedTuple):
@@ -73,6 +76,10 @@ class Publisher(ABC):
         self._sent += 1
         self._send(message)
 
+    def subscribers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that listen."""
+        return ()
+
     def close(self) -> None:
         """Publish no more."""
         if not self.is_closed:
@@ -108,6 +115,10 @@ class HeardTopic:
         with self._lock:
             self.subscriptions = tuple(one for one in self.subscriptions if one is not subscription)
         return not self.subscriptions
+
+    def publishers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that it receives from."""
+        return ()
 
     def give(self, data: Any, time: int, origin: Origin | None, sent: int | None = None) -> None:
         """Give a message's bytes that came at `time` [ns] to all subscriptions, as `Subscription.push` has it."""
@@ -210,17 +221,23 @@ class Transport(ABC):
         self.require_open()
         return self.inbox.run(timeout)
 
-    @abstractmethod
     def connections(self, topic: str) -> Connections:
         """Return the peers that this transport is connected to over a topic."""
+        publisher, heard = self._publishers.get(absolute(topic)), self._heard.get(absolute(topic))
+        return Connections(
+            () if heard is None else heard.publishers(), () if publisher is None else publisher.subscribers()
+        )
 
-    @abstractmethod
     def topics(self) -> Mapping[str, str]:
         """Return the topics that anyone publishes, with their types."""
+        return {topic: kind for topic, kind, _ in sorted(self._published())}
 
-    @abstractmethod
     def publishing(self) -> Mapping[str, frozenset[str]]:
-        """Return the processes that publish each topic, as `Arrival.process` names them; empty where unknown."""
+        """Return the processes that publish each topic, as `Arrival.process` names them."""
+        found: dict[str, set[str]] = {}
+        for topic, _, process in self._published():
+            found.setdefault(topic, set()).add(process)
+        return {topic: frozenset(processes) for topic, processes in found.items()}
 
     def lost(self, topic: str) -> frozenset[str]:
         """Return programs that went from a topic without ending it, as a crash does, where that can be told."""
@@ -276,6 +293,10 @@ class Transport(ABC):
     # what a transport does of these, with names and types that have been checked
 
     @abstractmethod
+    def _published(self) -> Iterable[tuple[str, str, str]]:
+        """Return the topics that are published, by this program's names, their types, and who publishes."""
+
+    @abstractmethod
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher: ...
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
@@ -301,9 +322,11 @@ class Transport(ABC):
     def _hear(self, topic: str, type_name: str) -> HeardTopic:
         """Begin to receive a topic that nobody in this program has subscribed to yet."""
 
-    @abstractmethod
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse a topic that somebody publishes as another type."""
+        found = self.topics().get(topic)
+        if found is not None and found != current_name(type_name):
+            raise other_type(topic, type_name, found)
 
     # of those that have services
 
@@ -343,6 +366,16 @@ class Latest:
     def close(self) -> None:
         """Receive no more."""
         self._subscription.close()
+
+
+def wait_until_settled(seen: Callable[[], object], settle: float) -> None:
+    """Wait until what a program sees of others has not changed for `settle` [s], a few seconds at most."""
+    begin = last = time.monotonic()
+    known = None
+    while (now := time.monotonic()) - last < settle and now - begin < _LONGEST_SETTLE:
+        if (found := seen()) != known:
+            known, last = found, now
+        time.sleep(0.02)
 
 
 def answer_of(name: str, waiting: Request, timeout: float, serve: Callable[[], object] | None = None) -> Message:

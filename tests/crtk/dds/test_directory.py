@@ -123,19 +123,3 @@ def test_programs_that_speak_of_other_types_are_named(robot: Any, peer: Any, cap
     number = peer.participant.guid.hex
     assert f"/said: participant_{number} takes sensor_msgs/JointState, /robot publishes {TEXT}" in caplog.text
     assert f"/heard: participant_{number} publishes sensor_msgs/JointState, /robot takes {TEXT}" in caplog.text
-
-
-def test_programs_that_speak_version_2_alone_are_named(robot: Any, peer: Any, caplog) -> None:
-    from cyclonedds.core import Qos
-    from cyclonedds.pub import DataWriter
-    from cyclonedds.qos import Policy
-    from cyclonedds.topic import Topic
-
-    from oracles.cyclone_peer import RELIABLE, Text
-
-    robot.subscribe("/t", TEXT)
-    newer = Qos(RELIABLE, Policy.DataRepresentation(use_xcdrv2_representation=True))
-    writer = DataWriter(peer.participant, Topic(peer.participant, "rt/t", Text), newer)
-    until(lambda: caplog.records)
-    assert "which offers reliable, volatile, CDR version 2 only" in caplog.text
-    del writer

@@ -24,6 +24,7 @@ class RosArguments:
     node: str | None = None
     namespace: str = "/"
     distro: str | None = None  # distribution of the others; ROS_DISTRO's when None
+    transport: str | None = None  # rclpy or dds; the first that there is when None
 
     def network_name(self, name: str) -> str:
         """Return what a topic or service is called on the network."""

@@ -30,13 +30,11 @@ class Quality(NamedTuple):
 
     is_reliable: bool = True  # lost messages are sent again; else best effort, as of sensors
     is_latched: bool = False  # transient local: whoever comes later gets the last message; else volatile
-    is_plain: bool = True  # CDR of version 1, the only one that ROS 2 speaks
 
     def __str__(self) -> str:
         """Say it in ROS 2's words."""
-        words = ["reliable" if self.is_reliable else "best effort"]
-        words.append("transient local" if self.is_latched else "volatile")
-        return ", ".join(words if self.is_plain else [*words, "CDR version 2 only"])
+        reliability = "reliable" if self.is_reliable else "best effort"
+        return f"{reliability}, {'transient local' if self.is_latched else 'volatile'}"
 
     def lacks(self, asked: "Quality") -> tuple[str, ...]:
         """Return what a reader asks for and this, a writer's, does not offer, in ROS 2's names of policies."""
@@ -45,8 +43,6 @@ class Quality(NamedTuple):
             found.append("reliability")
         if asked.is_latched and not self.is_latched:
             found.append("durability")
-        if asked.is_plain is not self.is_plain:
-            found.append("data representation")
         return tuple(found)
 
 
@@ -69,11 +65,9 @@ def profile(quality: Quality, depth: int, user_data: str = "") -> Qos:
 
 def quality_of(qos: Qos) -> Quality:
     """Return what a peer offers or asks for, as DDS's discovery tells."""
-    representation = qos[Policy.DataRepresentation]
     return Quality(
         isinstance(qos[Policy.Reliability], Policy.Reliability.Reliable),
         qos[Policy.Durability] not in (None, Policy.Durability.Volatile),
-        representation is None or representation.use_cdrv0_representation,
     )
 
 
@@ -247,7 +241,7 @@ class Mismatches:
         """Return whether others have come since the last look, or wait to be named."""
         return self._changes != self._directory.changes or bool(self._seen)
 
-    def look(self, published: Ours, heard: Ours) -> None:
+    def look(self, published: Ours, heard: Mapping[str, str]) -> None:
         """Warn of those that have come; called where that is due."""
         self._changes = self._directory.changes
         for dds_name, (kind, quality) in published.items():
@@ -258,13 +252,11 @@ class Mismatches:
                 elif missing := quality.lacks(end.quality):
                     asked = f"it asks for {end.quality}, offered is {quality} ({', '.join(missing)})"
                     self._say(end, f"{topic}: {{}} hears nothing of {self._node}: {asked}")
-        for dds_name, (kind, quality) in heard.items():
+        for dds_name, kind in heard.items():
             topic = ros_topic(dds_name)
             for end in self._others(self._directory.publishers(dds_name)):
                 if end.type_name != dds_type(kind):
                     self._say(end, f"{topic}: {{}} publishes {ros_type(end.type_name)}, {self._node} takes {kind}")
-                elif end.quality.is_plain is not quality.is_plain:
-                    self._say(end, f"{topic}: {self._node} hears nothing of {{}}, which offers {end.quality}")
 
     def _others(self, ends: list[Endpoint]) -> Iterator[Endpoint]:
         return (end for end in ends if end.participant != self._own and end.guid not in self._said)

@@ -16,7 +16,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from cyclonedds.core import DDSException, DDSStatus, WaitSet
@@ -27,6 +27,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from catenary.crtk.dds.directory import (
+    HANDLES,
     MANY,
     Directory,
     Endpoint,
@@ -229,6 +230,13 @@ class Program:
                 for one, gid in self._ends.items():
                     ends[isinstance(one, DataWriter)].append(gid)
                 self._presence.write(presence(self.distribution.gid, self.gid, self._namespace, self._node, *ends))
+
+    def ends(self, known: Mapping[int, Endpoint], handles: Iterable[int]) -> list[Endpoint]:
+        """Return what Cyclone calls by these handles; it is looked up anew only where one is not known yet."""
+        found = [handle % HANDLES for handle in handles]
+        if not known.keys() >= set(found):
+            self.look()
+        return [known[handle] for handle in found if handle in known]
 
     def close(self) -> None:
         """Leave the domain."""

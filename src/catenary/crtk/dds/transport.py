@@ -7,7 +7,6 @@ them in its own way, Fast DDS's by what Cyclone's Python cannot say, and one tha
 worse than none.
 """
 
-import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
@@ -17,15 +16,14 @@ from cyclonedds.sub import DataReader
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.arguments import RosArguments
-from catenary.crtk.dds.directory import HANDLES, MANY, Endpoint, Mismatches, Quality
+from catenary.crtk.dds.directory import MANY, Endpoint, Mismatches, Quality
 from catenary.crtk.dds.program import Program
 from catenary.crtk.dds.types import Raw, dds_topic, dds_type, distribution, message_hash, message_type
 from catenary.crtk.inbox import Origin
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import CDR, codec
-from catenary.crtk.transport import Connections, HeardTopic, Publisher, Transport, absolute, other_type
+from catenary.crtk.transport import SETTLE, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
-from catenary.recording.messages import current_name
 
 _USUAL = Quality()
 _DEPTH = 4000  # messages that DDS keeps of a topic until the receiver takes them; what it drops, nobody counts
@@ -70,21 +68,16 @@ class ListenedTopic(HeardTopic):
         while self._readers:
             self._program.end(self._readers.popitem()[1])
 
-    def matched(self) -> list[int]:
-        """Return Cyclone's handles of the writers that some reader of it gets messages of."""
-        readers = self._readers.values()
-        return [handle % HANDLES for reader in readers for handle in reader.get_matched_publications()]
-
     def publishers(self) -> tuple[str, ...]:
         """Return the names of the nodes that it receives from."""
-        known = self._program.directory.publications
-        ends = {}
-        for quality, reader in self._readers.items():
-            for handle in reader.get_matched_publications():
-                end = known.get(handle % HANDLES)
-                if end is not None and _asked_of(end) == quality:
-                    ends[end.guid] = end
-        return self._program.directory.names(ends.values())
+        program = self._program
+        with program.lock:
+            return program.directory.names(
+                end
+                for quality, reader in tuple(self._readers.items())
+                for end in program.ends(program.directory.publications, reader.get_matched_publications())
+                if _asked_of(end) == quality
+            )
 
     def _take(self, quality: Quality, reader: DataReader[Any]) -> None:
         while True:
@@ -121,8 +114,6 @@ def _asked_of(publisher: Endpoint) -> Quality:
     return Quality(is_latched=offered.is_latched) if offered.is_reliable else Quality(is_reliable=False)
 
 
-SETTLE = 0.5  # [s] without news of other programs, until those that are there count as known
-_LONGEST = 3.0  # [s] to wait for that
 _ASK = 100  # messages that are sent before DDS is asked again whether anybody listens still
 
 
@@ -146,13 +137,13 @@ class DdsPublisher(Publisher):
         """Messages that were not sent to anybody, since DDS had no room for them."""
         return {"all": self._missed} if self._missed else {}
 
-    def subscribers(self) -> list[int]:
-        """Return Cyclone's handles of those that listen."""
-        if self.is_closed:
-            return []
-        found = [handle % HANDLES for handle in self._writer.get_matched_subscriptions()]
-        self._matched = len(found)
-        return found
+    def subscribers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that listen."""
+        program = self._program
+        with program.lock:
+            handles = () if self.is_closed else self._writer.get_matched_subscriptions()
+            self._matched = len(handles)
+            return program.directory.names(program.ends(program.directory.subscriptions, handles))
 
     def _send(self, message: Message) -> None:
         if self._sent % _ASK == 0 or not self._matched:
@@ -195,15 +186,7 @@ class DdsTransport(Transport):
         self._heard_lock = self.program.lock  # which the receiver holds
         self._mismatches = Mismatches(self.program.directory, self.program.gid, self.program.node)
         self.program.each_look = self._look
-        self._wait_for_others(settle)
-
-    def _wait_for_others(self, settle: float) -> None:
-        begin = last = time.monotonic()
-        changes = -1
-        while (now := time.monotonic()) - last < settle and now - begin < _LONGEST:
-            if self.program.directory.changes != changes:
-                changes, last = self.program.directory.changes, now
-            time.sleep(0.02)
+        wait_until_settled(lambda: self.program.directory.changes, settle)
 
     def _look(self) -> None:
         if not self._mismatches.is_due:
@@ -213,7 +196,7 @@ class DdsTransport(Transport):
             for one in tuple(self._publishers.values())
             if isinstance(one, DdsPublisher) and not one.is_closed
         }
-        self._mismatches.look(published, {one.dds_name: (one.type_name, Quality()) for one in self._listened()})
+        self._mismatches.look(published, {one.dds_name: one.type_name for one in self._listened()})
 
     def _come(self, end: Endpoint) -> None:
         """Listen to a publisher that has come."""
@@ -233,46 +216,12 @@ class DdsTransport(Transport):
     def _hear(self, topic: str, type_name: str) -> ListenedTopic:
         return ListenedTopic(self.program, self._dds_name(topic), type_name, self.steady)
 
-    def _refuse_other_type(self, topic: str, type_name: str) -> None:
-        found = self.topics().get(topic)
-        if found is not None and found != current_name(type_name):
-            raise other_type(topic, type_name, found)
-
-    def connections(self, topic: str) -> Connections:
-        """Return the peers over a topic that DDS has brought together with this program."""
-        topic = absolute(topic)
-        with self.program.lock:
-            publisher, received = self._publishers.get(topic), self._heard.get(topic)
-            handles = publisher.subscribers() if isinstance(publisher, DdsPublisher) else []
-            heard = received if isinstance(received, ListenedTopic) else None
-            senders = [] if heard is None else heard.matched()
-            directory = self.program.directory
-            if not (directory.subscriptions.keys() >= set(handles) and directory.publications.keys() >= set(senders)):
-                self.program.look()  # a server asks this of all its topics: only for who is not known yet
-            known = directory.subscriptions
-            return Connections(
-                () if heard is None else heard.publishers(),
-                directory.names(known[handle] for handle in handles if handle in known),
-            )
-
-    def topics(self) -> Mapping[str, str]:
-        """Return the topics that anyone publishes, with their types."""
-        return {topic: kind for topic, kind, _ in sorted(self._published(), key=lambda one: one[0])}
-
-    def publishing(self) -> Mapping[str, frozenset[str]]:
-        """Return the processes that publish each topic."""
-        found: dict[str, set[str]] = {}
-        for topic, _, end in self._published():
-            found.setdefault(topic, set()).add(self.program.directory.process(end))
-        return {topic: frozenset(processes) for topic, processes in found.items()}
-
-    def _published(self) -> Iterator[tuple[str, str, Endpoint]]:
-        """Yield the topics that are published, by this program's names, their types, and who publishes."""
+    def _published(self) -> Iterator[tuple[str, str, str]]:
         self.program.look()
         for topic, kind, end in self.program.directory.published():
             own = self._arguments.own_name(topic)
             if own is not None:
-                yield own, kind, end
+                yield own, kind, self.program.directory.process(end)
 
     def close(self) -> None:
         """End the node."""

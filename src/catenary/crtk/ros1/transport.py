@@ -9,7 +9,7 @@ import importlib
 import importlib.util
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +17,7 @@ from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.ros1.master import master_uri
-from catenary.crtk.transport import (
-    Connections,
-    Handler,
-    HeardTopic,
-    Publisher,
-    Transport,
-    absolute,
-    answer_of,
-    other_type,
-)
+from catenary.crtk.transport import Handler, HeardTopic, Publisher, Transport, answer_of, other_type
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name
 
@@ -188,23 +179,11 @@ class Ros1Transport(Transport):
         threading.Thread(target=waiting.run, daemon=True).start()  # rospy itself would wait for ever
         return answer_of(name, waiting, timeout)
 
-    def connections(self, topic: str) -> Connections:
-        """Peers over a topic, by node name."""
-        topic = absolute(topic)
-        publisher, received = self._publishers.get(topic), self._heard.get(topic)
-        return Connections(
-            received.publishers() if isinstance(received, _Topic) else (),
-            publisher.subscribers() if isinstance(publisher, Ros1Publisher) else (),
-        )
-
-    def topics(self) -> Mapping[str, str]:
-        """Topics that anyone publishes, with their types in their present spelling."""
-        return {topic: current_name(kind) for topic, kind in sorted(self.node.master.topics().items())}
-
-    def publishing(self) -> Mapping[str, frozenset[str]]:
-        """Processes that publish each topic, also those that do not answer."""
-        found: dict[str, frozenset[str]] = self.node.master.publishing()
-        return found
+    def _published(self) -> Iterator[tuple[str, str, str]]:
+        types = self.node.master.topics()
+        for topic, processes in self.node.master.publishing().items():  # also those that do not answer
+            for process in processes if topic in types else ():
+                yield topic, current_name(types[topic]), process
 
     def lost(self, topic: str) -> frozenset[str]:
         """Return programs that the master lists still, half a second ago at most, and that are not connected."""

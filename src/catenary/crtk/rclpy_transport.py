@@ -1,0 +1,362 @@
+"""ROS 2 behind the transport protocol by rclpy, where ROS 2 is installed: any RMW, and services that answer.
+
+Messages pass rclpy as ROS 2's bytes (CDR), made and read by the codec that DDS has too; only services need rclpy's
+objects. rclpy's executor answers services and parameters. It makes its set of what it waits for anew for each message,
+and hears 4,400 a second; a thread of the transport takes them instead, 14,000 a second for a fifth of a core.
+
+A type whose package is not built for this ROS 2 cannot be carried: its topics are left out, and a line says so.
+"""
+
+import importlib
+import logging
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import Log
+from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.task import Future
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.dds.arguments import BEGIN, RosArguments
+from catenary.crtk.inbox import Origin, Request
+from catenary.crtk.message import HEADER, Message, message_class
+from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.transport import (
+    SETTLE,
+    Handler,
+    HeardTopic,
+    Publisher,
+    Transport,
+    answer_of,
+    wait_until_settled,
+)  # fmt: skip
+from catenary.errors import TransportError
+from catenary.recording.messages import current_name, fields
+
+_DEPTH = 4000  # messages that the RMW keeps of a topic until the receiver takes them
+_AGAIN = 1000  # messages among which one that came to two readers is known again
+_IDLE = 0.0005  # [s] between two looks for messages where none came
+_LOOK = 0.2  # [s] between two looks at who is there: a twentieth of a millisecond a topic
+_NAMING = 1.0  # [s] until a program counts as one without a node
+_WAIT = 1.0  # [s] for a service to be found
+_PROGRAM = 12  # first bytes of the number of a topic's end, which DDS gives to all ends of a program
+_logger = logging.getLogger(__name__)
+_Quality = tuple[bool, bool]  # whether an end of a topic is reliable, and whether it is latched
+_Ends = dict[bytes, tuple[Origin, _Quality]]  # by their numbers
+
+
+def _ends(listed: list[Any]) -> _Ends:
+    """Return ends of a topic as rclpy lists them."""
+    found = {}
+    for one in listed:
+        gid = bytes(one.endpoint_gid)
+        node = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+        if not _is_named(one):
+            node = f"participant_{gid[:_PROGRAM].hex()}"
+        is_reliable = one.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        is_latched = one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        origin = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), is_latched)
+        found[gid] = origin, (is_reliable, is_latched and is_reliable)
+    return found
+
+
+def _is_named(end: Any) -> bool:
+    return not end.node_name.startswith("_")  # with which rclpy's words of a program without a node begin
+
+
+def _names(ends: _Ends) -> tuple[str, ...]:
+    return tuple(sorted({origin.process.partition(" ")[0] for origin, _ in ends.values()}))
+
+
+def _profile(depth: int, is_reliable: bool, is_latched: bool) -> Any:
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+class _LeftOut(Publisher):
+    """Publisher of a topic that cannot be carried."""
+
+    def _send(self, message: Message) -> None:
+        pass
+
+    def _end(self) -> None:
+        pass
+
+
+class _Publisher(Publisher):
+    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
+
+    def __init__(self, node: Any, kind: Any, topic: str, type_name: str, quality: Any) -> None:
+        super().__init__(topic, type_name)
+        self._encode, self._node, self._lock = codec(type_name, CDR).encode, node, threading.Lock()
+        self._is_latched = quality.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self._made = node.create_publisher(kind, topic, quality)
+        self._subscribers: tuple[str, ...] = ()
+
+    def subscribers(self) -> tuple[str, ...]:
+        return self._subscribers
+
+    def look(self) -> None:
+        """Ask who listens."""
+        with self._lock:
+            is_heard = not self.is_closed and self._made.get_subscription_count()
+            listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if is_heard else []
+            self._subscribers = _names(_ends(listed))
+
+    def _send(self, message: Message) -> None:
+        if self._is_latched or self._made.get_subscription_count():
+            self._made.publish(self._encode(message))
+
+    def _end(self) -> None:
+        with self._lock:
+            self._node.destroy_publisher(self._made)
+            self._subscribers = ()
+
+
+class _Taken(CallbackGroup):  # type: ignore[misc]  # rclpy is not typed
+    """What rclpy's executor is to leave alone, since the transport takes it."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+
+class _Topic(HeardTopic):
+    """A topic that is heard.
+
+    A reader that asks for more than a writer offers gets nothing of it, and one that asks for less gets nothing that
+    was latched. So there is a reader for each quality that some publisher offers; what comes to two is given once.
+    """
+
+    def __init__(self, transport: "RclpyTransport", kind: Any, topic: str, type_name: str) -> None:
+        super().__init__(type_name, self._end)
+        self._node, self._kind, self._steady = transport.node, kind, transport.steady
+        self._name = self._node.resolve_topic_name(topic)
+        self._readers: dict[_Quality, Any] = {}
+        self._publishers: _Ends = {}
+        self._seen: dict[bytes, float] = {}  # when, those without a node
+        self._came: deque[tuple[int, int]] = deque(maxlen=_AGAIN)  # when they were sent [ns], and their numbers
+        self._is_ended = self._is_unclear = False
+        self.look()
+
+    def publishers(self) -> tuple[str, ...]:
+        return _names(self._publishers)
+
+    def look(self) -> None:
+        """Ask who publishes, and listen to each."""
+        now, listed = time.monotonic(), self._node.get_publishers_info_by_topic(self._name)
+        listed = [one for one in listed if _type(one.topic_type) == self.type_name]
+        with self._lock:
+            # one whose node is told later must not be two programs
+            self._publishers = _ends([
+                one for one in listed
+                if _is_named(one) or now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING
+            ])  # fmt: skip
+            offered = {quality for _, quality in self._publishers.values()} or {(True, False)}
+            for quality in () if self._is_ended else offered - self._readers.keys():
+                self._readers[quality] = self._node.create_subscription(
+                    self._kind, self._name, print, _profile(_DEPTH, *quality), callback_group=_Taken(), raw=True
+                )
+
+    def _end(self) -> None:
+        with self._lock:
+            self._is_ended = True
+            while self._readers:
+                self._node.destroy_subscription(self._readers.popitem()[1])
+
+    def take(self) -> bool:
+        """Give what has come; return whether anything has."""
+        found = False
+        with self._lock:
+            for reader in tuple(self._readers.values()):
+                while (came := reader.handle.take_message(self._kind, True)) is not None:
+                    found = True
+                    self._receive(*came)
+        return found
+
+    def _receive(self, data: bytes, told: Mapping[str, Any]) -> None:
+        which = sent, _ = told["source_timestamp"], told["publication_sequence_number"] or 0
+        if len(self._readers) > 1:
+            if which in self._came:
+                return
+            self._came.append(which)
+        self.give(data, self._steady(), self._origin(told.get("publisher_gid")), sent)
+
+    def _origin(self, told: Mapping[str, Any] | None) -> Origin | None:
+        """Say where a message came from: rclpy tells it since Kilted; before, it is clear where one publishes alone."""
+        if told is None:
+            ends = tuple(self._publishers.values())
+            if len(ends) > 1 and not self._is_unclear:
+                self._is_unclear = True
+                _logger.warning(
+                    "topic %s: this rclpy does not tell whose a message is: %s", self._name, self.publishers()
+                )
+            return ends[0][0] if len(ends) == 1 else None
+        gid = bytes(told["data"])
+        if gid not in self._publishers:
+            self.look()
+        return self._publishers[gid][0] if gid in self._publishers else None
+
+
+def _type(name: str) -> str:
+    """Return a type's name without ROS 2's middle word."""
+    return current_name(name.replace("/msg/", "/"))
+
+
+class _Rosout(logging.Handler):
+    """Says on `/rosout` what catenary logs."""
+
+    def __init__(self, node: Any) -> None:
+        super().__init__(logging.INFO)
+        self._node, self._publisher = node, node.create_publisher(Log, "/rosout", _profile(1000, True, True))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        where = {"file": record.pathname, "function": record.funcName or "", "line": record.lineno}
+        what = {"name": self._node.get_name(), "level": record.levelno, "msg": record.getMessage()}
+        self._publisher.publish(Log(stamp=self._node.get_clock().now().to_msg(), **what, **where))
+
+
+class RclpyTransport(Transport):
+    """A node of rclpy's: one thread receives, another answers services and parameters."""
+
+    encoding = CDR
+    lapses = (0, 10 * SECOND, 20 * SECOND)  # Cyclone's and Fast DDS's lease
+
+    def __init__(self, name: str, *, arguments: RosArguments | None = None, settle: float = SETTLE) -> None:
+        """Join ROS 2 as its environment variables say; arguments as of `DdsTransport`."""
+        self._arguments = arguments or RosArguments()
+        super().__init__(self._arguments.node or name)
+        self._context = rclpy.Context()
+        words = [BEGIN, "--disable-external-lib-logs"]
+        for pair in self._arguments.topics.items():
+            words += ["-r", ":=".join(pair)]
+        try:
+            rclpy.init(args=words, context=self._context)  # signals stay the program's, as with any context of its own
+            self.node = rclpy.create_node(self.name, context=self._context, namespace=self._arguments.namespace)
+        except (RuntimeError, ValueError) as error:
+            raise TransportError(f"rclpy: {error}") from error
+        self._left_out: set[str] = set()
+        self._rosout = _Rosout(self.node)
+        logging.getLogger("catenary").addHandler(self._rosout)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._threads = [threading.Thread(target=run, daemon=True) for run in (self._receive, self._executor.spin)]
+        for thread in self._threads:
+            thread.start()
+        wait_until_settled(lambda: (self.node.get_node_names(), self.node.get_topic_names_and_types()), settle)
+
+    def _receive(self) -> None:
+        looked = 0.0
+        while not self.inbox.closed:
+            came = False
+            try:
+                heard = [one for one in tuple(self._heard.values()) if isinstance(one, _Topic)]
+                for topic in heard:
+                    came |= topic.take()
+                if time.monotonic() > looked + _LOOK:
+                    looked = time.monotonic()
+                    for one in (*heard, *tuple(self._publishers.values())):
+                        if isinstance(one, _Topic | _Publisher):
+                            one.look()
+            except Exception:  # one message, or one program, must not end it
+                _logger.exception("receiver of %s", self.name)
+            if not came:
+                time.sleep(_IDLE)
+
+    def _kind(self, name: str, part: str) -> Any:
+        """Return rclpy's class of a type of messages ("msg") or services ("srv"), or None where it has none."""
+        package, _, word = current_name(name).partition("/")
+        try:
+            kind = getattr(importlib.import_module(f"{package}.{part}"), word)
+        except (ImportError, AttributeError) as error:
+            if name not in self._left_out:
+                self._left_out.add(name)
+                _logger.warning("%s is left out: this ROS 2 has no such type (%s); --transport dds has", name, error)
+            return None
+        if part == "msg":
+            theirs = list(kind.get_fields_and_field_types())
+            ours = [field.name for field in fields(name)][int(name == HEADER) :]
+            if theirs != ours:
+                raise TransportError(f"{name}: this ROS 2 has the fields {theirs}, expected {ours}")
+        return kind
+
+    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher:
+        kind = self._kind(type_name, "msg")
+        if kind is None:
+            return _LeftOut(topic, type_name)
+        quality = _profile(1 if latch else queue, latch or self.sending.is_reliable, latch)
+        return _Publisher(self.node, kind, topic, type_name, quality)
+
+    def _hear(self, topic: str, type_name: str) -> HeardTopic:
+        kind = self._kind(type_name, "msg")
+        return HeardTopic(type_name, lambda: None) if kind is None else _Topic(self, kind, topic, type_name)
+
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
+        kind = self._kind(type_name, "srv")
+        if kind is None:
+            return
+        if self.node.count_services(self.node.resolve_service_name(name)):
+            raise TransportError(f"service {name} is offered already")
+        asked, answer = codec(f"{type_name}Request", CDR), codec(f"{type_name}Response", CDR)
+
+        async def serve(request: Any, _: Any) -> Any:
+            sent, answered = asked.decode(serialize_message(request)), Future(executor=self._executor)
+
+            def run() -> None:
+                try:
+                    answered.set_result(handler(sent))
+                except Exception as error:  # ROS 2 says so by the answer's own text
+                    _logger.error("service %s failed: %s", name, error)
+                    empty = message_class(f"{type_name}Response")()
+                    answered.set_result(empty._replace(message=str(error)) if hasattr(empty, "message") else empty)
+                self._executor.wake()
+
+            self.inbox.put(run)
+            return deserialize_message(answer.encode(await answered), kind.Response)
+
+        self.node.create_service(kind, name, serve)
+
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
+        asked, answer = codec(f"{type_name}Request", CDR), codec(f"{type_name}Response", CDR)
+        data, kind = asked.encode(request), self._kind(type_name, "srv")
+        if kind is None:
+            raise TransportError(f"service {name}: this ROS 2 has no type {type_name}")
+        client = self.node.create_client(kind, name)
+        try:
+            if not client.wait_for_service(min(timeout, _WAIT)):
+                raise TransportError(f"service {name}: nobody offers it")
+            coming = client.call_async(deserialize_message(data, kind.Request))
+            waiting = Request(lambda: answer.decode(serialize_message(coming.result())))
+            coming.add_done_callback(lambda _: waiting.run())
+            return answer_of(name, waiting, timeout)
+        finally:
+            self.node.destroy_client(client)
+
+    def _published(self) -> Iterator[tuple[str, str, str]]:
+        for topic, _ in self.node.get_topic_names_and_types():
+            own, listed = self._arguments.own_name(topic), self.node.get_publishers_info_by_topic(topic)
+            if own is not None:
+                yield from ((own, _type(listed[0].topic_type), one.process) for one, _ in _ends(listed).values())
+
+    def close(self) -> None:
+        """End the node."""
+        if self.inbox.closed:
+            return
+        super().close()
+        logging.getLogger("catenary").removeHandler(self._rosout)
+        self._executor.shutdown()
+        for thread in self._threads:
+            thread.join()
+        self._end_topics()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
