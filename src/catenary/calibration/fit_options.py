@@ -91,6 +91,11 @@ class FitOptions:
         return self.kind in TAKE_FRICTION and self.network != "paper" and self.target == "error"
 
     @property
+    def takes_zeros(self) -> bool:
+        """Whether zeros of recordings are left out of what is learnt; the paper's network takes rows as they are."""
+        return self.kind != "offset" and self.network != "paper"
+
+    @property
     def network(self) -> Preset | None:
         """The preset that a network is trained by; None for other kinds."""
         return (self.preset or "best") if self.kind == "neural" else None

@@ -15,6 +15,7 @@ from catenary.calibration.midline import RADIUS, TRAVEL, Midline
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import AnyPredictor, fit_linear, fit_offset, fit_polynomial, fit_smooth
+from catenary.calibration.recording_zeros import recording_zeros
 from catenary.calibration.spike_filter import ANY, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
@@ -137,7 +138,7 @@ def _joint_of(log: MotionLog, name: str) -> str | None:
 def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress: Progress = silent) -> CalibrationModel:
     """Fit a calibration model to rows of data.
 
-    Joints with the same inputs are fitted together.
+    Joints with the same inputs are fitted together, with the zeros of several recordings left out of what they learn.
     """
     if data.features != inputs.features:
         raise InputError(
@@ -159,7 +160,10 @@ def fit(data: CalibrationData, inputs: Inputs, options: FitOptions, *, progress:
         columns = inputs.features.columns_of(signals)
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
-        predictor = _fit_predictor(X, Y[:, joints], options, late, report)
+        learnt = Y[:, joints]
+        if options.takes_zeros:
+            learnt = learnt - recording_zeros(X, learnt, data.recording)[data.recording]
+        predictor = _fit_predictor(X, learnt, options, late, report)
         watched = columns[~inputs.features.bounded[columns]]
         groups.append(
             JointGroup(

@@ -146,7 +146,7 @@ class RuleOptions:
     )
     sensor_noise: float | None = option("M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0)
     rule: Sequence[str] = option(
-        "NAME=VALUE", "A rule of what is believed, as max_push=4; repeatable. docs/gravity-sensor-rules.md has all of them."
+        "NAME=VALUE", "A rule of what is believed, as max_push=4; repeatable; docs/gravity-sensor-rules.md has all."
     )
     hanging: bool = option(None, "The base may hang upside down.", False)
 
