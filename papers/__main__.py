@@ -1,6 +1,7 @@
-"""Every figure and table of the four papers, and beyond: python -m papers list | publish | NAME... | all."""
+"""Every figure and table of the four papers, and beyond: python -m papers list | judge | publish | NAME... | all."""
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,8 +10,8 @@ from rich.console import Console
 
 from catenary.errors import CatenaryError
 from papers.catalog import MODULES, experiment, named
-from papers.pages import publish
-from papers.sweep import plan, sweep
+from papers.pages import COMMITTED, publish, raw_results
+from papers.sweep import judge, plan, sweep
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 OUT = Path("results/papers")
@@ -25,7 +26,9 @@ def parser() -> argparse.ArgumentParser:
         epilog="A name is that of an experiment, or the beginning of several: calibration, gravity, regressor, beyond.",
         allow_abbrev=False,
     )
-    made.add_argument("names", nargs="+", metavar="NAME", help="list, publish, all, or names of experiments")
+    made.add_argument(
+        "names", nargs="+", metavar="NAME", help="names of experiments, or all; list; judge or publish NAME ..."
+    )
     made.add_argument(
         "--seeds",
         type=_count,
@@ -35,6 +38,9 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--workers", type=_count, default=1, metavar="N", help="processes on this machine (1)")
     made.add_argument("--cluster", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, in their place")
+    made.add_argument(
+        "--within", type=_count, metavar="MINUTES", help="begin no case later than this; run it again to go on"
+    )
     made.add_argument("--quick", action="store_true", help="a minute each, to see that it runs: no verdicts")
     made.add_argument("--out", type=Path, default=OUT, metavar="DIR", help=f"where results go ({OUT})")
     made.add_argument(
@@ -62,6 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for path in publish(told.out, named(told.names[1:]) if told.names[1:] else None):
                 print(path)
             return 0
+        if told.names[0] == "judge":
+            for name in raw_results(told.names[1:]):
+                judge(name, COMMITTED, told.out)
+            return 0
         names = named(told.names)
     except CatenaryError as error:
         made.error(str(error))
@@ -73,7 +83,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             planned.append(plan(asked, seeds=told.seeds, quick=told.quick, data=data))
     try:
-        failed = sweep(planned, told.out, workers=told.workers, cluster=told.cluster, data=data, console=console)
+        failed = sweep(
+            planned, told.out, workers=told.workers, cluster=told.cluster, data=data, console=console,
+            minutes=told.within or math.inf,
+        )  # fmt: skip
     except CatenaryError as error:
         made.error(str(error))
     return 1 if failed else 0

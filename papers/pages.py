@@ -13,7 +13,8 @@ docs/results/claims.md has every claim, a line each.
 
 `python -m papers publish` writes pages and blocks, and a test holds them against the committed tables. What was
 measured comes from these. Reasons, and which numbers the robot was fitted to, come from the experiments, so that
-telling them better needs no run.
+telling them better needs no run. Nor does telling or judging otherwise what was measured: `python -m papers judge`
+makes tables, pictures and verdicts of the committed raw results.
 """
 
 import json
@@ -25,9 +26,9 @@ from typing import Any
 
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from papers.catalog import MODULES, experiment
+from papers.catalog import MODULES, experiment, named
 from papers.experiment import BEYOND
-from papers.results_files import FITTED, markdown, shown_verdict, told_of
+from papers.results_files import FITTED, RAW, markdown, shown_verdict, told_of
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "papers" / "results"
@@ -94,12 +95,14 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
         content = json.loads(source.read_text(encoding="utf-8"))
         if content["missing"]:
             raise InputError(f"{source}: {content['missing']} cases are missing; run {name} again")
+        if not (raw := out / f"{name}{RAW}").exists():
+            raise InputError(f"{raw}: missing; run {name} again")
         COMMITTED.mkdir(exist_ok=True)
         PICTURES.mkdir(parents=True, exist_ok=True)
         for old in PICTURES.glob(f"{name}-[0-9].svg"):
             old.unlink()
         for path, target in [
-            (source, COMMITTED / source.name),
+            *((path, COMMITTED / path.name) for path in (source, raw)),
             *((path, PICTURES / path.name) for path in sorted(out.glob(f"{name}-[0-9].svg"))),
         ]:
             write_atomically(target, path.read_bytes())
@@ -114,6 +117,19 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
             write_atomically(page, text.encode())
             written.append(page)
     return written
+
+
+def raw_results(words: Sequence[str]) -> list[str]:
+    """Return the experiments of which raw results are committed: those that words ask for; all of them without words.
+
+    Raises:
+        InputError: One that is named alone has none.
+    """
+    names = named(words or ["all"])
+    found = [name for name in names if (COMMITTED / f"{name}{RAW}").exists()]
+    if not found:
+        raise InputError(f"{COMMITTED}: no raw results of {', '.join(names)}; run them, and publish them")
+    return found
 
 
 def documents() -> list[Path]:

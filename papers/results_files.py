@@ -8,9 +8,10 @@ from typing import Any
 from catenary.files import json_text, write_atomically
 from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
 from papers.claims import NOT_MEASURED
-from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, Scope
-from papers.store import Finished
+from papers.experiment import Case, Claim, Experiment, Judgement, Outcomes, Report, Scope
+from papers.store import Finished, write_raw
 
+RAW = ".raw.json.xz"  # ending of the file that holds what the cases of an experiment left
 FITTED = "Fitted: the simulated robot was fitted to this number, or to one that implies it."
 VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
 
@@ -95,22 +96,27 @@ def _days(dates: Sequence[str]) -> str:
     return first if first == last else f"{first} to {last}"
 
 
-def write_results(
-    folder: Path,
-    experiment: Experiment,
-    scope: Scope,
-    outcomes: Outcomes,
-    finished: Sequence[Finished],
-    missing: int = 0,
-) -> dict[str, Any]:
-    """Write NAME.json, NAME.html and NAME-1.svg ... into a folder; return what NAME.json holds.
+def outcome(
+    experiment: Experiment, scope: Scope, kept: Mapping[Case, Finished], missing: int = 0
+) -> tuple[dict[str, Any], Report, list[tuple[Claim, Judgement]]]:
+    """Return what NAME.json holds, the report and the verdicts that follow from what cases left.
 
     Quick results, and those of which cases are missing, hold no verdicts.
     """
+    outcomes = Outcomes({case: finished.result for case, finished in kept.items()})
     report = experiment.report(outcomes)
     claims = judged(experiment, outcomes) if not (scope.quick or missing) else []
-    content = summary(experiment, scope, report, claims, finished, missing, networks=outcomes.trainings)
+    finished = list(kept.values())
+    return (summary(experiment, scope, report, claims, finished, missing, networks=outcomes.trainings), report, claims)
+
+
+def write_results(
+    folder: Path, experiment: Experiment, scope: Scope, kept: Mapping[Case, Finished], missing: int = 0
+) -> dict[str, Any]:
+    """Write NAME.json, NAME.raw.json.xz, NAME.html and NAME-1.svg ... into a folder; return what NAME.json holds."""
+    content, report, claims = outcome(experiment, scope, kept, missing)
     folder.mkdir(parents=True, exist_ok=True)
+    write_raw(folder / f"{experiment.name}{RAW}", kept)
     for number, drawn in enumerate(report.pictures, 1):
         write_atomically(folder / f"{experiment.name}-{number}.svg", svg(drawn.figure))
     blocks: list[Block] = [Text(paragraph) for paragraph in experiment.about.split("\n\n")]

@@ -92,6 +92,7 @@ def run_cases(
     workers: int = 1,
     cluster: str | None = None,
     data: Path | None = None,
+    until: float = math.inf,
     told: Told = lambda case, ended: None,
 ) -> list[Failure]:
     """Run those cases that have no result yet, each once; keep every result as it comes.
@@ -102,6 +103,7 @@ def run_cases(
         workers: Processes on this machine; one runs in this process.
         cluster: Address of a Dask scheduler in place of these.
         data: Folder of recordings of real arms, the same path on every worker.
+        until: On the clock of `time.monotonic` [s], when no further case begins; those that have begun end.
         told: Called as each case ends.
 
     Returns:
@@ -126,10 +128,11 @@ def run_cases(
         return failures
     if workers == 1 and cluster is None:
         for case in missing:
-            keep(case, _here(case, data))
+            if time.monotonic() < until:
+                keep(case, _here(case, data))
     else:
         with _client(min(workers, len(missing)), cluster) as client:
-            for case, ended in _on(client, missing, data):
+            for case, ended in _on(client, missing, data, until):
                 keep(case, ended)
     return failures
 
@@ -228,7 +231,9 @@ def _require_same(client: Any, cluster: str) -> None:
         )
 
 
-def _on(client: Any, cases: Sequence[Case], data: Path | None) -> Iterator[tuple[Case, Finished | Failure]]:
+def _on(
+    client: Any, cases: Sequence[Case], data: Path | None, until: float
+) -> Iterator[tuple[Case, Finished | Failure]]:
     """Run cases at once; those whose worker died are tried once more at the end, one by one.
 
     A worker that dies takes along whatever had been given to it; a case that kills its worker alone costs no other.
@@ -240,7 +245,7 @@ def _on(client: Any, cases: Sequence[Case], data: Path | None) -> Iterator[tuple
 
     dead: dict[Case, Finished | Failure] = {}
     try:
-        for case, ended, error in _ended(client, cases, data):
+        for case, ended, error in _ended(client, cases, data, until=until):
             if isinstance(error, KilledWorker):
                 dead[case] = ended
             else:
@@ -255,16 +260,22 @@ def _on(client: Any, cases: Sequence[Case], data: Path | None) -> Iterator[tuple
 
 
 def _ended(
-    client: Any, cases: Sequence[Case], data: Path | None, suffix: str = ""
+    client: Any, cases: Sequence[Case], data: Path | None, suffix: str = "", until: float = math.inf
 ) -> Iterator[tuple[Case, Finished | Failure, BaseException | None]]:
-    """Yield cases as they end, with the exception of those that failed."""
+    """Yield cases as they end, with the exception of those that failed; cases wait here where the time is limited."""
     from distributed import as_completed
 
-    source = fingerprint()
-    running = {
-        client.submit(execute, case, data, source, key=f"{case.key}{suffix}", retries=0, priority=-number): case
-        for number, case in enumerate(cases)
-    }
+    source, waiting = fingerprint(), list(reversed(cases))
+    running: dict[Any, Case] = {}
+
+    def submit() -> None:
+        at_once = len(cases) if math.isinf(until) else max(1, sum(client.nthreads().values()))
+        while waiting and len(running) < at_once and time.monotonic() < until:
+            case = waiting.pop()
+            key, priority = f"{case.key}{suffix}", len(waiting)
+            running[client.submit(execute, case, data, source, key=key, retries=0, priority=priority)] = case
+
+    submit()
     while running:
         try:
             for future in as_completed(list(running), timeout=PATIENCE):
@@ -276,8 +287,11 @@ def _ended(
                     told = "".join(traceback.format_exception(error))
                     yield case, Failure(case, told or f"{future.status}"), error
                 future.release()
+                if waiting:
+                    submit()
+                    break
         except TimeoutError:  # a long case, or nobody is there to run any
-            _require_worker(client, len(running))
+            _require_worker(client, len(running) + len(waiting))
 
 
 def _require_worker(client: Any, waiting: int) -> None:

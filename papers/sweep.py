@@ -1,16 +1,20 @@
 """Several experiments in one sweep: their cases together, each experiment shown as soon as its own have ended."""
 
-from collections.abc import Sequence
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Scope
-from papers.results_files import markdown, told_of, write_results
+from papers.catalog import experiment
+from papers.experiment import NOMINAL, Case, Experiment, Scope
+from papers.results_files import RAW, markdown, told_of, write_results
 from papers.runner import Failure, run_cases
-from papers.store import Finished, Store
+from papers.store import Finished, Store, read_raw
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,7 @@ def sweep(
     workers: int = 1,
     cluster: str | None = None,
     data: Path | None = None,
+    minutes: float = math.inf,
     console: Console,
 ) -> int:
     """Run what has no result yet; write and print every experiment's tables as its last case ends.
@@ -55,6 +60,7 @@ def sweep(
         workers: Processes on this machine.
         cluster: Address of a Dask scheduler in their place.
         data: Folder of recordings of real arms.
+        minutes: By the clock, after which no case begins; the next sweep goes on with those that are left.
         console: For progress and failures.
 
     Returns:
@@ -63,6 +69,7 @@ def sweep(
     Raises:
         InputError: A cluster that would give other numbers.
     """
+    until = time.monotonic() + 60.0 * minutes
     store = Store(out)
     cases = list(dict.fromkeys(case for one in planned for case in one.cases))
     waiting = {case for case in cases if store.read(case) is None}
@@ -88,7 +95,10 @@ def sweep(
                 waiting.discard(case)
                 show_finished()
 
-            failures = run_cases(cases, store, workers=workers, cluster=cluster, data=data, told=told)
+            failures = run_cases(cases, store, workers=workers, cluster=cluster, data=data, until=until, told=told)
+    if len(waiting) > 0:
+        left = ", ".join(one.experiment.name for one in unshown)
+        console.print(f"{len(waiting)} of {len(cases)} cases wait for another sitting: {left}", soft_wrap=True)
     if failures:
         console.print(f"{len(failures)} of {len(cases)} cases failed; see {store.failures}", soft_wrap=True)
     return len(failures)
@@ -101,10 +111,30 @@ def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
     if not kept:
         console.print(f"{asked.name}: no case has a result; see {store.failures}", soft_wrap=True)
         return
-    folder = out / "quick" if planned.scope.quick else out
-    outcomes = Outcomes({case: finished.result for case, finished in kept.items()})
     missing = len(cases) - len(kept)
-    content = write_results(folder, asked, planned.scope, outcomes, list(kept.values()), missing)
+    show_results(asked, planned.scope, kept, out / "quick" if planned.scope.quick else out, missing)
+
+
+def judge(name: str, committed: Path, out: Path) -> None:
+    """Write and print what committed raw results show today: no robot runs.
+
+    Args:
+        name: Of the experiment.
+        committed: Folder of NAME.json and the raw results.
+        out: Folder that is written.
+
+    Raises:
+        InputError: There are no raw results.
+    """
+    kept = read_raw(committed / f"{name}{RAW}")
+    told = json.loads((committed / f"{name}.json").read_text(encoding="utf-8"))
+    robots = tuple(NOMINAL if robot == "nominal" else robot for robot in told["robots"])
+    show_results(experiment(name), Scope(robots), kept, out, 0)
+
+
+def show_results(asked: Experiment, scope: Scope, kept: Mapping[Case, Finished], folder: Path, missing: int) -> None:
+    """Write and print what results show."""
+    content = write_results(folder, asked, scope, kept, missing)
     print(f"\n## {asked.title} ({asked.place})\n\n{told_of(content)}")
     for table in content["tables"]:
         print(f"\n{table['title']}\n\n{markdown(table)}")
@@ -112,5 +142,5 @@ def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
         says = claim["says"].rstrip(".")
         print(f"- {claim['verdict']}: {says}. Published: {claim['published']}. Here: {claim['measured']}.")
     if missing:
-        print(f"\n{missing} of {len(cases)} cases are missing: no verdicts.")
+        print(f"\n{missing} of {missing + len(kept)} cases are missing: no verdicts.")
     print(f"\n{folder / f'{asked.name}.html'}", flush=True)

@@ -3,6 +3,8 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter, process_time
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,7 +12,7 @@ import pytest
 from catenary import __version__
 from catenary.reports.page import Table
 from papers import __main__ as command
-from papers import catalog
+from papers import catalog, runner, sweep
 from papers.experiment import (
     Case,
     Claim,
@@ -25,6 +27,7 @@ from papers.experiment import (
     run,
 )
 from papers.figures import panels
+from papers.results_files import RAW
 from papers.store import Finished, Store
 
 
@@ -123,6 +126,28 @@ def test_a_failed_case_is_told_and_leaves_the_others_and_no_verdict(
     assert "Traceback" in kept.read_text()
 
 
+def test_a_sweep_in_two_sittings_ends_as_one_does_and_raw_results_are_judged_without_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    minutes = iter([0.0, 0.5, 1.1])
+    clock = SimpleNamespace(
+        monotonic=lambda: 60.0 * next(minutes), perf_counter=perf_counter, process_time=process_time
+    )
+    monkeypatch.setattr(sweep, "time", SimpleNamespace(monotonic=lambda: 0.0))
+    monkeypatch.setattr(runner, "time", clock)
+    assert command.main(["calibration-table-1", "--within", "1", "--out", str(tmp_path)]) == 0
+    assert "1 of 3 cases wait for another sitting: beyond-squares" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "beyond-squares.json").exists()
+    monkeypatch.undo()
+    monkeypatch.setattr(command, "experiment", lambda name: SQUARES)
+    monkeypatch.setattr(sweep, "experiment", lambda name: SQUARES)
+    content = ran(tmp_path)
+    sweep.judge("beyond-squares", tmp_path, tmp_path / "judged")
+    for name in ("beyond-squares.json", f"beyond-squares{RAW}", "beyond-squares-1.svg"):
+        assert (tmp_path / "judged" / name).read_bytes() == (tmp_path / name).read_bytes()
+    assert (content["robots"], content["cases"]) == (["nominal", 1, 2], 3)
+
+
 def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
     assert ran(tmp_path, "--seeds", "1")["robots"] == ["nominal", 1]
 
@@ -137,6 +162,8 @@ def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
         (["calibration-table-1", "--out", "a_file"], "name another folder by --out"),
         (["calibration-table-1", "--out", "a_file/below"], "name another folder by --out"),
         (["publish", "calibration-table-1", "--out", "nothing"], "run them first"),
+        (["judge", "calibration-table-1", "--out", "nothing"], "no raw results"),
+        (["calibration-table-1", "--within", "0"], "one or more"),
         (["calibration-table-1", "--workers", "2"], "pip install"),  # Dask
     ],
 )

@@ -9,9 +9,13 @@ from typing import Any
 import pytest
 
 from catenary.errors import InputError
+from catenary.files import json_text
 from catenary.spatial import STANDARD_GRAVITY
 from papers import catalog, pages
+from papers.experiment import Scope
 from papers.pages import HEADLINES, ROOT, block, committed, every_claim, page_of, publish, with_blocks
+from papers.results_files import RAW, outcome
+from papers.store import read_raw, write_raw
 
 QUOTING = [page for page in pages.documents() if "<!-- papers " in page.read_text()]
 OF_PAPERS = [
@@ -135,7 +139,15 @@ def test_committed_claims_are_those_that_the_experiment_makes(name: str) -> None
     made = [(one.says, one.place, one.published, one.criterion) for one in catalog.experiment(name).claims]
     assert all(len(row) == len(table["header"]) for table in content["tables"] for row in table["rows"])
     assert len(content["pictures"]) == len(list(pages.PICTURES.glob(f"{name}-[0-9].svg")))
-    assert kept == made, f"a claim has changed since it was judged: run {name} again, then publish"
+    assert kept == made, f"a claim has changed since it was judged: judge {name} again, then publish"
+
+
+@pytest.mark.parametrize("name", sorted(path.name.removesuffix(RAW) for path in pages.COMMITTED.glob(f"*{RAW}")))
+def test_committed_tables_and_verdicts_follow_from_committed_raw_results(name: str) -> None:
+    told = json.loads((pages.COMMITTED / f"{name}.json").read_text())
+    robots = tuple(None if robot == "nominal" else robot for robot in told["robots"])
+    content, _, _ = outcome(catalog.experiment(name), Scope(robots), read_raw(pages.COMMITTED / f"{name}{RAW}"))
+    assert json.loads(json_text(content)) == told, f"judge {name} again, then publish"
 
 
 def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,8 +177,12 @@ def test_results_with_missing_cases_are_not_published(tmp_path: Path, monkeypatc
     with pytest.raises(InputError, match="1 cases are missing"):
         publish(tmp_path, ["calibration-table-1"])
     (tmp_path / "calibration-table-1.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"raw\.json\.xz: missing; run calibration-table-1 again"):
+        publish(tmp_path, ["calibration-table-1"])
+    write_raw(tmp_path / f"calibration-table-1{RAW}", {})
     (tmp_path / "calibration-table-1-1.svg").write_text("<svg/>")
     written = publish(tmp_path, ["calibration-table-1"])
-    names = ["calibration-table-1.json", "calibration-table-1-1.svg", "calibration-table-1.md", "claims.md", "page.md"]
+    endings = (".json", RAW, "-1.svg", ".md")
+    names = [*(f"calibration-table-1{ending}" for ending in endings), "claims.md", "page.md"]
     assert [path.name for path in written] == names
     assert "0.1" in (tmp_path / "pages" / "page.md").read_text()

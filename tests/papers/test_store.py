@@ -1,11 +1,13 @@
 """Cases, what they leave, and experiments: keys by content, a store of files, the catalogue."""
 
 import json
+import lzma
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from catenary.errors import InputError
 from oracles.sweep_cases import quick, summed
 from papers import catalog, experiment, store
 from papers.calibration.table_1 import direction_errors
@@ -13,8 +15,8 @@ from papers.calibration.table_2 import more_epochs
 from papers.catalog import MODULES, named
 from papers.claims import by_count, mean_and_spread
 from papers.experiment import Case, Outcomes, Scope
-from papers.results_files import judged
-from papers.store import Finished, Store, source_digest
+from papers.results_files import RAW, judged
+from papers.store import Finished, Store, read_raw, source_digest, write_raw
 
 CASE = quick.case(number=3, folder="here")
 DONE = Finished(
@@ -35,6 +37,22 @@ def test_what_is_kept_comes_back_whole(tmp_path: Path) -> None:
     assert Store(tmp_path).read(CASE) == DONE
     content = json.loads((tmp_path / "cases" / f"{CASE.key}.json").read_text())
     assert (content["function"], content["arguments"]) == (CASE.function, {"folder": "here", "number": 3})
+
+
+def test_raw_results_come_back_whole_and_in_order_and_a_damaged_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / f"calibration-table-1{RAW}"
+    with pytest.raises(InputError, match="no raw results; run calibration-table-1 first"):
+        read_raw(path)
+    kept = {summed.case(number=k, folder="here"): DONE._replace(seconds=float(k)) for k in (2, 1, 3)}
+    write_raw(path, kept)
+    assert list(read_raw(path).items()) == list(kept.items())
+    whole = path.read_bytes()
+    write_raw(path, kept)
+    assert path.read_bytes() == whole  # nothing to commit again
+    for damage in (b"", whole[:-20], b"text", lzma.compress(b'[{"function": "f"}]')):
+        path.write_bytes(damage)
+        with pytest.raises(InputError, match="no file of raw results"):
+            read_raw(path)
 
 
 @pytest.mark.parametrize(
