@@ -5,7 +5,7 @@ import re
 
 from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError, MissingPackageError
+from catenary.errors import InputError, MissingPackageError, to_install
 
 
 def make_transport(ros: str, name: str) -> Transport:
@@ -27,9 +27,7 @@ def make_transport(ros: str, name: str) -> Transport:
         try:
             from catenary.crtk.dds.transport import DdsTransport
         except ImportError as error:
-            raise MissingPackageError(
-                f'ROS 2 is spoken by cyclonedds: pip install "catenary[ros2]" ({error})'
-            ) from error
+            raise MissingPackageError(f"ROS 2 is spoken by cyclonedds: {to_install('ros2')} ({error})") from error
         return DdsTransport(name, arguments=said)
     if ros == "none":
         from catenary.crtk.loopback import Loopback

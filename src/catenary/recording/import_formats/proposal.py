@@ -91,7 +91,7 @@ def propose(sources: Sources, *, robot: str | None = None, units: str | None = N
 
 
 def _positions(found: Sequence[Candidate], draft: _Draft) -> tuple[Candidate | None, Candidate | None]:
-    """Choose what the robot reports, or was told, and what measured the joints beside it."""
+    """Choose what the robot reports, or was told, and what measured its joints."""
 
     def of(role: Role) -> list[Candidate]:
         return [one for one in found if one.kind == "position" and one.role == role]
