@@ -2,7 +2,7 @@
 
 Prints the gravity torques of a two-link arm as formulas, how stiff gravity makes a RAVEN-II (its derivative), the
 torques of a thousand poses at once, and the names that a CasADi function of the inverse dynamics takes.
-Needs `pip install "catenary[jax,casadi,symbolic]"`.
+Needs `pip install jax casadi sympy`.
 """
 
 import casadi

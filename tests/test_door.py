@@ -147,7 +147,7 @@ def test_data_in_other_units_are_refused_before_they_are_called_errors_of_the_mo
     factor = np.where(np.array(log.joint_units) == "rad", np.rad2deg(1.0), 1e3)
     wrong = replace(log, q_nominal=factor * log.q_nominal, q_encoder=factor * log.q_encoder)
     for ask in (model.evaluate, model.refresh):
-        with pytest.raises(catenary.DataError, match="mend it with --units deg,deg,mm") as refused:
+        with pytest.raises(catenary.DataError, match="fix: --units deg,deg,mm") as refused:
             ask(wrong)
         assert refused.value.names == ("units",)
     assert catenary.evaluate(model, wrong, accept=["units"]).joints

@@ -3,7 +3,10 @@
 A message says what is wrong, where, what was got, what was expected and, where there are any, the choices.
 """
 
+import re
+import shlex
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, requires
 
 
 class CatenaryError(Exception):
@@ -65,6 +68,16 @@ class MissingInertiaError(CatenaryError, ValueError):
 
 class MissingPackageError(CatenaryError, ImportError):
     """An optional package is needed for this and is not installed; the message says how to install it."""
+
+
+def to_install(extra: str) -> str:
+    """Return the command that installs the packages of an extra, wherever this package itself came from."""
+    try:
+        every = requires("catenary") or []
+    except PackageNotFoundError:  # its files alone
+        return f"pip install -e '.[{extra}]' in a clone of the repository"
+    wanted = [one.partition(";")[0].strip() for one in every if re.search(rf"extra == .{extra}.$", one)]
+    return f"pip install {shlex.join(wanted)}"
 
 
 class UnreachablePoseError(CatenaryError, ValueError):

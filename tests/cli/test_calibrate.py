@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +82,11 @@ def test_a_loop_of_no_length_or_of_another_model_is_refused(recorded: Path, rave
 @pytest.mark.usefixtures("_no_page")
 def test_calibrate_does_what_is_missing_and_no_more(project_folder: Path, quick: None) -> None:
     first = catenary("calibrate", project_folder)
-    assert "1 kHz loop" in first.out
+    corrector = re.search(r"the corrector takes ([\d.]+) us a tick", first.out)
+    loop = re.search(r"1 kHz loop, reading and commanding the simulated robot included: .* median (\d+) us", first.out)
+    assert corrector
+    assert loop
+    assert float(corrector[1]) < float(loop[1]) + 1.0  # rounded
     assert "None" not in first.out  # where nobody counted overruns
     assert "nothing to do" not in first.out
     assert "deploy" in first.err  # its steps

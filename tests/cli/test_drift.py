@@ -89,7 +89,7 @@ def test_wrong_data_are_no_fault_of_a_model(of_day_0: str, tmp_path: Path, comma
     refused = catenary(*line)
     assert refused.code != 0
     said = " ".join(refused.err.split())
-    assert "likely numbers in degrees and millimetres; mend it with --units deg,mm" in said
+    assert "likely numbers in degrees and millimetres; fix: --units deg,mm" in said
     assert "--accept units" in said
     assert not (tmp_path / "new.npz").exists()
     assert catenary(*line, "--units", "deg,mm").code == 0

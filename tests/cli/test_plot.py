@@ -1,9 +1,12 @@
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
 from numpy.testing import assert_allclose
 
+import simulated_arm
+from catenary.recording.logs import read_log
 from command_line import catenary, refusal
 
 
@@ -47,3 +50,23 @@ def test_what_cannot_be_drawn_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     page = tmp_path / "other.png"
     page.write_text("mine")
     assert "is something else than a picture" in refusal("plot", "raven2", "--out", page)
+
+
+def test_a_models_errors_on_a_recording_are_a_figure_of_a_column_with_fonts_in_it(tmp_path: Path) -> None:
+    run, model = simulated_arm.write(tmp_path / "run.npz"), tmp_path / "arm.npz"
+    assert catenary("fit", run, "--model", "linear", "--out", model).code == 0
+    name = read_log(run).joint_names[1]
+    for ending, begins in (("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")):
+        out = tmp_path / f"figure.{ending}"
+        shown = catenary("plot", model, run, "--joint", name, "--out", out, "--json").json
+        assert shown == {"model": str(model), "joint": name, "out": str(out)}
+        assert out.read_bytes().startswith(begins)
+    pdf = (tmp_path / "figure.pdf").read_bytes()
+    assert b"/FontFile2" in pdf
+    assert b"/Type3" not in pdf
+    width, _ = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", pdf)[0]
+    assert float(width) == 3.5 * 72  # points
+    assert "--joint x: expected one of" in refusal("plot", model, run, "--joint", "x", "--out", out)
+    assert "do not go with LOG" in refusal("plot", model, run, "--payload", "1", "--out", out)
+    assert "--joint: goes with LOG" in refusal("plot", "raven2", "--joint", "x", "--out", out)
+    assert "give --out FILE" in refusal("plot", model, run)

@@ -53,7 +53,7 @@ def test_project_remembers_where_its_robot_is(on_ros: RobotOnLoopback, tmp_path:
 
 
 def test_unattended_terminal_gives_up(on_ros: RobotOnLoopback, tmp_path: Path) -> None:
-    assert "given up" in refusal("home", tmp_path / "p", "--ros", 1)
+    assert "cancelled" in refusal("home", tmp_path / "p", "--ros", 1)
     assert on_ros.robot.commands == 0
 
 

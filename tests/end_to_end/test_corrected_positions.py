@@ -1,5 +1,6 @@
 """examples/corrected_positions: a calibration model in a C program of its own."""
 
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -18,6 +19,7 @@ from catenary.workflows.c_header import c_header
 from command_line import catenary, refusal
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "corrected_positions"
+PAGE = Path(__file__).parents[2] / "docs" / "deployment.md"
 
 
 @pytest.mark.skipif(shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler or make")
@@ -42,6 +44,21 @@ def test_the_program_gives_pythons_corrections_motion_by_motion(tmp_path: Path) 
     assert_array_equal(given[:, 3:], inside[rows])
     short = subprocess.run(program, input="1 2\n", capture_output=True, text=True, check=False)
     assert (short.returncode, short.stderr) == (2, "line 1: expected 3 positions and 3 signals\n")
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
+def test_the_six_lines_on_the_page_of_deployment_give_pythons_correction(model: Path, tmp_path: Path) -> None:
+    (code,) = re.findall(r"^```cpp\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    (tmp_path / "loop.cpp").write_text(code)
+    assert catenary("export", "--model", model, "--rate-hz", 1000, "--c", tmp_path / "model.h").code == 0
+    strict = ("-std=c++11", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
+    subprocess.run(["g++", *strict, "loop.cpp", "-o", "loop"], cwd=tmp_path, check=True)
+    lines = subprocess.run([tmp_path / "loop"], capture_output=True, text=True, check=True).stdout.splitlines()
+    n = len(load_model(model)[0].joint_names)
+    out, inside, interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+    Corrector(load_model(model)[0]).correct(np.zeros(n), np.zeros(n), out, inside, interval)
+    assert len(lines) == 1000
+    assert_allclose(np.array(lines[0].split(), dtype=float), [out[0], interval[0], inside[0]], rtol=1e-8)
 
 
 def test_a_robot_without_inertia_gives_the_correction_alone_and_says_so(model: Path) -> None:

@@ -42,7 +42,7 @@ def test_numbers_in_deg_and_mm_become_rad_and_m() -> None:
     assert_allclose(mended.q_nominal, log.q_nominal, rtol=1e-14)
     assert mended.q_encoder is not None
     assert_allclose(mended.q_encoder, log.q_encoder, rtol=1e-14)
-    assert mended.notes == ("mended by --units deg,deg,mm",)
+    assert mended.notes == ("corrected by --units deg,deg,mm",)
 
 
 def test_the_units_of_one_array_leave_the_others() -> None:

@@ -309,7 +309,7 @@ def rmse(model: Path, log: Path, reading: Reading | None = None) -> tuple[list[f
     return [joint.rmse for joint in result.evaluation.joints], result.notes
 
 
-SAID = "mended as the model's training data: --sign q_encoder:pitch --shift 4; --no-mend takes it as it is"
+SAID = "corrected as the model's training data: --sign q_encoder:pitch --shift 4; --no-mend takes it as it is"
 
 
 def test_the_card_holds_its_mends_as_data(mended: Path) -> None:
@@ -362,7 +362,7 @@ def test_nothing_is_mended_where_it_is_switched_off_and_the_same_step_asked_for_
     with pytest.raises(DataError, match=r"--delay 0\.133"):
         held_against(mended, [raw], Reading(as_trained=False)).evaluate()
     assert_allclose(rmse(mended, late, Reading(as_trained=False))[0], 0.0, atol=0.02)
-    with pytest.raises(DataError, match=r'"late" was mended as the model\'s training data: --sign'):
+    with pytest.raises(DataError, match=r'"late" was corrected as the model\'s training data: --sign'):
         held_against(mended, [late]).evaluate()
     turned = as_parquet(
         replace(spoilt(day(2)), q_encoder=np.roll(day(2).q_encoder, 8, axis=0), ok=np.arange(800) >= 8),
@@ -439,7 +439,7 @@ def test_a_robot_that_reports_otherwise_than_the_training_data_were_mended_to_be
 ) -> None:
     corrector = Corrector(replace(fit(day(0), model="linear", folds=0), mends=mends))
     if refused:
-        with pytest.raises(InputError, match=r"mended by --sign q_nominal:yaw.*deploy --no-mend"):
+        with pytest.raises(InputError, match=r"corrected by --sign q_nominal:yaw.*deploy --no-mend"):
             corrector.prepare(NAMES, UNITS, 1000.0)
     else:
         corrector.prepare(NAMES, UNITS, 1000.0)

@@ -130,7 +130,7 @@ class CalibrationModel:
         taken = {"q_nominal", *(signal.partition(":")[0] for signal in self.features.signals)}
         keys = [key for key in self.mends if key.partition(":")[2] in taken and not key.startswith("units")]
         done = [f"--{key.partition(':')[0]} {text}" for key in keys for text in self.mends[key]]
-        said = f"the model learnt from recordings mended by {' '.join(done)}: mend what the robot reports likewise"
+        said = f"the model was trained on recordings corrected by {' '.join(done)}: correct the robot's reports too"
         return [said] if done else []
 
     def inside(self, X: Floats) -> Flags:

@@ -23,7 +23,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.midline import FULL, STATES
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.errors import InputError, MissingPackageError
+from catenary.errors import InputError, MissingPackageError, to_install
 from catenary.files import json_text, write_atomically
 from catenary.transmission.coupled_friction import SWEEPS
 
@@ -120,7 +120,7 @@ def _import_onnx() -> ModuleType:
         return import_module("onnx")
     except ImportError as error:
         raise MissingPackageError(
-            "ONNX files are written by the package onnx, which is not installed: pip install catenary[onnx]"
+            f"ONNX files are written by the package onnx, which is not installed: {to_install('onnx')}"
         ) from error
 
 

@@ -42,7 +42,7 @@ def extract(
 ) -> None:
     """Extract and synchronise the project's recordings.
 
-    Writes a motion log NAME.parquet for each, and a report beside it. Of a recording that was interrupted it takes
+    Writes a motion log NAME.parquet for each, and a report. Of a recording that was interrupted it takes
     what is whole, and says what is lost.
     """
     from catenary.recording.import_formats.raven_recordings import write_raven_csv
@@ -178,10 +178,13 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
     deployed = result.deployment
     if deployed is not None and deployed["compute_us"]:
         compute = deployed["compute_us"]
+        if (corrector := deployed["correction_us"]) is not None:
+            print(f"the corrector takes {corrector['median']:.1f} us a tick (p99.9 {corrector['p999']:.0f} us)")
         overruns = "" if deployed["overruns"] is None else f", {deployed['overruns']} overruns"
+        robot = "simulated robot" if deployed["simulated"] else "robot"
         print(
-            f"1 kHz loop: {deployed['ticks']} ticks, compute median {compute['median']:.1f} us, "
-            f"p99.9 {compute['p999']:.0f} us{overruns}"
+            f"1 kHz loop, reading and commanding the {robot} included: {deployed['ticks']} ticks, "
+            f"median {compute['median']:.0f} us, p99.9 {compute['p999']:.0f} us{overruns}"
         )
     if not result.repeated:
         print("nothing to do: every step had been done")

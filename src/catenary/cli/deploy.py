@@ -29,7 +29,7 @@ def deploy(
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
     real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
     ros: int | None = option(
-        "1|2", "Beside a robot on ROS: publish its messages corrected.", choices=(1, 2), joins_ros=True
+        "1|2", "With a robot on ROS: publish its corrected messages.", choices=(1, 2), joins_ros=True
     ),
     arm: str = option(None, "With --ros: gold (left) or green.", "gold", choices=("gold", "green"), goes_with="ros"),
     dialect: str | None = option(
@@ -38,7 +38,7 @@ def deploy(
     namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros"),
     rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros"),
     name: str | None = replace(NODE_NAME, goes_with="ros"),
-    no_mend: bool = option(None, "The robot reports as the model's training data were mended to be.", False),
+    no_mend: bool = option(None, "The robot already reports what the corrected training data had.", False),
     gravity_torque: bool = option(
         None, "With --ros: also publish the torques that hold the joints still.", False, goes_with="ros"
     ),

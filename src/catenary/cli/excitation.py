@@ -60,17 +60,17 @@ class CollisionOptions:
         read=_placed_mesh,
         not_with="no_collision_check",
     )
-    margin_mm: float = option("MM", "Distance that everything keeps at least.", 10.0)
+    margin_mm: float = option("MM", "Smallest distance between bodies.", 10.0)
     link_radius_mm: float | None = option(
         "MM", "Capsules of this radius along the links, in place of what the robot's description shows."
     )
     package_dir: Sequence[Path] = option(
-        "FOLDER", "Where a ROS package of meshes lies; repeatable. [default: above the URDF]"
+        "FOLDER", "Folder of a ROS package with meshes; repeatable. [default: above the URDF]"
     )
     may_touch: Sequence[tuple[str, str]] = option(
         "A:B", "Two links, or a link and an obstacle, not to compare; repeatable.", read=_pair
     )
-    no_collision_check: bool = option(None, "Design without looking at what the robot hits.", False)
+    no_collision_check: bool = option(None, "Design without a collision check.", False)
 
     def around(self, robot: str, model: "RobotModel") -> "MotionSurroundings":
         """Return what a robot must not hit."""

@@ -33,7 +33,7 @@ def check(
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xacro, .xml, .mjcf, .json;
     models are .npz; recordings bags of ROS 1 and 2, MCAP, journals, .npz, .parquet, .csv. A recording gets the verdict
-    that catenary fit begins with, mended by the same options. --json prints numbers with units (docs/json.md).
+    that catenary fit begins with, corrected by the same options. --json prints numbers with units (docs/json.md).
 
     Example: catenary check run1.npz --swap J1,J2
     """
@@ -71,7 +71,7 @@ def check(
 def recover(
     recording: Path = argument("RECORDING", "Journal (folder or one of its files), .bag, .mcap or its folder."),
     out: Path | None = option(
-        "PATH", "What to write, named as typed. [default: NAME.recovered beside it]", read=out_path
+        "PATH", "What to write, named as typed. [default: NAME.recovered, in its folder]", read=out_path
     ),
     as_json: bool = AS_JSON,
 ) -> None:
@@ -120,11 +120,11 @@ def export(
     c: Path | None = option("OUT", f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}", writes=HEADER),
     onnx: Path | None = option("OUT", "ONNX graph to write, e.g. arm.onnx.", writes=GRAPH),
     mcap: Path | None = option(
-        "OUT", "MCAP file to write, e.g. lab.mcap, and the robot's URDF beside it, lab.urdf.", writes=MCAP
+        "OUT", "MCAP file to write, e.g. lab.mcap, with the robot's URDF, lab.urdf.", writes=MCAP
     ),
     robot: str | None = option("ROBOT", "With --mcap: what was recorded. [default: as it says]", goes_with="mcap"),
     model: Path | None = option(
-        "CALIBRATION", "Calibration for the C header, or beside the recording.", not_with="onnx"
+        "CALIBRATION", "Calibration model for the C header, or for the recording.", not_with="onnx"
     ),
     rate_hz: float | None = option(
         "HZ",
@@ -227,7 +227,7 @@ def _mcap(
     geometry = load_geometry(named, arm)
     shapes = () if geometry is None else geometry.shapes
     made = write_mcap(recorded_arm(recording, arm, calibration), recording, out, shapes)
-    print_notes([*(note for note in recording.notes if note.startswith("mended")), *made.notes])
+    print_notes([*(note for note in recording.notes if note.startswith("corrected")), *made.notes])
     if as_json:
         urdf = None if made.urdf is None else str(made.urdf)
         print_json({"file": str(out), "urdf": urdf, "robot": arm.name, "messages": dict(made.messages)})
@@ -247,9 +247,10 @@ def import_recording(
     out: Path | None = option("LOG", f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}", writes=LOG),
     units: str | None = option("U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."),
     robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
-    yes: bool = option(None, "Take the proposed mapping, if nothing in it is open.", False),
+    yes: bool = option(None, "Accept the proposed mapping, unless a question is open.", False),
     answer: Sequence[str] = option(
-        "QUESTION=ANSWER", "Answer what the proposal leaves open, e.g. q_encoder=cam; with --out takes it; repeatable."
+        "QUESTION=ANSWER",
+        "Answer an open question of the proposal, e.g. q_encoder=cam, and accept it with --out; repeatable.",
     ),
     as_json: bool = AS_JSON,
 ) -> None:

@@ -251,7 +251,7 @@ def drift(
     recordings: ModelRecordingOptions,
     model: Path = argument("MODEL", "A model that catenary fit or refresh wrote."),
     data: Sequence[Path] = RECORDINGS,
-    factor: float = option("K", "For a model without intervals: times its card's error that is too much.", 2.0),
+    factor: float = option("K", "For a model without intervals: multiple of its card's error that is too much.", 2.0),
     max_error: Numbers | None = MAX_ERROR,
     accept: Sequence[str] = ACCEPT,
     report: Path | None = REPORT,

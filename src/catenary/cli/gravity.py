@@ -73,7 +73,7 @@ class Conditions:
     heave: Sequence[str] = option(_WAVE, "Accelerate the base up and down, with a phase; repeatable.")
     surge: Sequence[str] = option(_WAVE, "The same along the world's x axis.")
     sway: Sequence[str] = option(_WAVE, "The same along the world's y axis.")
-    payload: float = option("KG", "Mass at the tool's wrist; the model knows nothing of it.", 0.0, least=0.0)
+    payload: float = option("KG", "Mass at the tool's wrist, unknown to the model.", 0.0, least=0.0)
     kp: Numbers | None = option("K,K,...", "Stiffness of PD in Nm/rad and N/m: one number, or one a joint.")
     kd: Numbers | None = option("K,K,...", "Damping of PD in Nms/rad and Ns/m, likewise.")
     friction: Numbers | None = option(
@@ -82,11 +82,10 @@ class Conditions:
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.")
     simulated_imu: bool = option(
         None,
-        "Take gravity from a simulated inertial unit on the base, and not as it truly is; each option of "
-        "the sensor asks for it too.",
+        "Measure gravity with a simulated inertial unit on the base; each option of the sensor asks for it too.",
         False,
     )
-    sensor_bias: Triple | None = option("X,Y,Z", "What is left of the unit's bias after its calibration, in m/s2.")
+    sensor_bias: Triple | None = option("X,Y,Z", "Residual bias of the simulated accelerometer, in m/s2.")
     seed: int | None = SIMULATED_SEED
 
     def as_data(self) -> dict[str, Any]:
@@ -193,13 +192,13 @@ def gravity(
         not_with=("q", "q_deg", "as_json"),
     ),
     vendor: str | None = option(
-        "ur|kortex|franka", "Also print what tells the robot's own controller of this gravity.", flag="--for"
+        "ur|kortex|franka", "Also print the command that sets this gravity in the robot's own controller.", flag="--for"
     ),
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
 
-    On a base that is tilted, or under any vector; beside it the torques on a level base.
+    On a base that is tilted, or under any vector, and on a level base.
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """

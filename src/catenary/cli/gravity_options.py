@@ -140,13 +140,11 @@ class RuleOptions:
     """Options that say what of a sensor on a base is believed."""
 
     mounting_on: str = option(
-        "table|cart|vehicle|ship",
-        "What carries the base: gives rules, cut-off and times that suit how it moves.",
-        "table",
+        "table|cart|vehicle|ship", "Platform type: sets thresholds, filter cut-off and timeouts.", "table"
     )
     sensor_noise: float | None = option("M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0)
     rule: Sequence[str] = option(
-        "NAME=VALUE", "A rule of what is believed, as max_push=4; repeatable; docs/gravity-sensor-rules.md has all."
+        "NAME=VALUE", "Set a threshold, as max_push=4; repeatable. docs/gravity-sensor-rules.md lists them."
     )
     hanging: bool = option(None, "The base may hang upside down.", False)
 
@@ -192,14 +190,16 @@ class GravityOptions(RuleOptions):
 class SensingOptions(RuleOptions):
     """Options of every command that turns samples of a sensor into gravity."""
 
-    cutoff_hz: float | None = option("HZ", "Half power of the filter. [default: what suits --mounting-on]")
+    cutoff_hz: float | None = option("HZ", "Cut-off frequency of the filter. [default: by --mounting-on]")
     fallback: str = option("hold|fade|static|stop", "What gravity becomes when samples stop.", "fade")
-    stale_after: float = option("S", "Age from which the newest sample counts as held.", 0.05)
+    stale_after: float = option("S", "Age from which the newest sample is stale.", 0.05)
     age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
     attitude_time: float | None = option(
-        "S", "Average of the direction that fade goes to. [default: suits --mounting-on]"
+        "S", "Averaging time of the direction that fallback fade converges to. [default: by --mounting-on]"
     )
-    start_limit: float = option("S", "Without a believed sample for so long, fallback stop stops.", 1.0)
+    start_limit: float = option(
+        "S", "With --fallback stop: stop if no valid sample arrives within this time of the start.", 1.0
+    )
 
     def as_data(self) -> dict[str, Any]:
         """Return what was given, as plain data."""

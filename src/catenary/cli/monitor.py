@@ -59,7 +59,7 @@ def monitor(
 
             loaded = None if model is None else load_model(model)[0]
             played = recording_for(loaded, log, recordings.reading())
-            print_notes([note for note in played.notes if note.startswith("mended")])
+            print_notes([note for note in played.notes if note.startswith("corrected")])
             name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
         else:
             import numpy as np

@@ -234,7 +234,7 @@ def gravity_node(
     frame: str = option("NAME", "frame_id of the published gravity.", "base"),
     points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
     urscript: str | None = option(
-        "TOPIC", "Also tell a Universal Robot of gravity: its driver's topic of script commands."
+        "TOPIC", "Also set gravity on a Universal Robot, by its driver's topic of script commands."
     ),
     no_gyroscope: bool = option(None, "Ignore the Imu's angular rates.", False),
     baud: int = replace(BAUD, goes_with="port"),

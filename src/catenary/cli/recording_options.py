@@ -16,7 +16,7 @@ RECORDINGS = argument(
     "DATA",
     "Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others with --map.",
 )
-ACCEPT = option("NAME", "Go on though this was found wrong with the data; repeatable.")
+ACCEPT = option("NAME", "Continue despite this finding; repeatable.")
 MAX_ERROR = option("E,E,...", "Leave out rows with larger errors, per joint in deg, mm.")
 _READS = ("data", "train", "log", "file", "sources", "mcap")  # parameters that name a recording
 
@@ -27,11 +27,11 @@ def _of_recordings(metavar: str, help: str, default: Any = None) -> Any:
 
 @group
 class MappingOptions:
-    """How a recording of another make is read: which of its columns are which quantity."""
+    """How a third-party recording is read: which of its columns are which quantity."""
 
     map: Sequence[str] = _of_recordings(
         "QUANTITY=COLUMNS",
-        "Of a recording of another make: q_nominal, q_encoder, q_reported, qd, tau, ok, time or signal:NAME; may be "
+        "Of a third-party recording: q_nominal, q_encoder, q_reported, qd, tau, ok, time or signal:NAME; may be "
         "repeated. Example: q_encoder=/optitrack/joints.position[0:6]@deg",
     )
     mapping: Path | None = _of_recordings("TOML", "The same from a file; catenary import proposes one.")
@@ -52,20 +52,18 @@ class MappingOptions:
 
 @group
 class MendOptions:
-    """How recordings are mended before they are used."""
+    """How recordings are corrected before they are used."""
 
     units: str | None = _of_recordings(
         "U,U,...", "Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone."
     )
-    swap: Sequence[str] = _of_recordings(
-        "J,J", "These measured columns stand in each other's place; tau:J,J of torques."
-    )
+    swap: Sequence[str] = _of_recordings("J,J", "Exchange these measured columns; tau:J,J of torques.")
     sign: Sequence[str] = _of_recordings("J", "This measured column has the wrong sign; tau:J of torques.")
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
-    delay: float = _of_recordings("SECONDS", "Time by which measurements lie behind the commands.", 0.0)
-    shift: int = _of_recordings("ROWS", "Rows by which they do, of recordings without time stamps.", 0)
+    delay: float = _of_recordings("SECONDS", "Time by which measurements lag the commands.", 0.0)
+    shift: int = _of_recordings("ROWS", "The same in rows, for recordings without time stamps.", 0)
     time_unit: str = _of_recordings("UNIT", "Unit of the stamps: s, ms, us, ns, min or ks.", "s")
-    leave_out: Sequence[str] = _of_recordings("A:B", "Do not trust measured rows A to before B; repeatable.")
+    leave_out: Sequence[str] = _of_recordings("A:B", "Ignore measured rows A to B - 1; repeatable.")
 
     def mend(self) -> "Mend":
         """Return what to change of recordings."""
@@ -77,7 +75,7 @@ class MendOptions:
 
 @group
 class RecordingOptions(MappingOptions, MendOptions):
-    """How recordings are read, of any make, and mended before they are used."""
+    """How recordings are read, third-party ones too, and corrected before they are used."""
 
     def reading(self, robot: str | None = None) -> "Reading":
         """Return how to read recordings, of a robot of the catalogue or of a file where it is named.
@@ -118,5 +116,8 @@ class ModelRecordingOptions(RecordingOptions):
     """The same of recordings that are given to a model, which knows how its training data were mended."""
 
     no_mend: bool = option(
-        None, "Do not mend recordings as the model's training data were mended.", False, goes_with=(*_READS, "what")
+        None,
+        "Do not correct recordings as the model's training data were corrected.",
+        False,
+        goes_with=(*_READS, "what"),
     )

@@ -28,7 +28,7 @@ class DescriptionOptions:
     massless: Names | None = option(
         "LINK,...", "These links have no mass, though the description gives them none: names, or all."
     )
-    strict: bool = option(None, "Refuse inertias that no body has, instead of a warning.", False)
+    strict: bool = option(None, "Refuse impossible inertias instead of warning.", False)
 
     def declared(self) -> "Massless":
         """Return which links are declared massless."""

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catenary.cli.gravity_options import GivenGravity
-from catenary.cli.options import AS_JSON, TABLES_AS_JSON, Names, Numbers, Triple, option
+from catenary.cli.options import AS_JSON, TABLES_AS_JSON, Names, Numbers, Triple, argument, option
 from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
+from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_options import (
     Q_DEG,
     ROBOT,
@@ -212,7 +213,10 @@ def plot(
     given: GivenGravity,
     description: DescriptionOptions,
     carried: PayloadOptions,
-    robot: str = ROBOT,
+    recordings: ModelRecordingOptions,
+    robot: str = replace(ROBOT, metavar="ROBOT|MODEL", help=f"{ROBOT.help} With LOG: a calibration model."),
+    log: Path | None = argument("LOG", "A recording: draw the model's errors on it, one column wide.", None),
+    joint: str | None = option("NAME", "With LOG: the joint to draw. [default: the first]", goes_with="log"),
     q: Numbers | None = Q,
     q_deg: Numbers | None = Q_DEG,
     workspace: bool = option(None, "Draw where the ends can be, too.", False),
@@ -222,16 +226,27 @@ def plot(
     ),
     as_json: bool = replace(AS_JSON, goes_with="out"),
 ) -> None:
-    """Draw a robot, gravity, and the torques that hold it.
+    """Draw a robot and its torques, or a model's errors.
 
-    With its links, frames and centres of mass; without --q in the middle of its joints' ranges.
+    A robot with its links, frames, centres of mass, gravity, and the torques that hold it; without --q in the middle of
+    its joints' ranges. Or, given a recording too, what a calibration model does for one joint: errors over time, their
+    histogram, hysteresis, coverage of the intervals, and delay, as a figure for a paper.
 
     Example: catenary plot panda --q-deg 0,-30,0,-120,0,90,45 --base-tilt-deg 0,20 --out panda.png
+
+    Example: catenary plot arm.npz tuesday.parquet --joint elbow --out fig.pdf
     """
     from catenary.reports.page import write_picture
     from catenary.reports.robot_plot import middle_pose
     from catenary.reports.robot_plot import plot as draw
 
+    if log is not None:
+        if (given, description, carried, q, q_deg, workspace, hide) != (
+            GivenGravity(), DescriptionOptions(), PayloadOptions(), None, None, False, None,
+        ):  # fmt: skip
+            raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
+        _plot_errors(Path(robot), log, joint, recordings, out, as_json=as_json)
+        return
     gravity = given.told()
     model = carried.on(description.load(robot))
     values = given_joints(model, q, q_deg)
@@ -250,6 +265,27 @@ def plot(
     write_picture(figure, out, PICTURE.endings)
     if as_json:
         print_json({"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)})
+        return
+    print(f"picture: {out}")
+
+
+def _plot_errors(
+    path: Path, log: Path, joint: str | None, recordings: ModelRecordingOptions, out: Path | None, *, as_json: bool
+) -> None:
+    from catenary.reports.calibration import short_name
+    from catenary.reports.model_figure import model_figure
+    from catenary.reports.page import write_picture
+    from catenary.workflows.calibration_model import held_against
+
+    if out is None:
+        raise InputError("plot MODEL LOG: give --out FILE, as fig.pdf")
+    held = held_against(path, [log], recordings.reading())
+    result = held.evaluate()
+    print_notes(result.notes)
+    figure = model_figure(result.evaluation, held.logs[0], joint, name=short_name(result.model))
+    write_picture(figure, out, PICTURE.endings)
+    if as_json:
+        print_json({"model": str(path), "joint": joint or result.model.joint_names[0], "out": str(out)})
         return
     print(f"picture: {out}")
 

@@ -35,13 +35,11 @@ def view(
         None,
         completes=robots_beginning,
     ),
-    model: Path | None = option("MODEL", "Calibration model: the calibrated arm beside the reported one."),
+    model: Path | None = option("MODEL", "Calibration model: also show the calibrated arm."),
     log: Path | None = option(
         "LOG", "Show a recording of the robot: .parquet, .npz, or others with --map.", not_with=("ros", "robot_seed")
     ),
-    ros: int | None = option(
-        "1|2", "Beside a robot on ROS 1 or 2, which is only read.", choices=(1, 2), joins_ros=True
-    ),
+    ros: int | None = option("1|2", "Watch a robot on ROS 1 or 2, read-only.", choices=(1, 2), joins_ros=True),
     dialect: str | None = DIALECT,
     namespace: str | None = NAMESPACE,
     name: str | None = replace(NODE_NAME, goes_with="ros"),
@@ -153,7 +151,7 @@ def _recording(what: str | None, log: Path | None, model: Path | None, recording
         robot, path, model = project.robot, log or project.log, model or project.model
     loaded = None if model is None else load_model(model)[0]
     recording = recording_for(loaded, path, recordings.reading())
-    print_notes([note for note in recording.notes if note.startswith("mended")])
+    print_notes([note for note in recording.notes if note.startswith("corrected")])
     named = robot or recording.robot or "raven2"
     arm = load_robot(named)
     return _Titled(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.errors import FileFormatError, InputError, MissingPackageError
+from catenary.errors import FileFormatError, InputError, MissingPackageError, to_install
 from catenary.robots.geometry import (
     Ball,
     Box,
@@ -35,7 +35,7 @@ def _coal() -> Any:
         import coal
     except ImportError as error:
         raise MissingPackageError(
-            "shapes that are no capsules need Coal, which is not installed: pip install catenary[collision]; "
+            f"shapes that are no capsules need Coal, which is not installed: {to_install('collision')}; "
             "--no-collision-check goes on without"
         ) from error
     return coal

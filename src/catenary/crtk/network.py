@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments
 from catenary.crtk.transport import Transport
-from catenary.errors import InputError, MissingPackageError
+from catenary.errors import InputError, MissingPackageError, to_install
 
 _logger = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ def _dds_transport(name: str, said: RosArguments) -> Transport:
     try:
         from catenary.crtk.dds.transport import DdsTransport
     except ImportError as error:
-        raise MissingPackageError(f'ROS 2 is spoken by cyclonedds: pip install "catenary[ros2]" ({error})') from error
+        raise MissingPackageError(f"ROS 2 is spoken by cyclonedds: {to_install('ros2')} ({error})") from error
     return DdsTransport(name, arguments=said)
 
 

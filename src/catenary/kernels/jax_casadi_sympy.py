@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from catenary.errors import InputError, MissingPackageError, NotReadyError
+from catenary.errors import InputError, MissingPackageError, NotReadyError, to_install
 from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
 
 JaxFunction = Callable[..., Any]
@@ -28,7 +28,7 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
     try:
         import casadi
     except ImportError as error:
-        raise MissingPackageError('CasADi functions need casadi: pip install "catenary[casadi]"') from error
+        raise MissingPackageError(f"CasADi functions need casadi: {to_install('casadi')}") from error
     inputs = {array: casadi.SX.sym(array, width) for array, width in widths_of(line).items()}
     values = evaluate(
         line,
@@ -49,7 +49,7 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
         import jax
         import jax.numpy as jnp
     except ImportError as error:
-        raise MissingPackageError('JAX functions need jax: pip install "catenary[jax]"') from error
+        raise MissingPackageError(f"JAX functions need jax: {to_install('jax')}") from error
     if not jax.config.jax_enable_x64:
         raise NotReadyError(
             "JAX computes in float32, in which torques are wrong in the sixth digit: switch float64 on before "
@@ -116,7 +116,7 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
     try:
         import sympy
     except ImportError as error:
-        raise MissingPackageError('SymPy expressions need sympy: pip install "catenary[symbolic]"') from error
+        raise MissingPackageError(f"SymPy expressions need sympy: {to_install('symbolic')}") from error
     inputs = {
         array: tuple(
             sympy.Symbol(f"{array}_{'xyz'[i]}" if array in VECTORS else f"{array}{i + 1}", real=True)

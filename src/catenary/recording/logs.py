@@ -47,7 +47,7 @@ class Reading:
 
     units: tuple[str, ...] | None = None  # "rad" or "m" per joint
     joint_names: tuple[str, ...] | None = None
-    mapping: "RecordingMapping | None" = None  # of a recording of another make, with its own units
+    mapping: "RecordingMapping | None" = None  # of a third-party recording, with its own units
     mend: Mend = NOTHING  # what to change of them
     currents: bool = False  # torques are motor currents, or what the robot reports raw
     as_trained: bool = True  # mend them also as the training data of a model that they are given to

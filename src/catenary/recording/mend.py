@@ -18,7 +18,7 @@ ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option
 _NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
 MENDS = r"^(shift|delay|time_unit|(units|swap|sign|scale)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
-AS_TRAINED = "mended as the model's training data"  # how a note on them opens
+AS_TRAINED = "corrected as the model's training data"  # how a note on them opens
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
 
@@ -73,7 +73,7 @@ class Mend:
                 key, kept = _settled(log, step, text)
                 settled[key] = (*settled.get(key, ()), kept)
             log = changed
-        said = [f"mended by {' '.join(notes[0])}"] * bool(notes[0])
+        said = [f"corrected by {' '.join(notes[0])}"] * bool(notes[0])
         said += [f"{AS_TRAINED}: {' '.join(notes[1])}; --no-mend takes it as it is"] * bool(notes[1])
         return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
 

@@ -131,7 +131,7 @@ def delay_in_words(card: Card) -> str:
     """Return by how much measurements of a fit lay behind commands, and what of it was mended; empty where unknown."""
     seconds = clock_delay(card)
     mended = ", ".join(card.get("mends", {}).get("delay", ()))
-    return "" if seconds is None else f"{seconds:+.3f} s" + (f", of which {mended} s was mended" if mended else "")
+    return "" if seconds is None else f"{seconds:+.3f} s" + (f", of which {mended} s was corrected" if mended else "")
 
 
 def shortened(names: Sequence[str], most: int = 8) -> str:

@@ -206,6 +206,16 @@ class ErrorSeries:
     values: Floats
 
 
+def error_series(evaluation: Evaluation, j: int, name: str) -> list[ErrorSeries]:
+    """Return a joint's errors in deg or mm: raw, after the fixed offset, after the model, which is called `name`."""
+    scale = DISPLAY[evaluation.data.joint_units[j]][1]
+    return [
+        ErrorSeries("raw", RAW, scale * evaluation.raw[:, j]),
+        ErrorSeries("fixed offset", OFFSET, scale * evaluation.after_offset[:, j]),
+        ErrorSeries(name, MODEL, scale * evaluation.after_model[:, j]),
+    ]
+
+
 def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, name: str | None = None) -> Picture:
     """Draw the error of one joint over time and as histograms: raw, after the fixed offset, after the model.
 
@@ -215,20 +225,13 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, na
     from matplotlib.figure import Figure
 
     shown = name if name is not None else model.kind
-    unit, scale = DISPLAY[model.joint_units[j]]
-    series = [
-        ErrorSeries("raw", RAW, scale * evaluation.raw[:, j]),
-        ErrorSeries("fixed offset", OFFSET, scale * evaluation.after_offset[:, j]),
-        ErrorSeries(shown, MODEL, scale * evaluation.after_model[:, j]),
-    ]
+    unit = DISPLAY[model.joint_units[j]][0]
+    series = error_series(evaluation, j, shown)
     figure = Figure(figsize=(10, 3.1), layout="constrained")
     over_time, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
-    _draw_over_time(over_time, evaluation, series)
-    if evaluation.level is not None:
-        _draw_interval(over_time, evaluation, scale * evaluation.interval[:, j])
+    beyond = draw_errors_over_time(over_time, evaluation, j, series)
     over_time.set_ylabel(f"error [{unit}]")
-    beyond = _limit(over_time, series)
-    _draw_histograms(histogram, series[1:], unit)
+    draw_histograms(histogram, series[1:], unit)
     handles, labels = over_time.get_legend_handles_labels()
     legend = figure.legend(
         handles, [wrapped(label) for label in labels], loc="outside upper right", ncols=4, frameon=False, fontsize=9
@@ -283,8 +286,17 @@ def _limit(axes: "Axes", series: Sequence[ErrorSeries]) -> int:
     return int(np.any([(line.values < lower) | (line.values > upper) for line in series], axis=0).sum())
 
 
+def draw_errors_over_time(axes: "Axes", evaluation: Evaluation, j: int, series: Sequence[ErrorSeries]) -> int:
+    """Draw a joint's errors over time with the model's interval; return how many rows lie beyond the picture."""
+    _draw_over_time(axes, evaluation, series)
+    if evaluation.level is not None:
+        scale = DISPLAY[evaluation.data.joint_units[j]][1]
+        _draw_interval(axes, evaluation, scale * evaluation.interval[:, j])
+    return _limit(axes, series)
+
+
 def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[ErrorSeries]) -> None:
-    x, recordings = _running_time(evaluation)
+    x, recordings = running_time(evaluation)
     stretches, gaps = _stretches(x, row_breaks(evaluation))
     first = np.array([rows[0] for rows in stretches])
 
@@ -313,7 +325,7 @@ def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[Error
 
 def _draw_interval(axes: "Axes", evaluation: Evaluation, half_width: Floats) -> None:
     """Draw the interval about zero error as a band; of a stretch of rows the median."""
-    x, _ = _running_time(evaluation)
+    x, _ = running_time(evaluation)
     stretches, gaps = _stretches(x, row_breaks(evaluation))
     middle = np.array([np.median(half_width[rows]) for rows in stretches])
     first = np.array([rows[0] for rows in stretches])
@@ -349,7 +361,8 @@ def _alone(count: int, gaps: np.ndarray) -> np.ndarray:
     return np.asarray(edge[:-1] & edge[1:])
 
 
-def _draw_histograms(axes: "Axes", series: Sequence[ErrorSeries], unit: str) -> None:
+def draw_histograms(axes: "Axes", series: Sequence[ErrorSeries], unit: str) -> None:
+    """Draw how often each error occurs, all but the farthest, in `unit`."""
     widest = max(float(np.quantile(np.abs(line.values), 0.995)) for line in series)
     edges = np.linspace(-widest, widest, 61).tolist() if widest > 0.0 else 10
     for line in series:
@@ -364,8 +377,8 @@ def _new_recordings(evaluation: Evaluation) -> np.ndarray:
     return np.asarray((np.diff(data.recording) != 0) | (np.diff(data.time) < 0.0))
 
 
-def _running_time(evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-    """Time that keeps rising where recordings follow each other, and the rows where another one begins."""
+def running_time(evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+    """Return time that keeps rising where recordings follow each other, and the rows where another one begins."""
     time, new = evaluation.data.time, _new_recordings(evaluation)
     step = np.where(new, 0.0, np.diff(time))
     return time[0] + np.concatenate([[0.0], np.cumsum(step)]), np.flatnonzero(new) + 1

@@ -161,10 +161,16 @@ def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
 
 
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
-    """Write a matplotlib figure of the kind that the name ends in, PNG where that is none of `endings`."""
+    """Write a matplotlib figure of the kind that the name ends in, PNG where that is none of `endings`.
+
+    Fonts are embedded: TrueType in PDF, as journals ask, outlines in SVG.
+    """
+    from matplotlib import rc_context
+
     kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
+    with rc_context({"pdf.fonttype": 42}):
+        figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH)
     write_atomically(path, buffer.getvalue())
 
 

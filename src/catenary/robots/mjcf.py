@@ -11,7 +11,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.documents import MOST_XML, read_bounded, shortened, xml_tree
-from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
+from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError, to_install
 from catenary.robots.actuation import StatedDrive, stated_actuation
 from catenary.robots.assembly import Coordinate, Link, assemble, file_source, left_out, naming_the_file
 from catenary.robots.link_inertia import LinkInertia
@@ -76,7 +76,7 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
         import mujoco
     except ImportError as error:
         raise MissingPackageError(
-            f"{path}: MuJoCo reads MJCF files and is not installed: pip install catenary[mujoco]"
+            f"{path}: MuJoCo reads MJCF files and is not installed: {to_install('mujoco')}"
         ) from error
     try:
         spec, aside = _read(mujoco, path)

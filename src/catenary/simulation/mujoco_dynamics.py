@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.errors import InputError, MissingPackageError
+from catenary.errors import InputError, MissingPackageError, to_install
 from catenary.robots.model import RobotModel
 from catenary.simulation.joint_step import TreeTerms
 from catenary.spatial import quaternion_from_rotation
@@ -135,7 +135,7 @@ def _import() -> Any:
         import mujoco
     except ImportError as error:
         raise MissingPackageError(
-            "MuJoCo simulates this robot and is not installed: pip install catenary[mujoco]"
+            f"MuJoCo simulates this robot and is not installed: {to_install('mujoco')}"
         ) from error
     return mujoco
 

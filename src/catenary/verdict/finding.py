@@ -52,7 +52,7 @@ class Finding:
     def __str__(self) -> str:
         where = f"{', '.join(self.joints)}: " if self.joints else ""
         likely = f"; likely {self.culprit}" if self.culprit else ""
-        mend = f"; mend it with {self.remedy}" if self.remedy else ""
+        mend = f"; fix: {self.remedy}" if self.remedy else ""
         return f"{where}{self.says}{likely}{mend}"
 
 

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from typing import Self
 
-from catenary.errors import CatenaryError, InputError, MissingPackageError
+from catenary.errors import CatenaryError, InputError, MissingPackageError, to_install
 from catenary.view.shown import Change, Shown
 from catenary.view.state import SharedState, ViewState
 from catenary.view.viser_page import ViserPage, open_server
@@ -120,7 +120,7 @@ class PageProcess:
 def require_viser() -> None:
     """Refuse to go on without viser."""
     if find_spec("viser") is None:
-        raise MissingPackageError("catenary view needs viser, which is not installed: pip install 'catenary[view]'")
+        raise MissingPackageError(f"catenary view needs viser, which is not installed: {to_install('view')}")
 
 
 def _run_page(pipe: Connection, port: int) -> None:

@@ -81,7 +81,7 @@ class TipPaths:
     """Where the tips of the arms have been lately, in the base frame."""
 
     def __init__(self, length: float) -> None:
-        """Begin without any point; `length` of the arm [m] says what a way worth a point is."""
+        """Begin without any point; the tip must travel a share of `length`, that of the arm [m], between points."""
         self._step = STEP * length
         self._points: dict[str, deque[Floats]] = {name: deque(maxlen=PATH) for name in ARMS}
 

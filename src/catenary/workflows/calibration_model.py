@@ -131,12 +131,12 @@ def held_against(
     accept: Sequence[str] = (),
     max_error: tuple[float, ...] | None = None,
 ) -> HeldAgainst:
-    """Read a model and recordings, those of another make by their mapping.
+    """Read a model and recordings, third-party ones by their mapping.
 
     Recordings that do not state their joints' names or units are read with the model's.
 
     Args:
-        reading: Mapping of recordings of another make, and what to change of them.
+        reading: Mapping of third-party recordings, and what to change of them.
         accept: Findings about them to go on with, by name.
         max_error: Per joint, deg and mm; rows with larger errors are left out; as in the model's fit when None.
 

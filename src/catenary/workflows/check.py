@@ -133,7 +133,7 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
             toml = f"{path.with_suffix('').name}.toml"
             asks = shlex.join(["catenary", "import", source, *said]) + f" > {shlex.quote(toml)}"
             return FileReport(
-                "recording of another make", facts, [], [f"open: {each}" for each in proposal.questions],
+                "third-party recording", facts, [], [f"open: {each}" for each in proposal.questions],
                 next=f"{asks}, answer what is OPEN in it, then catenary check {shlex.quote(source)} --mapping {toml}",
             )  # fmt: skip
         log, said = import_recording(path, proposal.accepted()), [*said, "--yes"]

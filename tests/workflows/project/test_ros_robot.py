@@ -102,7 +102,7 @@ def test_ctrl_c_while_a_person_is_asked_leaves_the_robot_paused(tmp_path: Path) 
 def test_giving_up_moves_nothing(tmp_path: Path) -> None:
     setup = on_loopback()
     opened = project(tmp_path)
-    with pytest.raises(NotReadyError, match="given up"):
+    with pytest.raises(NotReadyError, match="cancelled"):
         RosRobot(setup.transport, Person(workspace=lambda: False), simulated=True).home(opened)
     assert setup.robot.commands == 0
     assert not (tmp_path / "project/robot/home.json").exists()

@@ -158,7 +158,7 @@ def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -
 def _positions(
     found: Sequence[Candidate], streams: Sequence[Stream], draft: _Draft
 ) -> tuple[Candidate | None, Candidate | None]:
-    """Choose what the robot reports, or was told, and what measured the joints beside it."""
+    """Choose what the robot reports, or was told, and what measured its joints."""
 
     def of(role: Role) -> list[Candidate]:
         return [one for one in found if one.kind == "position" and one.role == role]

@@ -1,4 +1,4 @@
-"""A project's recordings as motion logs: extracted and synchronised, or of another make, read once by a mapping."""
+"""A project's recordings as motion logs: extracted and synchronised, or third-party ones, read once by a mapping."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -124,7 +124,7 @@ def motion_log_path(project: Project, name: str) -> Path:
 
 @dataclass(frozen=True)
 class Imported:
-    """A recording of another make that was read, and where the project keeps it."""
+    """A third-party recording that was read, and where the project keeps it."""
 
     log: MotionLog
     path: Path  # imported/NAME.parquet

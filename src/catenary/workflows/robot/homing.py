@@ -55,7 +55,7 @@ def clear_workspace(guide: Guide) -> None:
     """Ask a person to confirm that the robot may move."""
     text = "clear the arm's workspace, and keep the e-stop at hand: it is going to move"
     if not guide.confirm(text):
-        raise NotReadyError(f"{text}: given up; nothing has moved")
+        raise NotReadyError(f"{text}: cancelled; nothing has moved")
 
 
 def have_done(
@@ -71,7 +71,7 @@ def have_done(
         return
     while True:
         if not guide.confirm(text):
-            raise NotReadyError(f"{text}: given up; {missing() or 'though it was done'}")
+            raise NotReadyError(f"{text}: cancelled; {missing() or 'although the robot reports it done'}")
         waited = 0.0
         while (fault := missing()) is not None and waited < patience:
             sleep(LOOK)
