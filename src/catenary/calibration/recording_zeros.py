@@ -42,11 +42,11 @@ def recording_zeros(X: Floats, Y: Floats, recording: Integers) -> Floats:
             sums[r] += columns.T @ columns
     fold = np.arange(len(present)) % FOLDS
     errors = np.empty((len(HELD), len(present), Y.shape[1]))
-    for k in range(int(fold.max()) + 1):
+    for k in np.unique(fold):
         for p, held in enumerate(HELD):
             weights, _ = _shared(sums[fold != k], width, held)
-            for r in np.flatnonzero(fold == k):
-                errors[p, r] = _mean_square(sums[r], weights)
+            for out in np.flatnonzero(fold == k):
+                errors[p, out] = _mean_square(sums[out], weights)
     error = 0.5 * np.log(np.maximum(errors, 1e-30)).mean(axis=1)
     best: Integers = len(HELD) - 1 - (error <= error.min(axis=0) + ALIKE)[::-1].argmax(axis=0)
     for p, held in enumerate(HELD):
