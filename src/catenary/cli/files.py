@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -10,7 +10,7 @@ from catenary.cli.options import AS_JSON, Numbers, argument, option, require_one
 from catenary.cli.out_files import GRAPH, HEADER, LOG, MCAP, NAMED_AS_TYPED, PICTURE, out_path
 from catenary.cli.recording_options import MAX_ERROR, MappingOptions, ModelRecordingOptions, RecordingOptions
 from catenary.cli.robot_options import DescriptionOptions, PayloadOptions, one_or_each
-from catenary.cli.terminal import print_fact, print_json, print_notes, without_notes
+from catenary.cli.terminal import print_fact, print_json, print_notes, progress_bar, without_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -263,8 +263,7 @@ def import_recording(
     --units deg,deg,mm --out lab.parquet
     """
     from catenary.recording.import_formats.proposal import answers_of
-    from catenary.workflows.import_recording import findings_about, known_layout, propose_mapping
-    from catenary.workflows.import_recording import import_recording as read
+    from catenary.workflows.import_recording import import_to_file, known_layout, propose_mapping
 
     mapping, answers = foreign.read(units, robot=robot), answers_of(answer)
     layout = None if answers else known_layout(sources, robot=robot)
@@ -281,26 +280,25 @@ def import_recording(
         return
     if out is None:
         raise InputError("--out: where does the log go? expected --out LOG.parquet")
-    log = read(sources, mapping, units=units, robot=robot, accept_proposal=yes, answers=answers)
-    from catenary.recording.logs import write_parquet
-
-    write_parquet(log, out)
-    seconds = None if log.time is None else float(log.time.max() - log.time.min())
-    measured = int(log.ok.sum()) if log.q_encoder is not None else None
-    found = findings_about(log, robot=robot)
-    doubts = [f"{each.name}: {each}" for each in found if each.refuses]
-    delay = next((str(each) for each in found if each.name in ("delay", "clock")), None)
+    with progress_bar("import") as progress:
+        done = import_to_file(
+            out, sources, mapping, units=units, robot=robot, accept_proposal=yes, answers=answers, progress=progress
+        )
+    log = done.log
+    doubts = [f"{each.name}: {each}" for each in done.findings if each.refuses]
+    delay = next((str(each) for each in done.findings if each.name in ("delay", "clock")), None)
     if as_json:
-        facts = {"log": str(out), "layout": layout, "rows": len(log), "seconds": seconds, "measured": measured}
+        facts: dict[str, Any] = {"log": str(out), "layout": layout, "rows": done.rows, "seconds": done.seconds}
         joints = dict(zip(log.joint_names, log.joint_units, strict=True))
-        print_json({**facts, "joints": joints, "notes": log.notes, "doubts": doubts, "delay": delay})
+        facts |= {"measured": done.measured, "joints": joints, "not_used": done.not_used}
+        print_json({**facts, "notes": done.notes, "doubts": doubts, "delay": delay})
         return
-    print_notes([*log.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)])
+    print_notes([*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)])
     joints_in_words = ", ".join(f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True))
     print(f"joints: {joints_in_words}")
-    print(f"rows:   {len(log)}{'' if seconds is None else f', {seconds:.1f} s'}")
-    if measured is not None:
-        print(f"        {measured} of them with q_encoder")
+    print(f"rows:   {done.rows}{'' if done.seconds is None else f', {done.seconds:.1f} s'}")
+    if done.measured is not None:
+        print(f"        {done.measured} of them with q_encoder")
     if delay is not None:
         print(f"delay:  {delay}")
     print(f"log:    {out}")

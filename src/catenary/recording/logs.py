@@ -1,7 +1,8 @@
 """The door for recordings: motion logs as Parquet, known layouts as they are, any other by its mapping."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -175,9 +176,41 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         InputError: A further signal has the name of another column.
         FileFormatError: The file cannot be written.
     """
+    write_pieces([log], path)
+
+
+def write_pieces(logs: Iterable[MotionLog], path: str | Path) -> None:
+    """Write the pieces of a log as they come, one behind the other; what the last one says of itself is of all."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    with written_whole(Path(path)) as file, ExitStack() as open_writer:
+        writer: pq.ParquetWriter | None = None
+        for log in logs:
+            columns = _columns(log)
+            if writer is None:
+                fields = [
+                    pa.field(name, pa.bool_() if values.dtype == bool else pa.float64(), metadata={"unit": unit})
+                    for name, (values, unit) in columns.items()
+                ]
+                schema = pa.schema(fields, metadata={"catenary": _stated_by(log)})
+                # bytes of numbers apart: a tenth smaller and three times as quick as a dictionary of them
+                split = {name: "BYTE_STREAM_SPLIT" for name in columns if name != "ok"}
+                options = {"compression": "zstd", "write_page_checksum": True, "use_dictionary": False}
+                writer = open_writer.enter_context(pq.ParquetWriter(file, schema, column_encoding=split, **options))
+            writer.write_table(pa.table([values for values, _ in columns.values()], schema=schema))
+            last = _stated_by(log)
+        if writer is not None:
+            writer.add_key_value_metadata({"catenary": last})
+
+
+def _stated_by(log: MotionLog) -> str:
+    stated = _Stated(format=FORMAT, **{key: getattr(log, key) for key in _Stated.model_fields if key != "format"})
+    return json.dumps(stated.model_dump(mode="json"))
+
+
+def _columns(log: MotionLog) -> dict[str, tuple[NDArray[Any], str]]:
+    """Return the numbers and unit of each column."""
     columns: dict[str, tuple[NDArray[Any], str]] = {} if log.time is None else {"time": (log.time, "s")}
     columns["ok"] = log.ok, ""
     for prefix in JOINT_ARRAYS:
@@ -189,15 +222,7 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         if name in columns:
             raise InputError(f'recording "{log.name}": signal "{name}" has the name of a column of every log')
         columns[name] = values, log.signal_units.get(name, "")
-    stated = _Stated(format=FORMAT, **{key: getattr(log, key) for key in _Stated.model_fields if key != "format"})
-    fields = [
-        pa.field(name, pa.bool_() if values.dtype == bool else pa.float64(), metadata={"unit": unit})
-        for name, (values, unit) in columns.items()
-    ]
-    schema = pa.schema(fields, metadata={"catenary": json.dumps(stated.model_dump(mode="json"))})
-    table = pa.table([values for values, _ in columns.values()], schema=schema)
-    with written_whole(Path(path)) as file:
-        pq.write_table(table, file, compression="zstd", write_page_checksum=True)
+    return columns
 
 
 def read_parquet(path: Path) -> MotionLog:
@@ -211,7 +236,7 @@ def read_parquet(path: Path) -> MotionLog:
 
     try:
         file = open_parquet(path)
-        stated = _stated(path, file.schema_arrow.metadata or {})
+        stated = _stated(path, file.metadata.metadata or {})
         table = read_table(path, file)
     except FileFormatError as error:
         if "cannot be read as Parquet" not in str(error):

@@ -1,22 +1,28 @@
 """Recordings of any make into a MotionLog: by a mapping, by a known layout, or by the proposal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from catenary.arguments import explained
+from catenary.calibration.fit_options import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.import_formats.importer import import_sources
+from catenary.recording.import_formats.columns import not_used
+from catenary.recording.import_formats.importer import columns_wanted, import_sources
+from catenary.recording.import_formats.in_pieces import pieces_of
 from catenary.recording.import_formats.known_layouts import MOTION_LOG, Layout, layout_of_files, read_layout
 from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
 from catenary.recording.import_formats.proposal import Proposal, propose
 from catenary.recording.import_formats.sources import Sources
-from catenary.recording.logs import read_log
+from catenary.recording.logs import read_log, write_pieces
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 
+MOST_JUDGED = 400_000  # rows
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
@@ -55,22 +61,65 @@ def import_recording(
         log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
     """
     paths = [Path(sources)] if isinstance(sources, str | Path) else [Path(source) for source in sources]
-    chosen = _as_mapping(mapping, units, robot)
-    found = None if chosen is not None or answers else _known(paths, robot)
-    if chosen is not None:
-        if answers:
-            raise InputError("answers are to a proposal; here is a mapping, which leaves nothing open")
-        return import_sources(Sources(paths), chosen)
-    if found is not None:
-        listed = None if units is None else [unit.strip() for unit in units.split(",")]
-        if found is MOTION_LOG:
-            return read_log(paths[0], units=listed)
-        return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
-    opened = Sources(paths)
-    proposal = propose(opened, robot=robot, units=units, answers=answers)
-    if not accept_proposal and not answers:
-        raise InputError(f"{', '.join(map(str, paths))}: give a mapping, or accept the proposed one:\n{proposal.toml}")
-    return import_sources(opened, proposal.accepted())
+    opened = _opened(paths, mapping, units, robot, accept_proposal, answers)
+    return opened if isinstance(opened, MotionLog) else import_sources(*opened)
+
+
+@dataclass(frozen=True)
+class ImportedLog:
+    """What was imported into a file."""
+
+    log: MotionLog  # its first piece, or the whole of a shorter one
+    rows: int
+    seconds: float | None  # from the first row to the last; None without time
+    measured: int | None  # rows with a trusted q_encoder; None where there is none
+    notes: tuple[str, ...]
+    not_used: tuple[str, ...]  # topics, arrays and columns of the recording
+    findings: tuple[Finding, ...]  # what a fit would say of it; those that refuse first
+
+
+def import_to_file(
+    out: Path,
+    sources: Sequence[Path],
+    mapping: MappingLike | None = None,
+    *,
+    units: str | None = None,
+    robot: str | None = None,
+    accept_proposal: bool = False,
+    answers: Mapping[str, str] | None = None,
+    progress: Progress = silent,
+) -> ImportedLog:
+    """Write the motion log of a recording; a long text table piece by piece, so that its memory is that of a piece.
+
+    Args:
+        out: The log, `.parquet`.
+        sources: The files of one recording, and further arguments as of `import_recording`.
+        progress: Is told the share of a file that was read.
+    """
+    opened = _opened(sources, mapping, units, robot, accept_proposal, answers, progress)
+    left: tuple[str, ...] = ()
+    if isinstance(opened, MotionLog):
+        logs = iter([opened])
+    else:
+        logs = pieces_of(*opened)
+        left = not_used(opened[0].streams, columns_wanted(*opened))
+    first, last, rows, measured = next(logs), None, 0, 0
+
+    def counted() -> Iterator[MotionLog]:
+        nonlocal last, rows, measured
+        for last in chain([first], logs):
+            rows, measured = rows + len(last), measured + int(last.ok.sum())
+            yield last
+
+    write_pieces(counted(), out)
+    assert last is not None  # for the type checker
+    seconds = None if first.time is None or last.time is None else float(last.time.max() - first.time.min())
+    judged = first.part(0, min(len(first), MOST_JUDGED))
+    found = findings_of(judged, robot=robot_of([first], robot)) if first.q_encoder is not None else ()
+    said = [f"of {rows} rows the first {len(judged)} were judged; catenary check judges all"] * (len(judged) < rows)
+    return ImportedLog(
+        first, rows, seconds, measured if first.q_encoder is not None else None, (*last.notes, *said), left, found
+    )
 
 
 @explained
@@ -100,9 +149,32 @@ def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | No
     return None if found is None else found.name
 
 
-def findings_about(log: MotionLog, *, robot: str | None = None) -> tuple[Finding, ...]:
-    """Return what a fit would say of a recording; those that refuse first."""
-    return findings_of(log, robot=robot_of([log], robot)) if log.q_encoder is not None else ()
+def _opened(
+    paths: Sequence[Path],
+    mapping: MappingLike | None,
+    units: str | None,
+    robot: str | None,
+    accept_proposal: bool,
+    answers: Mapping[str, str] | None,
+    progress: Progress = silent,
+) -> tuple[Sources, RecordingMapping] | MotionLog:
+    """Return a recording, opened, and its mapping; the log of one whose layout needs none."""
+    chosen = _as_mapping(mapping, units, robot)
+    if chosen is not None:
+        if answers:
+            raise InputError("answers are to a proposal; here is a mapping, which leaves nothing open")
+        return Sources(paths, progress), chosen
+    found = None if answers else _known(paths, robot)
+    if found is not None:
+        listed = None if units is None else [unit.strip() for unit in units.split(",")]
+        if found is MOTION_LOG:
+            return read_log(paths[0], units=listed)
+        return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
+    opened = Sources(paths, progress)
+    proposal = propose(opened, robot=robot, units=units, answers=answers)
+    if not accept_proposal and not answers:
+        raise InputError(f"{', '.join(map(str, paths))}: give a mapping, or accept the proposed one:\n{proposal.toml}")
+    return opened, proposal.accepted()
 
 
 def _known(paths: Sequence[Path], robot: str | None) -> Layout | None:

@@ -128,14 +128,14 @@ def _choices(reference: str, streams: Sequence[Stream]) -> str:
     return f"{', '.join(stream.name for stream in chosen)} has {listed(names)}{said}"
 
 
-def not_used(streams: Sequence[Stream], used: Collection[tuple[str, str]]) -> tuple[str, ...]:
-    """Return what of a recording is not among the columns (of a stream) that are used: topics, arrays, columns.
+def not_used(streams: Sequence[Stream], used: Mapping[str, Collection[str]]) -> tuple[str, ...]:
+    """Return what of a recording is not among the columns that are used of each stream: topics, arrays, columns.
 
     Of a topic that is used, arrays beside names of joints; columns that differ in a number are one, `tau1 ... tau7`.
     """
     found: list[str] = []
     for stream in streams:
-        mine = {column for name, column in used if name == stream.name}
+        mine = set(used.get(stream.name, ()))
         if stream.type != "table" and not mine:
             found.append(stream.name)
         elif stream.type != "table":

@@ -3,7 +3,7 @@
 Read in pieces, so that the memory that a table takes is that of the columns that are kept.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +33,20 @@ class TextTable:
 
     def __init__(self, path: Path) -> None:
         """Read its first and last lines."""
-        self.path = path
+        self.path, self._size = path, path.stat().st_size
         lines, ends, last = _lines(path)
         self.head: TextHead = read_head(str(path), lines, last)
         self._first_byte = ends[self.head.begins - 1] if self.head.begins else 0
-        self._torn = "" if _ends_with_line_feed(path) else (last or lines or [""])[-1]
+        self._torn = "" if _ends_with_line_feed(path, self._size) else (last or lines or [""])[-1]
         self.notes = list(self.head.notes)  # and, once it was read, on rows that were passed over
 
-    def blocks(self, wanted: Collection[str] | None = None) -> Iterator[Block]:
+    def blocks(
+        self, wanted: Collection[str] | None = None, progress: Callable[[float], object] = lambda done: None
+    ) -> Iterator[Block]:
         """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time.
 
         Dates become nanoseconds. Whole numbers that a float64 cannot hold, such as stamps in nanoseconds, stay whole.
+        `progress` is told the share of the file that was read.
         """
         columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
@@ -67,6 +70,7 @@ class TextTable:
                 file.seek(self._first_byte)
                 source = file if self.head.dialect.separator != " " else pa.PythonFile(_OneBlank(file), "r")
                 for batch in pa.csv.open_csv(source, read, parse, convert):
+                    progress(min(1.0, file.tell() / self._size))
                     yield {column.name: _numbers(column, batch, carried) for column in columns}
         except (pa.ArrowException, OSError, MemoryError, ValueError) as error:
             raise FileFormatError(f"{self.path}: cannot be read as CSV: {cut(str(error))}") from error
@@ -147,7 +151,7 @@ def _lines(path: Path) -> tuple[list[str], list[int], list[str]]:
         raise FileFormatError(f"{path}: is no UTF-8 text: {error}") from error
 
 
-def _ends_with_line_feed(path: Path) -> bool:
+def _ends_with_line_feed(path: Path, size: int) -> bool:
     with path.open("rb") as file:
-        file.seek(max(0, path.stat().st_size - 1))
+        file.seek(max(0, size - 1))
         return file.read(1) in (b"\n", b"")

@@ -1,6 +1,6 @@
 """A recording of any make into a MotionLog, by a mapping."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import InputError
-from catenary.files import sha256_of
 from catenary.plant import Joints, MotionLog, joints_text, nameless
 from catenary.plant import places_of as places_of_joints
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
@@ -19,6 +18,7 @@ from catenary.recording.import_formats.columns import Place, Stream, listed, not
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock
 from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.table_time import times_among
 from catenary.recording.import_formats.tracked_pose import joints_from_poses, pose_places
 from catenary.recording.import_formats.whole_turns import in_one_turn, unwrap_columns
 from catenary.recording.series import Series, TopicReport, interpolate
@@ -69,6 +69,8 @@ class _Columns:
         for name in mapping.reported:
             if any(stream.name == name for stream in streams):
                 made.wanted.setdefault(name, {})
+        for table in [stream for stream in streams if stream.type == "table" and stream.name in made.wanted]:
+            made._keep([Place(table.name, column) for column in times_among(table, mapping.time)])
         n = len(made.joints["q_nominal"].places)
         for key, columns in made.joints.items():
             if len(columns.places) != n:
@@ -112,6 +114,16 @@ class Synchronisation:
     topics: tuple[TopicReport, ...]
     without_encoder: int  # rows whose `ok` is not set
     dropped: int  # rows left out since something that a log must have was not there
+    rows: NDArray[np.int64]  # (N,) of a table that each row of the log is
+
+
+class NoRowError(InputError):
+    """No row has all that a log must have."""
+
+
+def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, Collection[str]]:
+    """Return the columns that a mapping wants of each stream, those of time among them."""
+    return _Columns.of(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
 
 
 def import_sources(sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None) -> MotionLog:
@@ -119,7 +131,9 @@ def import_sources(sources: Sources, mapping: RecordingMapping, *, model: RobotM
     return synchronise(sources, mapping, model=model).log
 
 
-def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None) -> Synchronisation:
+def synchronise(
+    sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None, is_piece: bool = False
+) -> Synchronisation:
     """Read a recording by a mapping, on one clock.
 
     Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
@@ -129,6 +143,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         sources: The files.
         mapping: Which column is what.
         model: The robot; the mapping's when None.
+        is_piece: Of a longer recording: q_encoder may be on no row of it.
     """
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:
@@ -171,7 +186,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     required = {**rows, **{f"signal {key}": values for key, values in further.items()}}
     whole = _whole_rows(required, names, notes)
     if not whole.any():
-        raise InputError("; ".join([f"{where}: no row has all of {', '.join(required)}", *notes]))
+        raise NoRowError("; ".join([f"{where}: no row has all of {', '.join(required)}", *notes]))
     if found.tracked is not None and model is not None:
         rows["q_encoder"] = _tracked(clock, found.tracked, model, scaled["q_nominal"], names, notes)
     rows["q_nominal"], measured, said = in_one_turn(
@@ -179,12 +194,11 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     )
     notes += said
     rows |= {} if measured is None else {"q_encoder": measured}
-    ok = _trusted(where, clock, measured, len(whole), has_ok="ok" in found.places())
+    ok = _trusted(where, clock, measured, len(whole), has_ok="ok" in found.places(), is_piece=is_piece)
     lost = int((~ok[whole]).sum())
     unseen = "" if measured is None else _by_joint(~np.isfinite(measured[whole]), names)
     notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder{unseen}"] * bool(lost)
-    taken = {(place.stream, place.column) for places in found.places().values() for place in places}
-    left = () if mapping.name else not_used(sources.streams, taken | clock.times)
+    left = () if mapping.name else not_used(sources.streams, found.wanted)
     notes += [f"not used: {listed(left)}"] * bool(left)
     signals, signal_units = _signals(further, mapping, whole)
     time, began = clock.time(whole)
@@ -203,7 +217,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         signal_units=signal_units,
         robot=stated_robot or mapping.default_robot or None if model is None else model.name,
         simulated=sources.about is not None and sources.about.simulated,
-        sha256=sha256_of(sources.paths[0]) if len(sources.paths) == 1 and sources.paths[0].is_file() else None,
+        sha256=sources.sha256,
         units_assumed=assumed,
         repeated=clock.repeated,
         settled=_settled(mapping, joints, in_file=in_file),
@@ -216,7 +230,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     if model is not None:
         in_order = Joints(tuple(name for name in model.joint_names if name in names))
         log = log.in_order_of(in_order, of=f'robot "{model.name}" has')
-    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()))
+    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()), clock.rows_of_table[whole])
 
 
 def _scale(
@@ -242,11 +256,13 @@ def _scale(
     return factors(key, quantity.model_copy(update={"units": own}), units, n)[1]
 
 
-def _trusted(where: str, clock: OneClock, measured: Floats | None, rows: int, *, has_ok: bool) -> NDArray[np.bool_]:
+def _trusted(
+    where: str, clock: OneClock, measured: Floats | None, rows: int, *, has_ok: bool, is_piece: bool
+) -> NDArray[np.bool_]:
     """Return the rows whose q_encoder can be trusted."""
     is_there = np.ones(rows, dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
     ok = np.asarray(is_there & (clock.rows("ok") > 0.5).all(axis=1) if has_ok else is_there)
-    if measured is not None and not ok.any():
+    if measured is not None and not ok.any() and not is_piece:
         why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
         raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))
     return ok

@@ -42,9 +42,9 @@ _Blocks = Iterator[tuple[str, NDArray[np.int64], Block]]
 class Bag:
     """A ROS 1 bag, an MCAP file, a ROS 2 bag (folder) or a journal, whose types may be any."""
 
-    def __init__(self, path: Path) -> None:
-        """Open it."""
-        self.path = path
+    def __init__(self, path: Path, progress: Callable[[float], object] = lambda done: None) -> None:
+        """Open it; `progress` is told the share of its messages that were read."""
+        self.path, self._progress = path, progress
         self._reader = open_recording(path, salvage=True, any_types=True)
         self.encoding: Encoding = self._reader.encoding
         self._known: dict[str, FieldsOf] = {}  # by topic
@@ -120,8 +120,11 @@ class Bag:
             name: _TopicColumns(connections[name].type, self.encoding, fields[name], wanted and wanted[name])
             for name in fields
         }
+        seen, every = 0, max(1, sum(self.counts[name] for name in fields))
         for name, arrivals, block in blocks if fields else ():
             columns[name].add(arrivals, block)
+            seen += len(block)
+            self._progress(min(1.0, seen / every))
         return columns
 
 

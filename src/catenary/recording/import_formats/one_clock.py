@@ -75,13 +75,13 @@ class OneClock:
         self._series = found
         series = found[self.base, ""]
         self.repeated = series.report.repeated
-        self.times = {(name, time.column or "") for name, time in stamps.table.items()}  # columns that hold them
         table = stamps.table.get(self.base)
         self._at: dict[tuple[str, str], Floats] = {}
         self.stamp = series.stamp
         self._own_stamp, self._seconds = series.stamp, None
+        self.rows_of_table = np.arange(len(series.stamp))
         if table is not None:
-            rows = series.values[:, -1].astype(np.int64)
+            self.rows_of_table = rows = series.values[:, -1].astype(np.int64)
             self._own_stamp = table.stamp[rows]
             self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
         self._timed = table is None or table.column is not None

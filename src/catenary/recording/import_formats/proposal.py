@@ -57,7 +57,7 @@ class _Draft:
     decisions: list[str] = field(default_factory=list)
     questions: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)  # text and choices, by what about
     heard: set[str] = field(default_factory=set)
-    used: set[tuple[str, str]] = field(default_factory=set)  # columns of streams
+    used: dict[str, set[str]] = field(default_factory=dict)  # columns of streams
 
     def ask(self, about: str, text: str, choices: Mapping[str, str], *, is_free: bool = False) -> str | None:
         """Return the answer, one of the choices or, where they are examples, any; None where there is none yet.
@@ -328,13 +328,13 @@ def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candid
         valid = ok_columns(stream)
         if valid:
             draft.top.append(f"ok = [{', '.join(map(_text, valid))}]")
-            draft.used |= {(stream.name, column) for column in valid}
+            draft.used[stream.name].update(valid)
         named = time_columns(stream)
         column: str | None = named[0] if named else None
         if len(named) > 1:
             text = f"which column is the time: {' or '.join(named[:5])}"
             column = draft.ask("time", text, dict.fromkeys(named, "is the time")) or column
-        draft.used |= {(stream.name, column or "")}
+        draft.used[stream.name].add(column or "")
         try:
             found = time_of(stream, named and [column or ""], None, None)
         except InputError as error:
@@ -363,7 +363,7 @@ def _times(streams: Sequence[Stream], nominal: Candidate | None, encoder: Candid
 
 
 def _write(draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], why: str) -> None:
-    draft.used |= {(one.stream.name, column) for column in one.columns}
+    draft.used.setdefault(one.stream.name, set()).update(one.columns)
     ranges = [f"{low:.3g} to {high:.3g}" for low, high in one.ranges[:_JOINTS_SHOWN]]
     rate = f"{one.rate:.4g} Hz, " if np.isfinite(one.rate) else ""
     draft.tables += [

@@ -1,7 +1,9 @@
 """The files of one recording, whatever container they are in, opened as streams of columns."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -9,14 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
+from catenary.files import TEXT_ENDINGS, sha256_of, table_ending
 from catenary.recording.bag_reader import bags_in
 from catenary.recording.extract import TopicFile, is_extraction
 from catenary.recording.import_formats.columns import Stream
+from catenary.recording.import_formats.csv_files import Block, TextTable, joined
 from catenary.recording.import_formats.message_columns import SAMPLED, Bag
-from catenary.recording.import_formats.table_files import read_table_file
+from catenary.recording.import_formats.table_files import read_table_file, stream_of_text
 from catenary.recording.journal import About, same_origin
 
 BAG_ENDINGS = (".bag", ".mcap", ".db3")
+LONG_TEXT = 64 << 20  # [B] from which a text table is not held whole
+SAMPLED_NUMBERS = 4_000_000  # of it that are looked at
+
+Progress = Callable[[float], object]
 
 
 class ExtractedTopics:
@@ -65,21 +73,55 @@ class ExtractedTopics:
         return Stream(name, file.topic.type, there, file.rows, stamp, arrival, joints)
 
 
+class LongText:
+    """A text table whose first rows are looked at, and of which columns are read when they are wanted."""
+
+    def __init__(self, path: Path, progress: Progress) -> None:
+        """Open it."""
+        self.table, self._progress = TextTable(path), progress
+        self.about, self.problems = None, list[str]()
+        with path.open("rb") as file:
+            lines = sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 22), b""))
+        self.counts = {path.stem: lines - self.table.head.begins}
+
+    def sample(self) -> list[Stream]:
+        """Return its first rows."""
+        held, count = list[Block](), 0
+        for block in self.table.blocks():
+            held.append(block)
+            count += sum(map(len, block.values()))
+            if count >= SAMPLED_NUMBERS:
+                break
+        stream = stream_of_text(self.table, joined(held))
+        (rows,) = self.counts.values()
+        notes = (*stream.notes, f"of about {rows} rows the first {stream.rows} were looked at")
+        return [replace(stream, rows=rows, notes=notes)]
+
+    def blocks(self, wanted: Mapping[str, Collection[str]]) -> Iterator[Block]:
+        """Yield columns, some thousand rows at a time."""
+        return self.table.blocks(wanted[self.table.path.stem], self._progress)
+
+    def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
+        """Return the columns that are wanted, whole."""
+        return [stream_of_text(self.table, joined(list(self.blocks(wanted))))]
+
+
 class Sources:
     """Bags and tables of one recording."""
 
-    def __init__(self, paths: Sequence[Path]) -> None:
-        """Open them: a sample of each bag's topics, tables whole.
+    def __init__(self, paths: Sequence[Path], progress: Progress = lambda done: None) -> None:
+        """Open them: a sample of each bag's topics, tables whole, but the first rows of a long text.
 
         Args:
             paths: Bags, tables, journals, extractions, or folders of bags.
+            progress: Is told the share of a file that was read.
         """
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
         self.paths = tuple(paths)
         self.notes: list[str] = []
-        self._bags: list[Bag | ExtractedTopics] = []
-        streams: list[Stream] = []
+        self._bags: list[Bag | ExtractedTopics | LongText] = []
+        self._whole: list[Stream] = []
         bags: list[Bag] = []
         for path in paths:
             if not path.exists():
@@ -87,14 +129,15 @@ class Sources:
             if is_extraction(path):
                 self._bags.append(ExtractedTopics(path))
             elif is_bag(path):
-                bags += [Bag(part) for part in bags_in(path)]
+                bags += [Bag(part, progress) for part in bags_in(path)]
+            elif table_ending(path) in TEXT_ENDINGS and path.stat().st_size > LONG_TEXT:
+                self._bags.append(LongText(path, progress))
             else:
-                streams += read_table_file(path)
+                self._whole += read_table_file(path)
         bags.sort(key=lambda bag: bag.first_arrival)
         self._bags += bags
         self.about: About | None = same_origin([bag.about for bag in self._bags])
-        streams += [stream for bag in self._bags for stream in bag.sample()]
-        self.streams = _joined(streams)
+        self.streams = _joined([*self._whole, *(stream for bag in self._bags for stream in bag.sample())])
         if not any(stream.columns for stream in self.streams):
             why = "; ".join(note for stream in self.streams for note in stream.notes)
             raise FileFormatError(f"{', '.join(map(str, paths))}: holds no numbers{f'; {why}' if why else ''}")
@@ -104,12 +147,30 @@ class Sources:
         """Return sources of streams that were read already."""
         made = cls.__new__(cls)
         made.paths, made.notes, made._bags, made.about = tuple(paths), [], [], None
-        made.streams = list(streams)
+        made._whole = made.streams = list(streams)
+        return made
+
+    @property
+    def long_text(self) -> LongText | None:
+        """The one long text table, where the recording is that alone."""
+        only = self._bags[0] if len(self._bags) == 1 and not self._whole else None
+        return only if isinstance(only, LongText) else None
+
+    @cached_property
+    def sha256(self) -> str | None:
+        """Of the file, where it is one."""
+        return sha256_of(self.paths[0]) if len(self.paths) == 1 and self.paths[0].is_file() else None
+
+    def holding(self, piece: Stream) -> Self:
+        """Return it with a piece of its table to be read; what its first rows told stays."""
+        self.sha256  # noqa: B018  once for all pieces
+        made = copy(self)
+        made._whole, made._bags, made.notes = [piece], [], []
         return made
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> dict[str, Stream]:
         """Return streams with the columns wanted of each, whole."""
-        found = [stream for stream in self.streams if stream.arrival is None and stream.name in wanted]
+        found = [stream for stream in self._whole if stream.name in wanted]
         for bag in self._bags:
             here = {name: columns for name, columns in wanted.items() if name in bag.counts}
             if here:

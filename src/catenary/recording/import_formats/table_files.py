@@ -15,7 +15,7 @@ from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.files import TEXT_ENDINGS, table_ending
 from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.csv_files import TextTable, joined
+from catenary.recording.import_formats.csv_files import Block, TextTable, joined
 from catenary.recording.parquet_files import MOST_COLUMNS
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
@@ -34,9 +34,7 @@ def read_table_file(path: Path) -> list[Stream]:
     ending = table_ending(path)
     if ending in TEXT_ENDINGS:
         text = TextTable(path)
-        columns = joined(list(text.blocks()))
-        dates = tuple(column.name for column in text.head.columns if column.date is not None)
-        return [replace(_table(path, columns, {}, text.notes), joints=text.head.joints, dates=dates)]
+        return [stream_of_text(text, joined(list(text.blocks())))]
     if ending == ".parquet":
         return [_parquet(path)]
     if ending == ".npz":
@@ -49,6 +47,12 @@ def read_table_file(path: Path) -> list[Stream]:
         f'{path}: ending "{path.suffix}": expected a bag (.bag, .mcap, the folder of a ROS 2 bag) or a table '
         f"({', '.join(ENDINGS)})"
     )
+
+
+def stream_of_text(text: TextTable, columns: Block) -> Stream:
+    """Return columns of a text table as a stream."""
+    dates = tuple(column.name for column in text.head.columns if column.date is not None)
+    return replace(_table(text.path, columns, {}, text.notes), joints=text.head.joints, dates=dates)
 
 
 def _table(path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[str, float], notes: list[str]) -> Stream:

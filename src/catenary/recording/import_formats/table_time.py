@@ -89,6 +89,12 @@ def _given(stream: Stream, columns: Sequence[str]) -> str | None:
     return None
 
 
+def times_among(stream: Stream, references: Sequence[str]) -> list[str]:
+    """Return the columns of a table that are given as the time, else those that may hold it."""
+    given = [name for one in references for name in (one, one.partition(":")[2]) if name in stream.columns]
+    return given or time_columns(stream)
+
+
 def time_columns(stream: Stream) -> list[str]:
     """Return the columns whose names say that they hold the time; the plainest alone where it is clear."""
     named = [name for name in stream.columns if _NAMED.match(name.lstrip("%").strip())]
