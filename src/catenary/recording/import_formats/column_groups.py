@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catenary.plant import Jointed
 from catenary.recording.import_formats.columns import Stream, arrays_of, natural
+from catenary.recording.import_formats.pose_columns import poses_of
 from catenary.recording.import_formats.table_time import time_columns
 from catenary.topics import SECOND
 
@@ -142,14 +143,6 @@ def ok_columns(stream: Stream) -> list[str]:
     ]
 
 
-def pose_references(stream: Stream) -> list[str]:
-    """Return the poses and transforms in a topic, but the robot's own of its tool (cp)."""
-    if set(_words(stream.name)) & {"cp"}:
-        return []
-    ends = (".orientation.w", ".rotation.w")
-    return [f"{stream.name}.{name[: -len(end)]}" for end in ends for name in stream.columns if name.endswith(end)]
-
-
 def _of_topic(stream: Stream) -> list[Candidate]:
     found = []
     for base, columns in arrays_of(stream).items():
@@ -164,7 +157,8 @@ def _of_topic(stream: Stream) -> list[Candidate]:
 
 def _of_table(stream: Stream) -> list[Candidate]:
     """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
-    times = {*time_columns(stream), *ok_columns(stream)}
+    poses = [column for pose in poses_of([stream]) for column in pose.taken]
+    times = {*time_columns(stream), *ok_columns(stream), *poses}
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)

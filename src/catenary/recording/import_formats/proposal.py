@@ -9,17 +9,11 @@ import numpy as np
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import InputError
-from catenary.recording.import_formats.column_groups import (
-    Candidate,
-    Kind,
-    Role,
-    candidates_of,
-    ok_columns,
-    pose_references,
-)
+from catenary.recording.import_formats.column_groups import Candidate, Kind, Role, candidates_of, ok_columns
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.mapping import RecordingMapping
+from catenary.recording.import_formats.pose_columns import PoseColumns, poses_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import time_columns, time_of
 from catenary.robots.catalog import load_robot
@@ -81,9 +75,8 @@ def propose(sources: Sources, *, robot: str | None = None, units: str | None = N
             draft.questions += [] if is_sure else [f"the units of q_encoder ({why})"]
             _write(draft, "q_encoder", encoder, its, why if is_sure else f"OPEN: {why}")
         _further(found, nominal, draft)
-    poses = [pose for stream in sources.streams for pose in pose_references(stream)]
     if encoder is None:
-        _without_encoder(poses, robot, draft)
+        _without_encoder(poses_of(sources.streams), robot, draft)
     _times(sources.streams, nominal, encoder, draft)
     for stream in sources.streams:
         draft.decisions += [f"{stream.name}: {note}" for note in stream.notes]
@@ -195,7 +188,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
         draft.decisions.append(f"{currents[0]} seems to hold currents: tau needs a scale, Nm per unit")
 
 
-def _without_encoder(poses: Sequence[str], robot: str | None, draft: _Draft) -> None:
+def _without_encoder(poses: Sequence[PoseColumns], robot: str | None, draft: _Draft) -> None:
     if not poses:
         draft.decisions.append(
             "nothing was found that measured the joints beside the robot itself: a fit needs q_encoder, an "
@@ -203,15 +196,17 @@ def _without_encoder(poses: Sequence[str], robot: str | None, draft: _Draft) -> 
         )
         return
     draft.questions.append(
-        f"whether {' or '.join(poses[:5])} tells where the joints were; then it needs the robot and two transforms"
+        f"whether {' or '.join(pose.name for pose in poses[:5])} tells where the joints were; then it needs the robot, "
+        "and which of its frames the marker is fixed to"
     )
+    one = poses[0]
     lines = [
-        "# joints from a tracked marker: take the # away, and fill in the robot (above) and the transforms",
+        "# joints from a tracked marker: take the # away, and fill in the robot (above) and the frame",
         "# [q_encoder.pose]",
-        f"# columns = {_text(poses[0])}",
+        f"# columns = [{', '.join(map(_text, one.references))}]",
+        *[f'# orientation = "{one.orientation}"  # {one.doubt or "of the quaternion"}'] * (one.orientation != "xyzw"),
         '# match = "position"     # or "pose", for more joints than a position tells',
-        "# T_base_tracker = { position_m = [0, 0, 0], quaternion_wxyz = [1, 0, 0, 0] }",
-        "# T_marker_frame = { position_m = [0, 0, 0], quaternion_wxyz = [1, 0, 0, 0] }",
+        "# T_base_tracker and T_marker_frame are found from the recording where they are not given",
     ]
     draft.tables += ["", *lines]
 

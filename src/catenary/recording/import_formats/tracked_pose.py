@@ -11,17 +11,15 @@ from catenary.documents import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import jacobian
 from catenary.errors import InputError
-from catenary.recording.import_formats.column_groups import pose_references
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
+from catenary.recording.import_formats.pose_columns import PARTS, poses_of
 from catenary.recording.import_formats.registration import Tracked, register
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
 
 OPEN = 1e-4  # of what other motions move a frame by: less than a measured pose tells
 FARTHEST = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
-# geometry_msgs/Pose and Transform; what trackers' files are read as
-_PARTS = (("position", "orientation"), ("translation", "rotation"))
 _AXES = ("xyz", "xyzw")
 _MARKER = "the tracked marker"  # a frame of the robot
 
@@ -40,7 +38,7 @@ def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
     reference = tracked.columns[0]
     parts = [
         [f"{reference}.{part}.{axis}" for part, axes in zip(parts, _AXES, strict=True) for axis in axes]
-        for parts in _PARTS
+        for parts in PARTS
     ]
     parts += [[f"{reference}{inside}.{axis}" for axis in "xyz"] for inside in (".position", ".translation", "")]
     for names in parts:
@@ -48,7 +46,7 @@ def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
             return [place for name in names for place in places_of(name, streams)]
         except InputError:
             continue
-    poses = [pose for stream in streams for pose in pose_references(stream)]
+    poses = [pose.name for pose in poses_of(streams)]
     raise InputError(f'no pose "{cut(reference)}"; there are {", ".join(map(cut, poses[:10])) or "none"}')
 
 
