@@ -1,5 +1,6 @@
 """Joints from the poses of a tracked marker: the nearest that the robot reaches."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
+from catenary.documents import toml_table
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import forward_kinematics, jacobian
 from catenary.errors import InputError
@@ -134,3 +136,44 @@ def test_nothing_beside_the_nearest_coordinates_is_nearer() -> None:
         for step in rng.normal(0.0, 1e-3, (20, model.n)):
             beside = nearest_coordinates(model, wanted, found.q + step, max_iterations=0)
             assert square <= beside.position_error**2 + beside.orientation_error**2 + 1e-12
+
+
+def posed(path: Path, robot: str, reported: Floats, truth: Floats, **how: object) -> tuple[Path, dict[str, object]]:
+    """A CSV as `tracked` writes it, of a tracker of 0.2 mm, and a mapping that gives no transform."""
+    noise = np.random.default_rng(2).normal(0.0, 0.2, (len(truth), 3))
+    given = mapping(robot, **how)
+    del given["q_encoder"]["pose"]["T_base_tracker"], given["q_encoder"]["pose"]["T_marker_frame"]  # type: ignore[index]
+    return tracked(path, robot, reported, truth, noise), given
+
+
+@pytest.mark.parametrize("columns", [["x", "y", "z", "qx", "qy", "qz", "qw"], ["x", "y", "z"]])
+def test_without_transforms_the_joints_follow_but_for_zeros_that_nothing_tells(
+    columns: list[str], tmp_path: Path
+) -> None:
+    q = motion("raven2", 400)
+    q[:, 2] = 0.3 + 0.5 * (q[:, 2] - q[:, 2].mean())  # the tool's point stays 0.1 m from the remote centre
+    error = (
+        np.array([0.02, -0.015, 0.002]) + np.array([0.01, 0.01, 0.001]) * np.sin(np.linspace(0.0, 40.0, 400))[:, None]
+    )
+    path, given = posed(tmp_path / "arm.csv", "raven2", q, q + error, columns=columns)
+    log = import_recording(path, given)
+    assert log.q_encoder is not None
+    assert log.ok.mean() > 0.99
+    off = log.q_encoder - q - error
+    free = off - off.mean(axis=0)
+    assert_allclose(free[log.ok], 0.0, atol=8e-3)  # 0.2 mm at 0.1 m is 2 mrad
+    constant = off[log.ok].mean(axis=0)
+    notes = " ".join(log.notes)
+    stated = re.search(r"may put q_encoder off by, 95 %: .*elbow ([\d.]+) deg", notes)
+    assert stated is not None
+    assert abs(constant[1]) < np.deg2rad(float(stated[1])) < 0.1  # the zero of the elbow is told
+    assert "no motion tells the zero of shoulder, insertion" in notes
+    assert constant[0] == pytest.approx(-0.02, abs=2e-3)  # and is what the note says: as reported
+    toml = next(note for note in log.notes if note.startswith("T_base_tracker = ")).partition("#")[0]
+    base = toml_table(toml, "note")["T_base_tracker"]
+    marker = toml_table(next(n for n in log.notes if n.startswith("T_marker_frame = ")).partition("#")[0], "note")
+    pose = {**given["q_encoder"]["pose"], "T_base_tracker": base, **marker}  # type: ignore[index]
+    again = import_recording(path, {**given, "q_encoder": {"pose": pose}})
+    assert again.q_encoder is not None
+    assert_allclose(again.q_encoder[log.ok], log.q_encoder[log.ok], atol=1e-4)  # the note's digits
+    assert not any("registered" in note for note in again.notes)

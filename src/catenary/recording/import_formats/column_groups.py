@@ -12,6 +12,7 @@ from catenary.errors import InputError
 from catenary.plant import Jointed
 from catenary.recording.import_formats.column_motion import MovingColumns, by_motion
 from catenary.recording.import_formats.columns import Stream, arrays_of, natural
+from catenary.recording.import_formats.pose_columns import poses_of
 from catenary.recording.import_formats.table_time import is_nameless, time_columns, time_of
 from catenary.topics import SECOND
 
@@ -147,14 +148,6 @@ def ok_columns(stream: Stream) -> list[str]:
     ]
 
 
-def pose_references(stream: Stream) -> list[str]:
-    """Return the poses and transforms in a topic, but the robot's own of its tool (cp)."""
-    if set(_words(stream.name)) & {"cp"}:
-        return []
-    ends = (".orientation.w", ".rotation.w")
-    return [f"{stream.name}.{name[: -len(end)]}" for end in ends for name in stream.columns if name.endswith(end)]
-
-
 def _of_topic(stream: Stream) -> list[Candidate]:
     found = []
     for base, columns in arrays_of(stream).items():
@@ -169,13 +162,14 @@ def _of_topic(stream: Stream) -> list[Candidate]:
 
 def _of_table(stream: Stream) -> list[Candidate]:
     """Group a table's columns by what their names have in common: words of a quantity, else letters, else a unit."""
-    moved = moving_columns(stream)
+    poses = [column for pose in poses_of([stream]) for column in pose.taken]
+    moved = None if poses else moving_columns(stream)
     if moved is not None:
         kinds: tuple[tuple[Kind, tuple[str, ...]], ...] = (
             ("position", moved.q), ("position", moved.again), ("velocity", moved.qd), ("effort", moved.tau),
         )  # fmt: skip
         return [Candidate(stream, names, kind, "unknown", ("",) * len(names)) for kind, names in kinds if names]
-    times = {*time_columns(stream), *ok_columns(stream), *stream.dates}
+    times = {*time_columns(stream), *ok_columns(stream), *stream.dates, *poses}
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)

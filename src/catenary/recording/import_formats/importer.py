@@ -17,16 +17,24 @@ from catenary.recording.import_formats.column_units import encoder_units, factor
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock
+from catenary.recording.import_formats.registration import Tracked
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import times_among
-from catenary.recording.import_formats.tracked_pose import joints_from_poses, pose_places
+from catenary.recording.import_formats.tracked_pose import (
+    joints_from_poses,
+    pose_places,
+    positions_and_rotations,
+    registered,
+)
 from catenary.recording.import_formats.whole_turns import in_one_turn, unwrap_columns
 from catenary.recording.series import Series, TopicReport, interpolate
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from catenary.topics import SECOND
 from catenary.transmission.cable_coupling import joint_forces
 
 _SIGNED = "-"
+_BESIDE = 10_000_000  # [ns] before and after a pose, between which a speed is taken
 
 
 @dataclass(frozen=True)
@@ -414,11 +422,17 @@ def _tracked(
     if poses is None or q is None:
         raise InputError("a pose, and q_nominal beside it, must each be of one topic or table")
     nominal = Series(q.stamp, q.values * scale, q.report)
-    near = interpolate(nominal, poses.stamp, clock.gap("q_nominal"))[0]
+    near, before, after = (
+        interpolate(nominal, poses.stamp + by, clock.gap("q_nominal"))[0] for by in (0, -_BESIDE, _BESIDE)
+    )
     chosen = [model.joint_names.index(name) for name in names]
     start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
-    start[:, chosen] = near
-    found = joints_from_poses(model, tracked, poses.values, start, chosen)
+    speed = np.zeros_like(start)
+    start[:, chosen], speed[:, chosen] = near, np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
+    seen = Tracked(*positions_and_rotations(tracked, poses.values), start, speed)
+    base, marker, said = registered(model, tracked, seen, chosen)
+    notes += said
+    found = joints_from_poses(model, tracked, seen, base, marker, chosen)
     lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(start).any(axis=1).sum())
     if lost > 0:
         notes.append(

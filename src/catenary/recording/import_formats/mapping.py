@@ -4,6 +4,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -18,7 +19,7 @@ from catenary.spatial import Pose, as_rotation, rotation_from_quaternion
 from catenary.units import TO_SI
 
 Unit = Literal["rad", "deg", "m", "mm", "counts"]
-SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "mm")}
+SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "cm", "mm")}
 JOINT_QUANTITIES = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")
 _OPTION = re.compile(r"(?P<quantity>[a-z_]+)(?::(?P<signal>[^=]+))?=(?P<columns>.+)\Z", re.DOTALL)
 
@@ -57,18 +58,30 @@ class Transform(Settings):
 
 
 class TrackedPose(Settings):
-    """Pose of a marker in a tracker's frame, from which joints follow by inverse kinematics."""
+    """Pose of a marker in a tracker's frame, or its position alone, from which joints follow by inverse kinematics."""
 
-    # a message's pose or transform, such as "/tracker/pose.pose"; or seven columns, position x y z, quaternion x y z w
+    # a message's pose, transform or point, such as "/tracker/pose.pose", a tracker's body; or columns: position x y z
+    # alone, or with a quaternion (7) or three angles (6)
     columns: Texts
-    unit: Literal["m", "mm"] = "m"
+    unit: Literal["m", "cm", "mm"] = "m"
+    # of the columns behind the position: a quaternion; axis times angle; or turns about axes in this order, capitals
+    # about the axes that turn with it ("ZYX" is yaw, pitch, roll), small letters about fixed ones
+    orientation: Annotated[str, Field(pattern="^(xyzw|wxyz|vector|[xyz]{3}|[XYZ]{3})$")] = "xyzw"
+    angle_unit: Literal["rad", "deg"] = "rad"
     frame: str | None = None  # of the robot; its tip when None
     match: Literal["pose", "position"] = "position"
     # how far from a pose the nearest joints may leave the frame: noise, or an arm with fewer than six joints
     within_mm: Annotated[float, Field(gt=0.0)] = 1.0
     within_deg: Annotated[float, Field(gt=0.0)] = 1.0
-    T_base_tracker: Transform = Transform()  # the tracker's frame in the robot's base
-    T_marker_frame: Transform = Transform()  # the robot's frame in the marker's
+    # found from the recording (registration.py) where not given
+    T_base_tracker: Transform | None = None  # the tracker's frame in the robot's base
+    T_marker_frame: Transform | None = None  # the robot's frame in the marker's; in its own axes if only a position is
+
+    @model_validator(mode="after")
+    def _three_turns(self) -> "TrackedPose":
+        if any(first == second for first, second in pairwise(self.orientation)):
+            raise ValueError(f"orientation {self.orientation}: turns twice about one axis")
+        return self
 
 
 class Quantity(Settings):

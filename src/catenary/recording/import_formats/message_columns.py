@@ -137,7 +137,7 @@ class _TopicColumns:
     fields_of: FieldsOf
     wanted: Collection[str] | None  # all when None
     _arrivals: list[NDArray[np.int64]] = field(default_factory=list)
-    _waiting: list[Block] = field(default_factory=list)
+    _waiting: list[tuple[NDArray[np.int64], Block]] = field(default_factory=list)
     _count: int = 0  # of messages that wait
     _parts: list[tuple[int, dict[str, NDArray[Any]]]] = field(default_factory=list)
     _joints: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -148,8 +148,7 @@ class _TopicColumns:
         self._joints |= {path: own.labels for path, own in self._own.items() if own.width > 1}
 
     def add(self, arrivals: NDArray[np.int64], block: Block) -> None:
-        self._arrivals.append(arrivals)
-        self._waiting.append(block)
+        self._waiting.append((arrivals, block))
         self._count += len(block)
         if self._count >= _BATCH:
             self._read()
@@ -176,18 +175,31 @@ class _TopicColumns:
         """Turn the messages that wait into columns; those of one shape together."""
         if not self._waiting:
             return
-        waiting, self._waiting, self._count = Block.joined(self._waiting), [], 0
+        arrivals = np.concatenate([came for came, _ in self._waiting])
+        waiting, self._waiting, self._count = Block.joined([block for _, block in self._waiting]), [], 0
+        pieces: dict[str, list[tuple[NDArray[np.int64], NDArray[Any]]]] = {}
+        of, count = list[NDArray[np.int64]](), 0  # the message that each row is of
+        for messages, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
+            for own, part_of in _by_child(messages, records):
+                numbers = list(self._numbers(part_of))
+                if part_of is not records and not any(column for _, column, _ in numbers):
+                    continue  # a child that nobody wants
+                for inside, column, values in numbers:
+                    pieces.setdefault(column, []).append((count + inside, values))
+                    if len(pieces) > MOST_COLUMNS:  # before as many arrays are made
+                        raise FileFormatError(f"more than {MOST_COLUMNS} columns")
+                of.append(own)
+                count += len(own)
+        rows = np.concatenate([np.zeros(0, dtype=np.int64), *of])
+        order = np.argsort(rows, kind="stable")
         part: dict[str, NDArray[Any]] = {}
-        for rows, records in read_messages(current_name(self.type), waiting, self.encoding, self.fields_of):
-            for inside, column, values in self._numbers(records):
-                if len(part) > MOST_COLUMNS:  # before as many arrays are made
-                    raise FileFormatError(f"more than {MOST_COLUMNS} columns")
-                if column == "" and column not in part:
-                    part[""] = np.zeros(len(waiting), dtype=np.int64)
-                elif column not in part:
-                    part[column] = np.full(len(waiting), np.nan)
-                part[column][rows[inside]] = values
-        self._parts.append((len(waiting), part))
+        for column, numbers_of in pieces.items():
+            whole = np.zeros(count, dtype=np.int64) if column == "" else np.full(count, np.nan)
+            for at, values in numbers_of:
+                whole[at] = values
+            part[column] = whole[order]
+        self._arrivals.append(arrivals[rows[order]])
+        self._parts.append((count, part))
 
     def _numbers(self, records: NDArray[np.void]) -> Iterator[tuple[NDArray[np.int64], str, NDArray[Any]]]:
         """Yield rows, column and numbers; the stamp of the header as the column "" [ns]."""
@@ -253,12 +265,36 @@ class _TopicColumns:
         return [f"{array}[{joint}]" for joint in joints]
 
 
+def _by_child(
+    messages: NDArray[np.int64], records: NDArray[np.void]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
+    """Yield messages with their records; of transforms in a row (/tf) each alone, its fields by the child's name."""
+    kinds: Mapping[str, Any] = records.dtype.fields or {}
+    places = [found[1] for path in kinds if (found := re.fullmatch(r"(\w+\.\d+)\.child_frame_id", path))]
+    if not places:
+        yield messages, records
+    for place in places:
+        inside = [path for path in kinds if path.startswith(f"{place}.")]
+        texts = [bytes(text).rstrip(b"\0") for text in records[f"{place}.child_frame_id"].tolist()]
+        for child in dict.fromkeys(texts):
+            name = child.decode(errors="replace").lstrip("/")
+            ends = [path.removeprefix(f"{place}.") for path in inside]
+            names = [end if end.startswith("header.") else f"{place.split('.')[0]}[{name}].{end}" for end in ends]
+            kind = np.dtype({
+                "names": names, "formats": [kinds[path][0] for path in inside],
+                "offsets": [kinds[path][1] for path in inside], "itemsize": records.dtype.itemsize,
+            })  # fmt: skip
+            rows = np.flatnonzero([text == child for text in texts])
+            yield messages[rows], records[rows].view(kind)
+
+
 def _stamp_path(kinds: Mapping[str, Any]) -> str | None:
-    """Return the path of a message's own stamp: of its header, or its first field that is a time."""
+    """Return the path of a message's own stamp: of its header, its first field that is a time, or one within it."""
     stamps = [path.removesuffix(".sec") for path in kinds if re.fullmatch(r"\w+(\.stamp)?\.sec", path)]
     headers = [path for path in stamps if path.endswith(".stamp")]
     plain = [path for path in stamps if path in ("stamp", "time", "timestamp")]
-    return next(iter([*headers, *plain]), None)
+    within = [path.removesuffix(".sec") for path in kinds if path.endswith(".header.stamp.sec")]
+    return next(iter([*headers, *plain, *within]), None)
 
 
 def _named_arrays(kinds: Mapping[str, Any]) -> dict[str, str]:

@@ -16,11 +16,11 @@ from catenary.recording.import_formats.column_groups import (
     candidates_of,
     moving_columns,
     ok_columns,
-    pose_references,
 )
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
 from catenary.recording.import_formats.columns import Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import SI, RecordingMapping, words_of
+from catenary.recording.import_formats.pose_columns import PoseColumns, poses_of
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import UNITS, time_columns, time_of
 from catenary.robots.catalog import load_robot
@@ -107,9 +107,8 @@ def propose(
             its, why = (its, why) if is_sure else _asked_units("q_encoder", its, why, draft)
             _write(draft, "q_encoder", encoder, its, why)
         _further(found, nominal, draft)
-    poses = [pose for stream in sources.streams for pose in pose_references(stream)]
     if encoder is None:
-        _without_encoder(poses, robot, draft)
+        _without_encoder(poses_of(sources.streams), robot, draft)
     _times(sources.streams, nominal, encoder, draft)
     for stream in sources.streams:
         draft.decisions += [f"{stream.name}: {note}" for note in stream.notes]
@@ -296,7 +295,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
         draft.decisions.append(f"{currents[0]} seems to hold currents: tau needs a scale, Nm per unit")
 
 
-def _without_encoder(poses: Sequence[str], robot: str | None, draft: _Draft) -> None:
+def _without_encoder(poses: Sequence[PoseColumns], robot: str | None, draft: _Draft) -> None:
     if not poses:
         draft.decisions.append(
             "nothing was found that measured the joints beside the robot itself: a fit needs q_encoder, an "
@@ -305,16 +304,18 @@ def _without_encoder(poses: Sequence[str], robot: str | None, draft: _Draft) -> 
         return
     draft.ask(
         "q_encoder",
-        f"whether {' or '.join(poses[:5])} tells where the joints were; then it needs the robot and two transforms",
+        f"whether {' or '.join(pose.name for pose in poses[:5])} tells where the joints were; then it needs the robot, "
+        "and which of its frames the marker is on",
         {"none": "it does not, or is not wanted; else edit what stands below"},
     )
+    one = poses[0]
     lines = [
-        "# joints from a tracked marker: take the # away, and fill in the robot (above) and the transforms",
+        "# joints from a tracked marker: take the # away, and fill in the robot (above) and the frame",
         "# [q_encoder.pose]",
-        f"# columns = {_text(poses[0])}",
+        f"# columns = [{', '.join(map(_text, one.references))}]",
+        *[f'# orientation = "{one.orientation}"  # {one.doubt or "of the quaternion"}'] * (one.orientation != "xyzw"),
         '# match = "position"     # or "pose", for more joints than a position tells',
-        "# T_base_tracker = { position_m = [0, 0, 0], quaternion_wxyz = [1, 0, 0, 0] }",
-        "# T_marker_frame = { position_m = [0, 0, 0], quaternion_wxyz = [1, 0, 0, 0] }",
+        "# T_base_tracker and T_marker_frame are found from the recording where they are not given",
     ]
     draft.tables += ["", *lines]
 

@@ -18,6 +18,7 @@ from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.csv_files import Block, TextTable, joined
 from catenary.recording.import_formats.message_columns import SAMPLED, Bag
 from catenary.recording.import_formats.table_files import read_table_file, stream_of_text
+from catenary.recording.import_formats.tracker_files import is_tracker_file
 from catenary.recording.journal import About, same_origin
 
 BAG_ENDINGS = (".bag", ".mcap", ".db3")
@@ -130,7 +131,7 @@ class Sources:
                 self._bags.append(ExtractedTopics(path))
             elif is_bag(path):
                 bags += [Bag(part, progress) for part in bags_in(path)]
-            elif table_ending(path) in TEXT_ENDINGS and path.stat().st_size > LONG_TEXT:
+            elif table_ending(path) in TEXT_ENDINGS and path.stat().st_size > LONG_TEXT and not is_tracker_file(path):
                 self._bags.append(LongText(path, progress))
             else:
                 self._whole += read_table_file(path)

@@ -16,6 +16,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import TEXT_ENDINGS, table_ending
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.csv_files import Block, TextTable, joined
+from catenary.recording.import_formats.tracker_files import read_tracker_file
 from catenary.recording.parquet_files import MOST_COLUMNS
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
@@ -33,6 +34,9 @@ def read_table_file(path: Path) -> list[Stream]:
         raise FileFormatError(f"{path}: no such file")
     ending = table_ending(path)
     if ending in TEXT_ENDINGS:
+        exported = read_tracker_file(path)
+        if exported is not None:
+            return [exported]
         text = TextTable(path)
         return [stream_of_text(text, joined(list(text.blocks())))]
     if ending == ".parquet":

@@ -1,6 +1,7 @@
 """Joint positions from a tracked marker: its pose in the base, and inverse kinematics from where the robot was."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,35 +13,66 @@ from catenary.dynamics.kinematics import jacobian
 from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
-from catenary.robots.model import RobotModel
-from catenary.spatial import Pose, rotation_from_quaternion
+from catenary.recording.import_formats.pose_columns import PARTS, poses_of
+from catenary.recording.import_formats.registration import Tracked, register
+from catenary.robots.model import Frame, RobotModel
+from catenary.spatial import Pose
 
 OPEN = 1e-4  # of what other motions move a frame by: less than a measured pose tells
-# geometry_msgs/Pose and Transform
-_PARTS = (("position", "orientation"), ("translation", "rotation"))
+FARTHEST = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
+_AXES = ("xyz", "xyzw")
+_MARKER = "the tracked marker"  # a frame of the robot
 
 
 def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
-    """Return where the seven numbers of a pose are: x, y, z, and the quaternion's x, y, z, w."""
-    if len(tracked.columns) == 7:
+    """Return where the numbers of a pose are: x, y, z, and what tells the orientation where there is one."""
+    count = len(tracked.columns)
+    if count in (3, 6, 7):
+        quaternion = tracked.orientation in ("xyzw", "wxyz")
+        if count != 3 and quaternion != (count == 7):
+            expected = "7 columns of a pose with a quaternion, 6 of one with three angles"
+            raise InputError(f'pose: {count} columns with orientation = "{tracked.orientation}": expected {expected}')
         return [place for column in tracked.columns for place in places_of(column, streams)]
-    if len(tracked.columns) != 1:
-        raise InputError(f"pose: {len(tracked.columns)} columns, expected a message's pose, or seven columns")
+    if count != 1:
+        raise InputError(f"pose: {count} columns, expected a message's pose, or three, six or seven columns")
     reference = tracked.columns[0]
-    for position, orientation in _PARTS:
-        names = [f"{reference}.{position}.{axis}" for axis in "xyz"]
-        names += [f"{reference}.{orientation}.{axis}" for axis in "xyzw"]
+    parts = [
+        [f"{reference}.{part}.{axis}" for part, axes in zip(parts, _AXES, strict=True) for axis in axes]
+        for parts in PARTS
+    ]
+    parts += [[f"{reference}{inside}.{axis}" for axis in "xyz"] for inside in (".position", ".translation", "")]
+    for names in parts:
         try:
             return [place for name in names for place in places_of(name, streams)]
         except InputError:
             continue
-    poses = [
-        f"{stream.name}.{name.removesuffix('.orientation.w').removesuffix('.rotation.w')}"
-        for stream in streams
-        for name in stream.columns
-        if name.endswith((".orientation.w", ".rotation.w"))
-    ]
+    poses = [pose.name for pose in poses_of(streams)]
     raise InputError(f'no pose "{cut(reference)}"; there are {", ".join(map(cut, poses[:10])) or "none"}')
+
+
+def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Floats, Floats | None]:
+    """Return positions (M, 3) [m] and R_tracker_marker (M, 3, 3), None where columns tell none.
+
+    Rows are NaN where a pose is missing: a number is, the quaternion has no length of 1, or all of it is 0.
+    """
+    from scipy.spatial.transform import Rotation
+
+    position, angles = SI[tracked.unit][1] * values[:, :3], values[:, 3:]
+    seen = np.asarray(np.isfinite(values).all(axis=1) & position.any(axis=1))
+    seen &= (np.abs(position) < FARTHEST).all(axis=1)
+    rotation = None
+    if angles.shape[1] == 4:
+        angles = np.roll(angles, -1, axis=1) if tracked.orientation == "wxyz" else angles
+        seen &= np.abs(np.linalg.norm(angles, axis=1) - 1.0) < 0.1
+        rotation = Rotation.from_quat(np.where(seen[:, None], angles, [0.0, 0.0, 0.0, 1.0])).as_matrix()
+    elif angles.shape[1] == 3:
+        angles = np.where(seen[:, None], SI[tracked.angle_unit][1] * angles, 0.0)
+        vector = tracked.orientation == "vector"
+        turned = Rotation.from_rotvec(angles) if vector else Rotation.from_euler(tracked.orientation, angles)
+        rotation = turned.as_matrix()
+    if rotation is not None:
+        rotation[~seen] = np.nan
+    return np.where(seen[:, None], position, np.nan), rotation
 
 
 def open_joints(
@@ -75,37 +107,56 @@ def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequ
     )
 
 
+def registered(
+    model: RobotModel, tracked: TrackedPose, poses: Tracked, chosen: Sequence[int]
+) -> tuple[Pose, Pose, list[str]]:
+    """Return T_base_tracker and T_frame_marker, given or found from the recording, and what is to be said of that."""
+    base = None if tracked.T_base_tracker is None else tracked.T_base_tracker.pose()
+    marker = None if tracked.T_marker_frame is None else tracked.T_marker_frame.pose().inverse()
+    if base is not None and marker is not None:
+        return base, marker, []
+    made = register(model, poses, chosen, frame=tracked.frame, base=base, marker=marker)
+    names, units = ([of[j] for j in chosen] for of in (model.joint_names, model.joint_units))
+    return made.found.base, made.found.marker, made.notes(names, units)
+
+
 def joints_from_poses(
-    model: RobotModel, tracked: TrackedPose, poses: Floats, q_start: Floats, chosen: Sequence[int]
+    model: RobotModel, tracked: TrackedPose, poses: Tracked, base: Pose, marker: Pose, chosen: Sequence[int]
 ) -> Floats:
     """Return the joint positions at which the robot's frame is nearest to where the marker says.
 
-    T_base_frame = T_base_tracker T_tracker_marker T_marker_frame.
+    T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the point of the
+    frame where it sits is nearest.
 
     Args:
         model: The robot.
-        tracked: Transforms, frame, and whether the orientation counts.
-        poses: (M, 7) of the marker in the tracker's frame: position [tracked.unit], quaternion x, y, z, w.
-        q_start: (M, n) near them: what the robot reported; NaN where it reported nothing.
+        tracked: Frame, whether the orientation counts, and how near is near.
+        poses: Of the marker, and what the robot reported then; NaN where one has none.
+        base: T_base_tracker.
+        marker: T_frame_marker.
         chosen: Joints that are asked for.
 
     Returns:
         (M, n) [rad|m]; NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
         `within_deg`, or the arm is singular, so that the pose does not tell where the chosen joints are.
     """
-    base, frame = tracked.T_base_tracker.pose(), tracked.T_marker_frame.pose()
-    scale = SI[tracked.unit][1]
-    found = np.full((len(poses), model.n), np.nan)
-    norms = np.linalg.norm(poses[:, 3:], axis=1)
-    usable = np.isfinite(poses).all(axis=1) & np.isfinite(q_start).all(axis=1) & (np.abs(norms - 1.0) < 0.1)
+    seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)
+    if poses.rotation is None:
+        if tracked.match == "pose":
+            raise InputError('q_encoder: the marker has a position alone: expected match = "position"')
+        link, own = model.frame(tracked.frame)
+        model = replace(model, frames={**model.frames, _MARKER: Frame(link, own @ marker)})
+        tracked = tracked.model_copy(update={"frame": _MARKER})
+        seen = Pose(np.broadcast_to(seen.rotation, (len(poses.q), 3, 3)), seen.position)
+    else:
+        seen = seen @ marker.inverse()
+    found = np.full((len(poses.q), model.n), np.nan)
+    usable = np.asarray(np.isfinite(np.hstack([seen.position, poses.q])).all(axis=1))
     if usable.any():
-        usable[usable] = _determined(model, tracked, q_start[usable], chosen)
+        usable[usable] = _determined(model, tracked, poses.q[usable], chosen)
     for row in np.flatnonzero(usable).tolist():
-        x, y, z, w = poses[row, 3:] / norms[row]
-        marker = Pose(rotation_from_quaternion((w, x, y, z)), scale * poses[row, :3])
-        nearest = nearest_coordinates(
-            model, base @ marker @ frame, q_start[row], frame=tracked.frame, match=tracked.match
-        )
+        pose = Pose(seen.rotation[row], seen.position[row])
+        nearest = nearest_coordinates(model, pose, poses.q[row], frame=tracked.frame, match=tracked.match)
         near = 1e3 * nearest.position_error <= tracked.within_mm
         if near and np.rad2deg(nearest.orientation_error) <= tracked.within_deg:
             found[row] = nearest.q

@@ -1,0 +1,452 @@
+"""Where a tracker stands and where its marker sits, found from the robot's own motion, with the joints' zeros free.
+
+X p = F(q + offsets) z for every pose: X is T_base_tracker, F the robot's forward kinematics, z the marker in its frame
+(AX = ZB of robot-world hand-eye calibration). A marker without orientation is a point. Least squares of what both
+sides differ by, without outliers, from the best of many directions that the tracker may look from.
+
+No motion tells the zero of an arm's first joint from a turn of the base about its axis, nor that of its last joint from
+how the marker sits: such an offset is held at 0, and said to be. [M. Shah, J. Mech. Robotics 5 (2013); what can be
+told: L. Everett & T.-W. Hsu, J. Mech. Design 110 (1988)]
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.dynamics.kinematics import Configuration
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose, identity_pose, quaternion_from_rotation, rotation_from_vector
+from catenary.units import DISPLAY
+
+FEWEST_POSES, MOST_POSES = 12, 3_000  # the most evenly over the recording
+FINEST = np.array([5e-5, 5e-4])  # [m], [rad] that no tracker is better than over a workspace, nor an arm's geometry
+USUAL = np.array([2e-4, 3e-3])  # [m], [rad] of a tracker
+FAR = 5.0  # standard deviations of an axis at which an outlier begins: one of 70,000 good poses lies there
+FEWEST, BLOCKS = 6, 30  # stretches of time whose errors are taken as independent
+OPEN = 0.05  # [rad] half-width at which a direction is not told: a usual tracker sees 1.4 mm of a motion then
+SETTLES = {"rad": 0.5, "m": 0.05}  # to either side: a motion that may settle it
+STRUCTURAL = 1e-9  # of the largest eigenvalue: what no motion of the robot shows
+_LOOKS, _TRIED, _COARSE = 4_000, 6, 300  # directions of a tracker, those followed up, and with how many poses
+_MEDIAN = 1.538  # of the length of three normal numbers of standard deviation 1
+_OFFSETS = 12  # the first of them among the parameters
+
+
+class Tracked(NamedTuple):
+    """Poses of a marker, and what the robot reported at their stamps."""
+
+    position: Floats  # (M, 3) in the tracker's frame [m]
+    rotation: Floats | None  # (M, 3, 3) R_tracker_marker; None of a single marker
+    q: Floats  # (M, n) [rad or m]
+    qd: Floats  # (M, n) [rad/s or m/s]
+
+    def part(self, rows: NDArray[np.generic]) -> "Tracked":
+        """Return some of them."""
+        rotation = None if self.rotation is None else self.rotation[rows]
+        return Tracked(self.position[rows], rotation, self.q[rows], self.qd[rows])
+
+    def evenly(self, most: int) -> "Tracked":
+        """Return as many at most, evenly over all."""
+        return self.part(np.unique(np.linspace(0, len(self.q) - 1, min(most, len(self.q))).round().astype(np.int64)))
+
+
+class Estimate(NamedTuple):
+    """What is sought."""
+
+    base: Pose  # T_base_tracker
+    marker: Pose  # T_frame_marker; in the frame's axes where the marker has no orientation
+    offsets: Floats  # (k,) of the chosen joints: where they are is what they report, and this [rad or m]
+    late: float = 0.0  # [s] by which the robot has moved on from what it reports at a pose's stamp
+
+
+@dataclass(frozen=True)
+class Registration:
+    """What was found, and half-widths that hold 95 % of its errors: 0 of what was given or held."""
+
+    found: Estimate
+    base_error: Floats  # (2,) [m] at `middle`, [rad]
+    marker_error: Floats  # (2,) [m], [rad]
+    offset_error: Floats  # (k,)
+    late_error: float
+    joint_error: Floats  # (k,) of joints that follow from a pose by the transforms, beside offsets that are not told
+    is_told: NDArray[np.bool_]  # (k,) whether motion tells the joint's offset from the transforms
+    middle: Floats  # (3,) of the marker's motion, in the base [m]
+    left: Floats  # (1 or 2,) root mean square of an axis' distance from the fit [m], [rad]
+    poses: int
+    outliers: int
+
+    def notes(self, names: Sequence[str], units: Sequence[str]) -> list[str]:
+        """Return it in words; transforms as a mapping has them."""
+        found, shown = self.found, [DISPLAY[unit] for unit in units]
+
+        def sizes(lengths: Floats) -> str:
+            parts = zip(("mm", "deg"), (1e3, np.rad2deg(1.0)), lengths, strict=False)
+            return " and ".join(f"{scale * size:.2g} {unit}" for unit, scale, size in parts if size > 0.0)
+
+        def transform(name: str, pose: Pose, error: Floats, where: str) -> list[str]:
+            at, turn = np.round(pose.position, 6), np.round(quaternion_from_rotation(pose.rotation), 7)
+            text = f"{name} = {{ position_m = {at.tolist()}, quaternion_wxyz = {turn.tolist()} }}"
+            return [f"{text}  # 95 %: within {sizes(error)}{where}"] * bool(error.any())
+
+        rows = list(zip(names, shown, found.offsets, self.offset_error, self.joint_error, self.is_told, strict=True))
+        zeros = [f"{n} {s * x:.3g} +- {s * e:.2g} {unit}" for n, (unit, s), x, e, _, told in rows if told and e > 0.0]
+        untold = ", ".join(name for name, *_, told in rows if not told)
+        lag = f"{1e3 * abs(found.late):.0f} +- {1e3 * self.late_error:.1g} ms"
+        return [
+            f"registered by {self.poses} poses, {sizes(self.left)} rms per axis from the fit, {self.outliers} outliers",
+            *transform("T_base_tracker", found.base, self.base_error, f" at {np.round(self.middle, 3).tolist()} m"),
+            *transform("T_marker_frame", found.marker.inverse(), self.marker_error, ""),
+            *[f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros),
+            *[
+                f"no motion tells the zero of {untold} from how the tracker stands and the marker sits: it was taken "
+                "as reported, their q_encoder is right but for a constant, and a fit learns no constant error of "
+                "theirs; T_base_tracker (first joint) or T_marker_frame (last) measured otherwise tells it"
+            ] * bool(untold),
+            "what the registration may put q_encoder off by, 95 %: "
+            + ", ".join(f"{name} {s * e:.2g} {unit}" for name, (unit, s), _, _, e, _ in rows),
+            *[
+                f"the robot's reports fit the poses best as {lag} {'old' if found.late > 0.0 else 'early'}: a clock's "
+                "delay, or slack of the joints; the transforms allow for it, rows were not moved"
+            ] * (abs(found.late) > max(2.0 * self.late_error, 2e-3)),
+        ]  # fmt: skip
+
+
+def register(
+    model: RobotModel,
+    tracked: Tracked,
+    chosen: Sequence[int],
+    *,
+    frame: str | None = None,
+    base: Pose | None = None,
+    marker: Pose | None = None,
+) -> Registration:
+    """Find the transforms that are not given, and the chosen joints' offsets.
+
+    Args:
+        model: The robot.
+        tracked: Poses; rows that are not finite are left out.
+        chosen: Joints that were recorded, as indices.
+        frame: The robot's frame that the marker is fixed to; its tip when None.
+        base: T_base_tracker, where it is known.
+        marker: T_frame_marker, where it is known.
+
+    Raises:
+        InputError: There are too few poses, or they leave a direction open; the message names the motion that
+            would settle it.
+    """
+    numbers = np.hstack([a.reshape(len(tracked.q), -1) for a in tracked if a is not None])
+    whole = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1)))
+    if len(whole.q) < FEWEST_POSES:
+        raise InputError(f"registration: {len(whole.q)} poses with joints, expected {FEWEST_POSES} at least")
+    problem = _problem(model, whole.evenly(MOST_POSES), chosen, frame, base, marker)
+    coarse = replace(problem, tracked=problem.tracked.evenly(_COARSE))
+    starts = [coarse.settled(start)[0] for start in coarse.starts(base, marker)]
+    found = min(starts, key=lambda at: float(np.log(np.median(coarse.lengths(at), axis=0)).sum()))
+    held, is_told = problem.without_what_no_motion_tells(found)
+    found, noise = held.settled(
+        found._replace(offsets=np.where(held.basis[_OFFSETS:-1].any(axis=1), found.offsets, 0.0))
+    )
+    for _ in range(3):
+        near = np.asarray((held.lengths(found) < FAR * noise[: 1 + (tracked.rotation is not None)]).all(axis=1))
+        kept = replace(held, tracked=problem.tracked.part(near), noise=noise)
+        found = kept.solved(found, robust=False)
+        noise = kept.noise_of(found)
+    kept.refuse_what_is_open(found)
+    return kept.with_errors(found, is_told, outliers=int((~near).sum()))
+
+
+def _problem(
+    model: RobotModel,
+    tracked: Tracked,
+    chosen: Sequence[int],
+    frame: str | None,
+    base: Pose | None,
+    marker: Pose | None,
+) -> "_Problem":
+    """Return the least squares problem, with the middle and the reach of the marker's motion."""
+    middle = np.median(tracked.position, axis=0)
+    reach = max(float(np.median(np.linalg.norm(tracked.position - middle, axis=1))), 0.02)
+    moved = Configuration(model, tracked.q).jacobian(frame)[:, :3] @ tracked.qd[:, :, None]
+    speed, k = float(np.sqrt((moved**2).sum(axis=1).mean())), len(chosen)
+    lengths = np.ones(13 + k)  # of a parameter, at which it moves the marker by a metre
+    lengths[[0, 1, 2, 6, 7, 8]], lengths[-1] = 1.0 / reach, 1.0 / max(speed, 1e-6)
+    lengths[_OFFSETS:-1] = np.where([model.joint_units[j] == "m" for j in chosen], 1.0, 1.0 / reach)
+    free = np.ones(13 + k, dtype=bool)
+    free[:6], free[6:9], free[9:12] = base is None, marker is None and tracked.rotation is not None, marker is None
+    free[-1] = speed > 1e-6
+    return _Problem(model, tracked, list(chosen), frame, middle, reach, lengths, np.eye(13 + k)[:, free], USUAL)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Least squares of tracked poses over the transforms, the offsets of the chosen joints and a delay.
+
+    Parameters: X turned about the middle of the motion and moved (6), the marker in the frame turned and moved (6),
+    offsets (k), the delay; of these the directions of `basis` are sought.
+    """
+
+    model: RobotModel
+    tracked: Tracked
+    chosen: list[int]
+    frame: str | None
+    middle: Floats  # (3,) of the motion, in the tracker's frame [m]
+    reach: float  # [m]
+    units: Floats  # (p,) of the parameters, which bring all of them to metres at the marker's reach
+    basis: Floats  # (p, m)
+    noise: Floats  # (2,) standard deviation of an axis [m], [rad]
+
+    def compare(self, at: Estimate) -> tuple[Floats, Floats]:
+        """Return residuals (M, 3 or 6) in base axes [m, rad] and their derivatives by all parameters (M, 3 or 6, p)."""
+        t = self.tracked
+        q = t.q + at.late * t.qd
+        q[:, self.chosen] += at.offsets
+        placed = Configuration(self.model, q)
+        frame = placed.pose(self.frame)
+        seen = t.position @ at.base.rotation.T + at.base.position
+        residual = seen - frame.rotation @ at.marker.position - frame.position
+        if t.rotation is not None:
+            from scipy.spatial.transform import Rotation
+
+            apart = at.base.rotation @ t.rotation @ np.swapaxes(frame.rotation @ at.marker.rotation, 1, 2)
+            residual = np.hstack([residual, Rotation.from_matrix(apart).as_rotvec()])
+        J = np.zeros((len(q), 6, len(self.units)))
+        from_middle = seen - (at.base.rotation @ self.middle + at.base.position)
+        J[:, :3, :3] = np.swapaxes(np.cross(np.eye(3)[None], from_middle[:, None]), 1, 2)
+        J[:, :3, 3:6] = J[:, 3:, :3] = np.eye(3)
+        J[:, 3:, 6:9] = J[:, :3, 9:12] = -frame.rotation
+        moved = placed.jacobian(self.frame, at.marker.position)
+        J[:, :, _OFFSETS:-1] = -moved[:, :, self.chosen]
+        J[:, :, -1] = -(moved @ t.qd[:, :, None])[:, :, 0]
+        return residual, J[:, : residual.shape[1]] * self.units
+
+    def scaled(self, at: Estimate) -> tuple[Floats, Floats]:
+        """Return residuals in standard deviations, and their derivatives by what is sought."""
+        residual, J = self.compare(at)
+        scale = np.repeat(1.0 / self.noise, 3)[: residual.shape[1]]
+        return residual * scale, (J @ self.basis) * scale[:, None]
+
+    def moved(self, at: Estimate, step: Floats) -> Estimate:
+        """Return an estimate moved by parameters (m,)."""
+        s = self.units * (self.basis @ step)
+        turn, middle = rotation_from_vector(s[:3]), at.base.rotation @ self.middle + at.base.position
+        base = Pose(turn @ at.base.rotation, turn @ (at.base.position - middle) + middle + s[3:6])
+        marker = Pose(rotation_from_vector(s[6:9]) @ at.marker.rotation, at.marker.position + s[9:12])
+        return Estimate(base, marker, at.offsets + s[_OFFSETS:-1], at.late + float(s[-1]))
+
+    def lengths(self, at: Estimate) -> Floats:
+        """Return how far each pose is from the fit, (M, 1 or 2) [m], [rad]."""
+        residual = self.compare(at)[0]
+        return np.asarray(np.linalg.norm(residual.reshape(len(residual), -1, 3), axis=2))
+
+    def noise_of(self, at: Estimate) -> Floats:
+        """Return the standard deviation of an axis, (2,) [m], [rad], by the median."""
+        usual = np.median(self.lengths(at), axis=0) / _MEDIAN
+        return np.asarray(np.maximum(FINEST, np.append(usual, 1.0)[:2]), dtype=np.float64)
+
+    def settled(self, at: Estimate) -> tuple[Estimate, Floats]:
+        """Return the fit that outliers do not move, and the noise about it."""
+        noise = np.array([0.1 * self.reach, 0.1])
+        for _ in range(3):
+            at = replace(self, noise=noise).solved(at, robust=True)
+            noise = self.noise_of(at)
+        return at, noise
+
+    def solved(self, at: Estimate, *, robust: bool) -> Estimate:
+        """Return the least squares fit, by Levenberg and Marquardt; robust by Cauchy's weights."""
+
+        def cost_of(r: Floats) -> float:
+            square = (r**2).sum(axis=1)
+            return float(np.log1p(square / 9.0).sum() if robust else square.sum())
+
+        damping = 1e-3
+        r, J = self.scaled(at)
+        cost = cost_of(r)
+        for _ in range(200):
+            weight = 1.0 / np.sqrt(1.0 + (r**2).sum(axis=1) / 9.0) if robust else np.ones(len(r))
+            A = (J * weight[:, None, None]).reshape(-1, J.shape[2])
+            H, g = A.T @ A, A.T @ (r * weight[:, None]).ravel()
+            lift = damping * np.diag(H) + 1e-12 * np.trace(H)
+            trial = self.moved(at, np.asarray(np.linalg.solve(H + np.diag(lift), -g)))
+            r_there, J_there = self.scaled(trial)
+            before, new = cost, cost_of(r_there)
+            if new < cost:
+                at, r, J, cost, damping = trial, r_there, J_there, new, damping / 10.0
+            if damping > 1e6 or 0.0 <= before - new < 1e-9 * before:
+                break
+            damping *= 1.0 if new < before else 10.0
+        return at
+
+    def starts(self, base: Pose | None, marker: Pose | None) -> list[Estimate]:
+        """Return estimates to begin from: of 4,000 directions that the tracker may look from, a few that fit best.
+
+        With the turn of X known its place and the marker's are linear, and what these leave of the equations is
+        quadratic in the nine elements of the turn.
+        """
+        from scipy.spatial.transform import Rotation
+
+        t, M = self.tracked, len(self.tracked.q)
+        frame = Configuration(self.model, t.q).pose(self.frame)
+        X, Z = base or identity_pose(), marker or identity_pose()
+        known = (frame.position + frame.rotation @ Z.position - X.position).ravel()  # R_X p + [x] - [R z] = this
+        columns = [np.broadcast_to(np.eye(3), (M, 3, 3))] * (base is None) + [-frame.rotation] * (marker is None)
+        A = np.concatenate(columns, axis=2).reshape(3 * M, -1)
+        of_turn = np.einsum("ab,ic->iabc", np.eye(3), t.position).reshape(3 * M, 9)
+        U, sizes, _ = np.linalg.svd(A, full_matrices=False)
+        U = U[:, sizes > 1e-6 * sizes[0]]
+        rest, b = of_turn - U @ (U.T @ of_turn), known - U @ (U.T @ known)
+        drawn = Rotation.from_quat(np.random.default_rng(0).normal(size=(_LOOKS, 4))).as_matrix()
+        looks = drawn if base is None else X.rotation[None]
+        flat = looks.reshape(-1, 9)
+        cost = ((flat @ (rest.T @ rest)) * flat).sum(axis=1) - 2.0 * flat @ (rest.T @ b)
+        turns = np.broadcast_to(Z.rotation, looks.shape)  # mean of the marker's turn in the frame
+        if t.rotation is not None and marker is None:
+            products = np.einsum("iba,icd->adbc", frame.rotation, t.rotation) / M
+            turns = np.einsum("adbc,kbc->kad", products, looks)
+            cost = cost - 2.0 / 3.0 * M * self.reach**2 * (turns**2).sum(axis=(1, 2))
+        places = list[int]()
+        for place in np.argsort(cost).tolist():
+            if all(np.trace(looks[place].T @ looks[other]) < 2.4 for other in places):  # 0.8 rad apart
+                places.append(place)
+            if len(places) == _TRIED:
+                break
+        found = []
+        for place in places:
+            x = np.linalg.lstsq(A, known - of_turn @ flat[place], rcond=1e-6)[0]
+            left, _, right = np.linalg.svd(turns[place])
+            turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+            at = Pose(looks[place], x[:3] if base is None else X.position)
+            z = Pose(turn, x[-3:] if marker is None else Z.position)
+            found.append(Estimate(at, z, np.zeros(len(self.chosen))))
+        return found
+
+    def information(self, at: Estimate, q: Floats | None = None) -> Floats:
+        """Return the mean information of a usual tracker's pose about what is sought (m, m); at joints q if given."""
+        one = replace(self, noise=USUAL)
+        if q is not None:
+            moved = q.copy()
+            moved[:, self.chosen] += at.offsets
+            seen = at.base.inverse() @ Configuration(self.model, moved).pose(self.frame) @ at.marker
+            rotation = None if self.tracked.rotation is None else seen.rotation
+            one = replace(one, tracked=Tracked(seen.position, rotation, q, np.zeros_like(q)))
+        J = one.scaled(at)[1].reshape(-1, self.basis.shape[1])
+        return np.asarray(J.T @ J / len(one.tracked.q))
+
+    def at_random(self, joints: Sequence[int], by: Floats, rows: int, rng: np.random.Generator) -> Floats:
+        """Return joints as they were recorded, some of which moved up to `by` (k,) within their limits."""
+        q = self.tracked.evenly(rows).q.copy()
+        for j in joints:
+            i = self.chosen[j]
+            q[:, i] = np.clip(q[:, i] + rng.uniform(-by[j], by[j], len(q)), self.model.lower[i], self.model.upper[i])
+        return q
+
+    def without_what_no_motion_tells(self, at: Estimate) -> tuple["_Problem", NDArray[np.bool_]]:
+        """Hold offsets that no motion of the robot tells from the transforms, and say which are told, (k,)."""
+        from scipy.linalg import qr
+
+        timeless = replace(self, basis=self.basis[:, ~self.basis[-1].astype(bool)])
+        every = range(len(self.chosen))
+        q = self.at_random(every, 3.0 * self.units[_OFFSETS:-1] * self.reach, 300, np.random.default_rng(0))
+
+        def blind(problem: _Problem) -> Floats:
+            sizes, axes = np.linalg.eigh(problem.information(at, q))
+            return np.asarray(problem.basis @ axes[:, sizes < STRUCTURAL * sizes[-1]])
+
+        in_offsets = blind(timeless)[_OFFSETS:-1]
+        _, R, order = qr(in_offsets.T, mode="economic", pivoting=True)
+        held = _OFFSETS + order[: int((np.abs(np.diag(R)) > 1e-3).sum())]
+        left = replace(timeless, basis=timeless.basis[:, ~timeless.basis[held].any(axis=0)])
+        lost = blind(left)  # such as the height of a planar arm
+        free = self.basis[:, ~self.basis[held].any(axis=0)]
+        axes, sizes, _ = np.linalg.svd(free - lost @ (lost.T @ free), full_matrices=False)
+        return replace(self, basis=axes[:, sizes > 0.5]), np.asarray(np.linalg.norm(in_offsets, axis=1) < 1e-3)
+
+    def refuse_what_is_open(self, at: Estimate) -> None:
+        """Refuse poses that leave a direction open which other motions of the robot would tell; name these."""
+        open_at = (1.96 / (OPEN * self.reach)) ** 2 / BLOCKS
+        timeless = replace(self, basis=self.basis[:, np.abs(self.basis[-1]) < 0.5])
+        sizes, axes = np.linalg.eigh(timeless.information(at))
+        if sizes[0] > open_at:
+            return
+        names, rng = [self.model.joint_names[j] for j in self.chosen], np.random.default_rng(0)
+        by = np.array([SETTLES[self.model.joint_units[j]] for j in self.chosen])
+        sets = [joints for size in (1, 2, 3) for joints in combinations(range(len(names)), size)]
+        ways = (
+            joints
+            for joints in sets
+            if np.linalg.eigvalsh(timeless.information(at, self.at_random(joints, by, 100, rng)))[0] > open_at
+        )
+        moves = next(ways, tuple(range(len(names))))
+        direction = timeless.basis @ axes[:, 0]
+        parts = {f"the zero of {name}": abs(x) for name, x in zip(names, direction[_OFFSETS:-1].tolist(), strict=True)}
+        what = (
+            "T_base_tracker turned about",
+            "T_base_tracker moved along",
+            "marker turned about",
+            "marker moved along",
+        )
+        for text, part in zip(what, direction[:_OFFSETS].reshape(4, 3), strict=True):
+            size = float(np.linalg.norm(part))
+            parts[f"the {text} {np.round(part / (size or 1.0), 2).tolist()}"] = size
+        shown = [DISPLAY[self.model.joint_units[j]] for j in self.chosen]
+        spans = np.ptp(self.tracked.q, axis=0)[self.chosen]
+        motion = " and ".join(
+            f"{names[j]} by {by[j] * scale:.0f} {unit} to either side (it moved {spans[j] * scale:.2g} {unit} in all)"
+            for j, (unit, scale) in ((j, shown[j]) for j in moves)
+        )
+        raise InputError(
+            f"registration: the poses leave open {max(parts, key=parts.__getitem__)}: move {motion} too, or give "
+            "T_base_tracker and T_marker_frame"
+        )
+
+    def with_errors(self, found: Estimate, is_told: NDArray[np.bool_], outliers: int) -> Registration:
+        """Return the fit with its errors, from fits that each leave out one stretch of time.
+
+        The jackknife of clusters holds where errors of a moment are alike; a length's error is that of a sum of squares
+        of unlike variances, by its first two moments. [C. Hansen, J. Econometrics 141 (2007); F. Satterthwaite, 1946]
+        """
+        from scipy.stats import f, t
+
+        r, J = self.scaled(found)
+        blocks = np.array_split(np.arange(len(r)), _independent(r))
+        Hs = [J[rows].reshape(-1, J.shape[2]).T @ J[rows].reshape(-1, J.shape[2]) for rows in blocks]
+        gs = [np.einsum("iap,ia->p", J[rows], r[rows]) for rows in blocks]
+        whole, dof = np.sum(Hs, axis=0), len(blocks) - 1
+        steps = np.array([self.basis @ np.linalg.solve(whole - H, g) for H, g in zip(Hs, gs, strict=True)]) * self.units
+        C = dof / len(blocks) * steps.T @ steps
+
+        def length(first: int) -> float:
+            part = C[first : first + 3, first : first + 3]
+            mean, square = float(np.trace(part)), float((part**2).sum())
+            return float(np.sqrt(mean * f.ppf(0.95, mean**2 / square, dof))) if mean > 1e-18 else 0.0
+
+        width = t.ppf(0.975, dof) * np.sqrt(np.diag(C))
+        by_parameters = replace(self, tracked=self.tracked.evenly(200)).compare(found)[1] / self.units
+        by_error = np.linalg.pinv(by_parameters[:, :, _OFFSETS:-1], rcond=1e-3) @ by_parameters[:, :, :_OFFSETS]
+        variance = np.einsum("mkp,pq,mkq->mk", by_error, C[:_OFFSETS, :_OFFSETS], by_error, optimize=True)
+        return Registration(
+            found=found,
+            base_error=np.array([length(3), length(0)]),
+            marker_error=np.array([length(9), length(6)]),
+            offset_error=width[_OFFSETS:-1],
+            late_error=float(width[-1]),
+            joint_error=t.ppf(0.975, dof) * np.sqrt(np.median(variance, axis=0)),
+            is_told=is_told,
+            middle=found.base.rotation @ self.middle + found.base.position,
+            left=self.noise[: r.shape[1] // 3] * np.sqrt(np.mean(r.reshape(len(r), -1, 3) ** 2, axis=(0, 2))),
+            poses=len(r),
+            outliers=outliers,
+        )
+
+
+def _independent(residual: Floats) -> int:
+    """Return how many stretches the poses fall into whose errors are independent, FEWEST to BLOCKS."""
+    r = residual - residual.mean(axis=0)
+    most = len(r) // (2 * FEWEST)
+    alike = (float((r[lag:] * r[:-lag]).sum()) < 0.2 * float((r * r).sum()) for lag in range(1, most + 1))
+    lag = next((i for i, is_new in enumerate(alike) if is_new), most)
+    return int(np.clip(len(r) // (4 * lag) if lag else BLOCKS, FEWEST, min(BLOCKS, len(r))))
