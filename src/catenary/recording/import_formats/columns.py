@@ -31,6 +31,7 @@ class Stream:
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
+    starts: tuple[int, ...] = (0,)  # rows of a table at which a recording begins
     notes: tuple[str, ...] = ()
 
 

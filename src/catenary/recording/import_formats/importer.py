@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import InputError
-from catenary.files import sha256_of
 from catenary.plant import Joints, MotionLog, joints_text, nameless
 from catenary.plant import places_of as places_of_joints
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
@@ -189,7 +188,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
     if model is not None and stated_robot not in (None, model.name):
         notes.append(f"the recording says that it is of {stated_robot}; read as of {model.name}")
     log = MotionLog(
-        name=sources.paths[0].stem,
+        name=sources.name,
         joint_names=names,
         joint_units=units,
         **{key: values[whole] for key, values in rows.items()},
@@ -200,7 +199,7 @@ def synchronise(sources: Sources, mapping: RecordingMapping, *, model: RobotMode
         signal_units=signal_units,
         robot=stated_robot or mapping.default_robot or None if model is None else model.name,
         simulated=sources.about is not None and sources.about.simulated,
-        sha256=sha256_of(sources.paths[0]) if len(sources.paths) == 1 and sources.paths[0].is_file() else None,
+        sha256=sources.sha256,
         units_assumed=assumed,
         repeated=clock.repeated,
         settled=_settled(mapping, joints, in_file=in_file),

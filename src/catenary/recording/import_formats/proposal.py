@@ -80,6 +80,11 @@ def propose(sources: Sources, *, robot: str | None = None, units: str | None = N
             its, why, is_sure = encoder_units(encoder, nominal, chosen, units)
             draft.questions += [] if is_sure else [f"the units of q_encoder ({why})"]
             _write(draft, "q_encoder", encoder, its, why if is_sure else f"OPEN: {why}")
+            if encoder.is_potentiometer:
+                draft.questions.append(
+                    f"whether the potentiometers {encoder.name} are q_encoder: they show encoders that were set wrong, "
+                    "beyond their own error (a dVRK lets them differ by 5 deg and 5 mm), and hardly what cables do"
+                )
         _further(found, nominal, draft)
     poses = [pose for stream in sources.streams for pose in pose_references(stream)]
     if encoder is None:
