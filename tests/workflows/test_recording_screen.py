@@ -17,7 +17,7 @@ from command_line import catenary
 from hysteretic_arm import recording
 from lab_bags import JOINT_STATE, JOINTS, joint_state, true_q, two_topics, write_bag
 from parsed_commands import complaint
-from tests.recording.test_ten_containers import of_journal, of_split_bag
+from tests.recording.test_containers import of_journal, of_split_bag
 from tests.truth.spoilings import late
 from tests.verdict.test_delay import cable_arm
 

@@ -178,8 +178,13 @@ def bags_in(path: Path) -> list[Path]:
     """Return the bag, or those in a folder that is none itself."""
     if not path.is_dir() or (path / METADATA).is_file() or is_journal(path):
         return [path]
-    inside = [p for p in path.iterdir() if p.suffix in (".bag", *FILES) or (p / METADATA).is_file()]
+    inside = [p for p in path.iterdir() if is_bag_file(p) or (p / METADATA).is_file()]
     return sorted(inside) or [path]
+
+
+def is_bag_file(path: Path) -> bool:
+    """Return whether a file is a bag by its name; rosbag's while it records is NAME.bag.active."""
+    return path.suffix in (".bag", *FILES) or path.name.endswith(".bag.active")
 
 
 def _file(path: Path, *, any_types: bool) -> BagStream | SqliteBag:
@@ -202,7 +207,7 @@ def open_recording(path: Path, *, salvage: bool = False, any_types: bool = False
     source: BagStream | SqliteBag | BagFolder
     if path.is_dir():
         source = BagFolder(path, any_types=any_types)
-    elif path.suffix in (".bag", *FILES):
+    elif is_bag_file(path):
         source = _file(path, any_types=any_types)
         others = [name for name in listed_files(_metadata(path.parent)) if name != path.name]
         if others:

@@ -426,7 +426,10 @@ class BagStream:
             encoding, _ = text_at(data, position)
             if encoding not in ("cdr", "ros1"):
                 self._unread.add(number)
-                said = f"{self.path}: {name} is in {cut(encoding)}, which is left out; cdr and ros1 are read"
+                said = (
+                    f"{self.path}: {name} is in {cut(encoding)}, which is left out; cdr and ros1 are read, and a CSV "
+                    "that PlotJuggler exports"
+                )
                 if said not in self.warnings and len(self.warnings) < _MOST_PROBLEMS:
                     self.warnings.append(said)
                 return

@@ -28,7 +28,7 @@ from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in
 from catenary.recording.extract import is_extraction
-from catenary.recording.import_formats.sources import is_bag
+from catenary.recording.import_formats.sources import is_bag, is_other_make
 from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
 from catenary.recording.mend import NOTHING, Mend, units_of
@@ -77,7 +77,7 @@ def check_file(
         return check_recording(log, as_typed, mend=reading.mend, robot=robot, max_error=max_error)
     if source in robot_names():
         return check_robot(load_robot(source))
-    if is_bag(path) and not (path.is_dir() and _is_no_recording(path)):
+    if is_other_make(path) or (is_bag(path) and not (path.is_dir() and _is_no_recording(path))):
         return _check_other_make(source, reading.mend, robot, max_error)
     if path.is_dir():
         raise FileFormatError(f"{path}: is a folder, expected a file or a bag")

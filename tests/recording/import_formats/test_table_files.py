@@ -1,5 +1,6 @@
 """Tables of many makes, written by the libraries that people use for them."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.io import savemat
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.table_files import read_table_file
+from catenary.workflows.check import check_file
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from lab_bags import true_q
 
@@ -175,11 +177,51 @@ def test_a_matlab_file_with_an_encoder_of_its_own_rate_and_time(tmp_path: Path) 
     assert_allclose(log.q_encoder[log.ok], Q[log.ok] + 0.01, atol=0.7 * 0.03**2 / 8)
 
 
-def test_matlab_s_version_7_3_is_refused_with_advice(tmp_path: Path) -> None:
-    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM"
-    (tmp_path / "lab.mat").write_bytes(head.ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(500))
-    with pytest.raises(FileFormatError, match=r"7\.3.*'-v7'"):
-        propose_mapping(tmp_path / "lab.mat")
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("lab.xlsx", "is a spreadsheet: save its sheet as CSV"),
+        ("lab.XLS", "is a spreadsheet: save its sheet as CSV"),
+        ("lab.zip", "is packed: unpack it first"),
+        ("lab.tar.xz", "is packed: unpack it first"),
+        ("lab.pkl", "is a pickle, which runs what it holds.*numpy"),
+        ("lab.tdms", "is LabVIEW's: nptdms"),
+        ("lab.feather", "is Arrow's: pandas"),
+    ],
+)
+def test_files_that_nothing_here_reads_are_refused_with_a_way_to_one_that_is(
+    name: str, words: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(b"PK\x03\x04 and more")
+    for read in (propose_mapping, check_file):
+        with pytest.raises(FileFormatError, match=words):
+            read(str(tmp_path / name))
+
+
+def test_a_packed_csv_is_read_as_the_plain_one(tmp_path: Path) -> None:
+    plain = own_names(tmp_path / "lab.csv")
+    packed = tmp_path / "run.csv.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    expected, log = (import_recording(path, accept_proposal=True) for path in (plain, packed))
+    assert_allclose(log.q_nominal, expected.q_nominal, rtol=0)
+    assert check_file(str(packed)).kind.startswith("recording")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"no gzip", r"run\.csv\.gz: cannot be unpacked"),
+        (gzip.compress(b"a,b\n1,2\n3,4\n")[:-9], r"run\.csv\.gz: cannot be unpacked"),
+        (gzip.compress(bytes(2**20)), r"run\.csv\.gz: .*"),
+        (gzip.compress(bytes(129 * 2**20), 1), "unpacks to more than 134217728 bytes"),
+    ],
+)
+def test_a_packed_csv_that_is_damaged_or_too_large_is_refused_by_its_own_name(
+    content: bytes, words: str, tmp_path: Path
+) -> None:
+    (tmp_path / "run.csv.gz").write_bytes(content)
+    with pytest.raises(FileFormatError, match=words):
+        propose_mapping(tmp_path / "run.csv.gz")
 
 
 @pytest.mark.parametrize(

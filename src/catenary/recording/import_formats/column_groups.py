@@ -25,7 +25,7 @@ def _set(words: str) -> frozenset[str]:
 
 
 _KINDS: dict[Kind, frozenset[str]] = {
-    "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel"),
+    "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel qvel"),
     "effort": _set("effort efforts tau torque torques jf"),
     "current": _set("current currents cur amps amp dac"),
 }
@@ -33,23 +33,26 @@ _ROLES: dict[Role, frozenset[str]] = {  # the first that has a word of a name
     "own": _set("motor motors"),  # whose encoders are the robot's, too
     "measured outside": _set(
         "encoder encoders enc ext external opt optical optitrack opti vicon mocap truth true gt ground camera cam "
-        "tracker tracked aurora ndi polaris laser zivid marker markers"
+        "tracker tracked aurora ndi polaris laser zivid marker markers pot pots potentiometer "
+        "potentiometers"
     ),
     "commanded": _set(
-        "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref"
+        "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref "
+        "action actions"
     ),
     "actual": _set("actual act real"),
     "estimated": _set("estimated estimate estimates est"),
     "measured": _set("measured meas sensed"),  # the robot's own, or beside what it reports what somebody measured
-    "reported": _set("states state joint joints jpos pos position positions q js feedback fb"),
+    "reported": _set("states state joint joints jpos pos qpos position positions q js feedback fb"),
 }
 _REPORTED = _set("reported report reports nominal")  # by the robot itself, as "own"
 _CRTK = re.compile(r"measured_(?=[jc][psvf]\b)")  # its verbs of what a robot reports: measured_js
+_POTENTIOMETERS = _set("pot pots potentiometer potentiometers")
 _OF_QUANTITIES = frozenset[str]().union(*_KINDS.values(), *_ROLES.values(), _REPORTED)
 _OK = _set("ok valid tracked visible good")
 _NO_JOINTS = _set(
     "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
-    "points intensities ranges color colors"
+    "points intensities ranges color colors quat eef cos sin"
 )
 _UNITS = _set("deg degree degrees rad mm m nm n")
 _UNIT = re.compile(r"[\[( _](?P<unit>deg|degree|degrees|rad|mm|m)[\])]?(?:\[?\d+\]?)?\Z", re.IGNORECASE)
@@ -84,6 +87,11 @@ class Candidate:
         if self.stream.type == "table":
             return list(self.columns)
         return [f"{self.stream.name}.{column}" for column in self.columns]
+
+    @property
+    def is_potentiometer(self) -> bool:
+        """Whether its name says that potentiometers measured it."""
+        return bool({*_words(self.stream.name), *_words(self.columns[0])} & _POTENTIOMETERS)
 
     @property
     def ranges(self) -> list[tuple[float, float]]:
@@ -153,10 +161,12 @@ def _of_topic(stream: Stream) -> list[Candidate]:
     for base, columns in arrays_of(stream).items():
         columns = [column for column in columns if column in stream.columns]
         words = _words(base)
-        if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _NO_JOINTS or "." in base.rpartition("[")[2]:
+        inside = "." in base.rpartition("[")[2] and stream.type != "table"
+        if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _NO_JOINTS or inside:
             continue
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
-        found.append(Candidate(stream, tuple(columns), _kind(words), _role([*_words(stream.name), *words]), joints))
+        own = words if stream.type == "table" else [*_words(stream.name), *words]
+        found.append(Candidate(stream, tuple(columns), _kind(words), _role(own), joints))
     return found
 
 
@@ -169,7 +179,14 @@ def _of_table(stream: Stream) -> list[Candidate]:
             ("position", moved.q), ("position", moved.again), ("velocity", moved.qd), ("effort", moved.tau),
         )  # fmt: skip
         return [Candidate(stream, names, kind, "unknown", ("",) * len(names)) for kind, names in kinds if names]
-    times = {*time_columns(stream), *ok_columns(stream), *stream.dates, *poses}
+    found = [one for one in _of_topic(stream) if all(one.joints)]  # arrays beside a list of their joints
+    times = {
+        *time_columns(stream),
+        *ok_columns(stream),
+        *stream.dates,
+        *poses,
+        *(column for one in found for column in one.columns),
+    }
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)
@@ -181,7 +198,6 @@ def _of_table(stream: Stream) -> list[Candidate]:
         stem = [letters] if _joint_number(name) else []
         key = ("words", *own, *stem) if own else ("#", letters) if "#" in letters else stated
         groups.setdefault(key, []).append(name)
-    found = []
     for (how, *_), columns in groups.items():
         for part in _by_shared_number(columns) if how != "alone" else ():
             is_numbered = _joint_number(part[0]) != ""

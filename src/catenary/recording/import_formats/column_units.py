@@ -25,6 +25,7 @@ _BEYOND = 0.25  # of a joint's range, by which a recording may leave its limits
 _END = 0.05  # [rad] by which a range that is one whole turn may miss its ends
 _NEAR = 1.25  # factor within which ranges are taken for the same
 _SLIDING = ("insertion", "prismatic", "slide", "slider", "lift", "linear", "rail", "gantry")
+_TURNING = ("shoulder",)  # a shoulder_lift turns: Universal Robots', LeRobot's
 _IN_WORDS = {"rad": ("rad", "deg"), "m": ("m", "mm")}
 
 
@@ -37,6 +38,8 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     stated = one.stated_units()
     if stated is not None:
         return stated, "by the names of the columns", True
+    if _is_normalised(one):
+        return ("rad",) * n, "its numbers look like shares of each joint's range, whose ends nobody states", False
     sizes = [max(abs(low), abs(high)) for low, high in one.ranges]
     large = [size > _LARGEST_TURN for size in sizes]
     is_ros = _is_in_si(one)
@@ -52,7 +55,7 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         )
         by = "its limits" if told else "the range"
         return units, f"by the robot {model.name} and {by}", told or is_ros or not any(large)
-    slides = [any(word in joint.lower() for word in _SLIDING) for joint in one.joints]
+    slides = [_slides(joint.lower()) for joint in one.joints]
     large = [size > (_LARGEST_SLIDE if slide else _LARGEST_TURN) for size, slide in zip(sizes, slides, strict=True)]
     if not any(large):
         told_by = "ROS's JointState is in rad and m" if is_ros else "nothing says them: rad"
@@ -70,6 +73,20 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
     )
     named = all(slide for slide, is_large in zip(slides, large, strict=True) if is_large)
     return units, why, is_ros and named
+
+
+def _slides(joint: str) -> bool:
+    return any(word in joint for word in _SLIDING) and not any(word in joint for word in _TURNING)
+
+
+def _is_normalised(one: Candidate) -> bool:
+    """Return whether columns seem to be shares of a range: LeRobot's own arms', or most of them from -1 to 1 exactly.
+
+    Its `.pos` are -100 to 100 % of what each joint was moved through when it was calibrated, unless somebody chose
+    degrees; nothing in a dataset says which.
+    """
+    ends = [low == -high and high in (1.0, 100.0) for low, high in one.ranges]
+    return all(joint.endswith(".pos") for joint in one.joints) or (len(ends) > 1 and 2 * sum(ends) > len(ends))
 
 
 def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> str | None:

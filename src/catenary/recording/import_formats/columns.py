@@ -32,6 +32,7 @@ class Stream:
     constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
     dates: tuple[str, ...] = ()  # columns that were dates or times of day, now nanoseconds
+    starts: tuple[int, ...] = (0,)  # rows of a table at which a recording begins
     notes: tuple[str, ...] = ()
 
 

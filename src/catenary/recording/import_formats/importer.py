@@ -214,7 +214,7 @@ def synchronise(
     if model is not None and stated_robot not in (None, model.name):
         notes.append(f"the recording says that it is of {stated_robot}; read as of {model.name}")
     log = MotionLog(
-        name=sources.paths[0].stem,
+        name=sources.name,
         joint_names=names,
         joint_units=units,
         **{key: values[whole] for key, values in rows.items()},

@@ -176,7 +176,7 @@ class OneClock:
             if not timed.all():
                 stamps.notes.append(f"{name}: {int((~timed).sum())} rows without time were left out")
             if name in stamps.table and self._alone:
-                stamp = self._in_a_row(name, stamp, timed, stamps.notes)
+                stamp = self._in_a_row(stream, stamp, timed, stamps.notes)
             for part, (columns, rows) in self._parts(stream, stamps).items():
                 rows = rows & timed
                 index = np.flatnonzero(rows)
@@ -236,17 +236,23 @@ class OneClock:
         return {"": (left, base), **{key: (of[key], there[key]) for key in apart}}
 
     def _in_a_row(
-        self, name: str, stamp: NDArray[np.int64], timed: NDArray[np.bool_], notes: list[str]
+        self, stream: Stream, stamp: NDArray[np.int64], timed: NDArray[np.bool_], notes: list[str]
     ) -> NDArray[np.int64]:
         """Return stamps that rise where those of a table go back, far apart from the recording before."""
         known = stamp[timed]
         back = np.flatnonzero(np.diff(known) < 0) + 1
+        begins = np.zeros(len(stamp), dtype=bool)
+        begins[list(stream.starts[1:])] = True
+        told = np.flatnonzero(begins[timed][1:]) + 1
+        unsaid = np.setdiff1d(back, told)
+        if len(unsaid):
+            notes.append(
+                f"{stream.name}: time goes back {len(unsaid)} time(s), first at row {unsaid[0]}; another recording "
+                "begins there" + ("; are the rows shuffled?" if len(unsaid) > 5 else "")
+            )
+        back = np.union1d(back, told[known[told] <= known[told - 1]])
         if not len(back):
             return stamp
-        notes.append(
-            f"{name}: time goes back {len(back)} time(s), first at row {back[0]}; another recording begins "
-            "there" + ("; are the rows shuffled?" if len(back) > 5 else "")
-        )
         later = np.zeros(len(known), dtype=np.int64)
         later[back] = known[back - 1] - known[back] + min(_BETWEEN, 4 * 10**9 // len(back)) * SECOND
         moved = stamp.copy()

@@ -96,6 +96,13 @@ def propose(
         draft.decisions.append(f"{one.name} never changes, and was set aside")
     found = [one for one in found if one.moves]
     nominal, encoder = _positions(found, sources.streams, draft)
+    if encoder is not None and encoder.is_potentiometer:
+        text = (
+            f"whether the potentiometers {encoder.name} are q_encoder: they show encoders that were set wrong, beyond "
+            "their own error (a dVRK lets them differ by 5 deg and 5 mm), and hardly what cables do"
+        )
+        if draft.ask("q_encoder", text, {encoder.references[0]: "they are", "none": "they are not"}) == "none":
+            encoder = None
     if robot is not None:
         draft.top.append(f"robot = {_text(robot)}")
     if nominal is not None:

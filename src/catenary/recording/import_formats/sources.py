@@ -11,19 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
-from catenary.files import TEXT_ENDINGS, sha256_of, table_ending
-from catenary.recording.bag_reader import bags_in
+from catenary.files import ADVICE, TEXT_ENDINGS, fingerprint, sha256_of, table_ending
+from catenary.recording.bag_reader import bags_in, is_bag_file
 from catenary.recording.extract import TopicFile, is_extraction
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.csv_files import Block, TextTable, joined
+from catenary.recording.import_formats.hdf5_files import is_hdf5, read_hdf5
+from catenary.recording.import_formats.lerobot import is_lerobot, read_lerobot
 from catenary.recording.import_formats.message_columns import SAMPLED, Bag
 from catenary.recording.import_formats.table_files import read_table_file, stream_of_text
 from catenary.recording.import_formats.tracker_files import is_tracker_file
 from catenary.recording.journal import About, same_origin
 
-BAG_ENDINGS = (".bag", ".mcap", ".db3")
 LONG_TEXT = 64 << 20  # [B] from which a text table is not held whole
 SAMPLED_NUMBERS = 4_000_000  # of it that are looked at
+_NAMELESS = (".mat", ".npy", ".txt")  # tables that no layout is of
 
 Progress = Callable[[float], object]
 
@@ -125,9 +127,14 @@ class Sources:
         self._whole: list[Stream] = []
         bags: list[Bag] = []
         for path in paths:
-            if not path.exists():
+            container, episode = container_of(path)
+            if not container.exists():
                 raise FileFormatError(f"{path}: no such file")
-            if is_extraction(path):
+            if is_lerobot(container):
+                self._whole += read_lerobot(container, episode)
+            elif is_hdf5(container):
+                self._whole += read_hdf5(container, episode)
+            elif is_extraction(path):
                 self._bags.append(ExtractedTopics(path))
             elif is_bag(path):
                 bags += [Bag(part, progress) for part in bags_in(path)]
@@ -140,7 +147,8 @@ class Sources:
         self.about: About | None = same_origin([bag.about for bag in self._bags])
         self.streams = _joined([*self._whole, *(stream for bag in self._bags for stream in bag.sample())])
         if not any(stream.columns for stream in self.streams):
-            why = "; ".join(note for stream in self.streams for note in stream.notes)
+            said = [note for stream in self.streams for note in stream.notes]
+            why = "; ".join([*said, *(note for bag in self._bags for note in bag.problems)])
             raise FileFormatError(f"{', '.join(map(str, paths))}: holds no numbers{f'; {why}' if why else ''}")
 
     @classmethod
@@ -157,17 +165,26 @@ class Sources:
         only = self._bags[0] if len(self._bags) == 1 and not self._whole else None
         return only if isinstance(only, LongText) else None
 
-    @cached_property
-    def sha256(self) -> str | None:
-        """Of the file, where it is one."""
-        return sha256_of(self.paths[0]) if len(self.paths) == 1 and self.paths[0].is_file() else None
-
     def holding(self, piece: Stream) -> Self:
         """Return it with a piece of its table to be read; what its first rows told stays."""
         self.sha256  # noqa: B018  once for all pieces
         made = copy(self)
         made._whole, made._bags, made.notes = [piece], [], []
         return made
+
+    @property
+    def name(self) -> str:
+        """What the recording is called: as its first file, and its episode in it."""
+        container, episode = container_of(self.paths[0])
+        return " ".join([container.stem, *episode.split("/")[-1:]]).strip()
+
+    @cached_property
+    def sha256(self) -> str | None:
+        """By which the recording is known again; None where it consists of several files."""
+        container, episode = container_of(self.paths[0])
+        if len(self.paths) > 1 or not container.is_file():
+            return None
+        return fingerprint([sha256_of(container), episode]) if episode else sha256_of(container)
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> dict[str, Stream]:
         """Return streams with the columns wanted of each, whole."""
@@ -180,9 +197,27 @@ class Sources:
         return {stream.name: stream for stream in _joined(found)}
 
 
+def container_of(path: Path) -> tuple[Path, str]:
+    """Return the file or folder of a recording and, of CONTAINER/EPISODE, the episode in it; "" for all."""
+    for outer in path.parents if not path.exists() else ():
+        if outer.exists():
+            is_one = is_hdf5(outer) if outer.is_file() else is_lerobot(outer)
+            return (outer, path.relative_to(outer).as_posix()) if is_one else (path, "")
+    return path, ""
+
+
+def is_other_make(path: Path) -> bool:
+    """Return whether a file, folder or episode is a recording that needs a mapping, or advice, by its kind alone."""
+    container, episode = container_of(path)
+    packed = container.suffix.lower() in (".gz", *ADVICE)
+    return (
+        bool(episode) or packed or is_lerobot(container) or is_hdf5(container) or table_ending(container) in _NAMELESS
+    )
+
+
 def is_bag(path: Path) -> bool:
     """Return whether a file or folder is a bag, by its ending or its metadata."""
-    return path.suffix in BAG_ENDINGS or path.is_dir()
+    return is_bag_file(path) or (path.is_dir() and not is_lerobot(path))
 
 
 def _joined(streams: Sequence[Stream]) -> list[Stream]:

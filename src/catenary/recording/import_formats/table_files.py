@@ -1,10 +1,13 @@
 """Tables in files of many kinds as streams of named columns: CSV, Parquet, NumPy, and MATLAB up to version 7."""
 
+import gzip
+import zlib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from math import prod
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,7 +16,7 @@ from numpy.typing import NDArray
 from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
-from catenary.files import TEXT_ENDINGS, table_ending
+from catenary.files import ADVICE, TEXT_ENDINGS, table_ending
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.csv_files import Block, TextTable, joined
 from catenary.recording.import_formats.tracker_files import read_tracker_file
@@ -22,7 +25,6 @@ from catenary.recording.parquet_files import MOST_COLUMNS
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (*TEXT_ENDINGS, ".parquet", ".npz", ".npy", ".mat")
 DEEPEST = 8  # structs and cells within each other
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def read_table_file(path: Path) -> list[Stream]:
@@ -32,6 +34,11 @@ def read_table_file(path: Path) -> list[Stream]:
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
+    ending = path.suffix.lower()
+    if ending in ADVICE:
+        raise FileFormatError(f"{path}: is {ADVICE[ending]}")
+    if ending == ".gz":
+        return _unpacked(path)
     ending = table_ending(path)
     if ending in TEXT_ENDINGS:
         exported = read_tracker_file(path)
@@ -40,7 +47,7 @@ def read_table_file(path: Path) -> list[Stream]:
         text = TextTable(path)
         return [stream_of_text(text, joined(list(text.blocks())))]
     if ending == ".parquet":
-        return [_parquet(path)]
+        return [read_parquet_table(path)]
     if ending == ".npz":
         return streams_of_arrays(path, read_arrays(path))
     if ending == ".npy":
@@ -57,6 +64,25 @@ def stream_of_text(text: TextTable, columns: Block) -> Stream:
     """Return columns of a text table as a stream."""
     dates = tuple(column.name for column in text.head.columns if column.date is not None)
     return replace(_table(text.path, columns, {}, text.notes), joints=text.head.joints, dates=dates)
+
+
+def _unpacked(path: Path) -> list[Stream]:
+    """Read a table that gzip packed, as .csv.gz, within the bounds of any packed file."""
+    most = max(MOST, RATIO * path.stat().st_size)
+    with TemporaryDirectory() as folder:
+        plain = Path(folder) / path.stem
+        try:
+            with gzip.open(path) as packed, plain.open("wb") as file:
+                while block := packed.read(2**20):
+                    if file.tell() + len(block) > most:
+                        raise ValueError(f"unpacks to more than {most} bytes")
+                    file.write(block)
+        except (OSError, EOFError, ValueError, zlib.error) as error:
+            raise FileFormatError(f"{path}: cannot be unpacked: {cut(str(error))}") from error
+        try:
+            return read_table_file(plain)
+        except (FileFormatError, InputError) as error:
+            raise type(error)(str(error).replace(str(plain), str(path))) from error
 
 
 def _table(path: Path, columns: Mapping[str, NDArray[Any]], constants: Mapping[str, float], notes: list[str]) -> Stream:
@@ -122,7 +148,7 @@ def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
         raise InputError(f"{path}: {name}: expected texts in UTF-8: {error}") from error
 
 
-def _parquet(path: Path) -> Stream:
+def read_parquet_table(path: Path) -> Stream:
     """Read numbers, truth values, stamps and lists of one length."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -174,17 +200,10 @@ def read_matlab(path: Path) -> dict[str, NDArray[Any]]:
 
     try:
         data = path.read_bytes()
-        if data[:4] != b"\0\0\0\0" and (data[512:520] == _HDF5 or data[:8] == _HDF5 or b"MATLAB 7.3" in data[:128]):
-            raise FileFormatError(
-                f"{path}: is of MATLAB's version 7.3, which is not read; in MATLAB load it, and "
-                "save('log.mat', '-v7'), or writetable to a CSV"
-            )
         for _, shape, _ in whosmat(path):  # scipy makes room for as many cells as the file states
             if 8 * prod(shape) > max(MOST, RATIO * len(data)):
                 raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
         content = loadmat(path, simplify_cells=True, verify_compressed_data_integrity=True)
-    except FileFormatError:
-        raise
     except Exception as error:  # what scipy raises over bytes that are no such file is of any kind
         raise FileFormatError(f"{path}: cannot be read as a MATLAB file: {cut(str(error) or repr(error))}") from error
     arrays: dict[str, NDArray[Any]] = {}

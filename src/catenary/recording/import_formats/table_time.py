@@ -24,7 +24,8 @@ _WORDS = {"sec": "s", "msec": "ms", "usec": "us", "µs": "us", "nsec": "ns"}
 # [s] of a step between rows: 2 kHz to 0.2 Hz, which is how slowly poses are taken one by one
 _LIKELY = (0.0005, 5.0)
 _EPOCH = (9.5e8, 4.2e9)  # [s] since 1970: the years 2000 to 2100
-_RATES = ("fs", "rate", "rate_hz", "sampling_rate", "sample_rate", "frequency")
+# single numbers of a file that say how many rows a second has, as labs, cameras and simulators call them
+RATES = ("fs", "rate", "rate_hz", "sampling_rate", "sample_rate", "frequency", "fps", "hz", "control_freq")
 _RISING = 100  # rows over which no joint moves one way alone
 
 
@@ -59,7 +60,7 @@ def time_of(stream: Stream, columns: Sequence[str], unit: str | None, rate: floa
                 f"{stream.name}: time may be {' or '.join(map(cut, named))}; say which (--map time=COLUMN)"
             )
         if not named:
-            constant = next((name for name in _RATES if name in stream.constants), None)
+            constant = next((name for name in RATES if name in stream.constants), None)
             if constant is None:
                 return None
             rate = stream.constants[constant]
@@ -163,4 +164,5 @@ def _even(stream: Stream, rate: float, said: str) -> TableTime:
     if not 1e-3 <= rate <= 1e6:
         raise InputError(f"{stream.name}: rate {rate:g}: expected 0.001 to 1,000,000 Hz, rows a second")
     rows = np.arange(stream.rows)
+    rows -= np.maximum.accumulate(np.where(np.isin(rows, stream.starts), rows, 0))  # each recording from its first
     return TableTime(np.rint(rows * (SECOND / rate)).astype(np.int64), "", "s", said, rows / rate)

@@ -1,5 +1,6 @@
-"""One recording in ten containers: ten equal logs, and ten equal verdicts."""
+"""One recording in twelve containers: twelve equal logs, and twelve equal verdicts."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -141,6 +142,34 @@ def of_matlab(folder: Path) -> list[Path]:
     return [folder / "lab.mat"]
 
 
+def of_hdf5(folder: Path) -> list[Path]:
+    h5py = pytest.importorskip("h5py", reason="needs h5py, which the extra hdf5 brings")
+    with h5py.File(folder / "lab.hdf5", "w") as file:
+        for name, values in ARRAYS.items():
+            file[name] = values
+    return [folder / "lab.hdf5"]
+
+
+def of_lerobot(folder: Path) -> list[Path]:
+    """A dataset of one episode, whose rows are those of one table; its lists have a number for each joint."""
+    state, camera = columns()
+    whole = one_table()
+    lists: dict[str, pa.Array] = {"stamp": pa.array(whole["stamp"])}
+    for name in ("q", "qd", "tau", "cam"):
+        rows = np.array([whole[f"{name}[{i}]"] for i in range(3)], dtype=float).T
+        lists[name] = pa.FixedSizeListArray.from_arrays(pa.array(rows.ravel()), 3)
+    rows = len(whole["stamp"])
+    table = pa.table(lists | {"episode_index": np.zeros(rows, dtype=int), "frame_index": np.arange(rows)})
+    assert rows == len(state["stamp"]) + len(camera["stamp"])
+    (folder / "lab" / "meta").mkdir(parents=True)
+    (folder / "lab" / "data" / "chunk-000").mkdir(parents=True)
+    features = {name: {"names": {"motors": list(JOINTS)}} for name in ("q", "cam")}
+    info = {"codebase_version": "v3.0", "fps": 30, "features": features}
+    (folder / "lab" / "meta" / "info.json").write_text(json.dumps(info))
+    pq.write_table(table, folder / "lab" / "data" / "chunk-000" / "file-000.parquet")
+    return [folder / "lab"]
+
+
 BY_TOPIC = {
     "q_nominal": {"columns": f"{STATE}.position", "units": ["rad", "rad", "m"]},
     "q_encoder": {"columns": f"{CAMERA}.position", "units": ["rad", "rad", "m"]},
@@ -166,6 +195,8 @@ CONTAINERS: dict[str, tuple[Callable[[Path], list[Path]], dict[str, object]]] = 
     "Parquet": (of_parquet, BY_COLUMN),
     "NumPy": (of_numpy, BY_COLUMN),
     "MATLAB": (of_matlab, BY_COLUMN),
+    "HDF5": (of_hdf5, BY_COLUMN),
+    "LeRobot": (of_lerobot, BY_COLUMN),
 }
 
 

@@ -1,0 +1,252 @@
+"""HDF5 in the shapes that robomimic, ALOHA and MATLAB write, and files made to do harm."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.import_formats.hdf5_files import read_hdf5
+from catenary.recording.import_formats.sources import Sources
+from catenary.workflows.check import check_file
+from catenary.workflows.import_recording import import_recording, propose_mapping
+
+h5py = pytest.importorskip("h5py", reason="needs h5py, which the extra hdf5 brings")
+
+LENGTHS = (60, 100, 80)  # rows of three episodes
+
+
+def joints(rows: int, count: int, phase: float = 0.0) -> np.ndarray:
+    t = np.arange(rows) / 20
+    return np.column_stack([0.4 * np.sin(t * (1 + 0.3 * i) + phase + i) for i in range(count)])
+
+
+def robomimic(path: Path, **changes: Any) -> Path:
+    """As robosuite collects demonstrations, and robomimic keeps them."""
+    with h5py.File(path, "w") as file:
+        data = file.create_group("data")
+        attributes = {
+            "env_args": json.dumps({"env_name": "Lift", "env_kwargs": {"control_freq": 20}}),
+            "date": "3-14-2024",
+            "time": "10:3:22",
+            "total": sum(LENGTHS),
+        } | changes
+        for key, value in attributes.items():
+            data.attrs[key] = value
+        for number, rows in zip((0, 2, 10), LENGTHS, strict=True):
+            demo = data.create_group(f"demo_{number}")
+            demo.attrs["model_file"] = "<mujoco/>"
+            demo["actions"] = np.full((rows, 7), 0.1) * np.arange(rows)[:, None]
+            demo["obs/robot0_joint_pos"] = joints(rows, 7, number)
+            demo["obs/robot0_joint_vel"] = np.gradient(joints(rows, 7, number), 0.05, axis=0)
+            demo["obs/robot0_joint_pos_cos"] = np.cos(joints(rows, 7, number))
+            demo["obs/robot0_eef_pos"] = joints(rows, 3)
+            demo["obs/agentview_image"] = np.zeros((rows, 4, 4, 3), dtype=np.uint8)
+        file["mask/train"] = np.array([b"demo_0"])
+    return path
+
+
+def aloha(path: Path) -> Path:
+    with h5py.File(path, "w") as file:
+        file.attrs["sim"] = False
+        file["action"] = joints(200, 14) + 0.01 * np.sin(np.arange(200))[:, None]
+        file["observations/qpos"] = joints(200, 14)
+        file["observations/qvel"] = np.gradient(joints(200, 14), 0.02, axis=0)
+        file["observations/effort"] = 3.0 * joints(200, 14)
+        file["observations/images/cam_high"] = np.zeros((200, 4, 4, 3), dtype=np.uint8)
+    return path
+
+
+def matlab(path: Path) -> Path:
+    """As `save -v7.3` writes it: columns first, texts as numbers, a head before it all."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+
+        def put(name: str, values: Any, kind: bytes = b"double") -> None:
+            file[name] = np.asarray(values).T
+            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
+
+        put("log/t", np.arange(200)[:, None] / 20)
+        put("log/q", joints(200, 3))
+        put("log/cam", joints(200, 3) + 0.01)
+        put("fs", [[20.0]])
+        put("robot", np.array([[ord(c) for c in "dvrk_psm"]], dtype=np.uint16), b"char")
+        file["#refs#/a"] = 1.0
+        file.create_dataset("cells", (2,), dtype=h5py.ref_dtype).attrs["MATLAB_class"] = np.bytes_(b"cell")
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
+    return path
+
+
+def test_episodes_of_robomimic_stand_one_behind_the_other_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    log = import_recording(robomimic(tmp_path / "lift.hdf5"), ["q_nominal=obs/robot0_joint_pos@rad"])
+    assert log.starts == (0, 60, 160)
+    expected = np.vstack([joints(rows, 7, k) for k, rows in zip((0, 2, 10), LENGTHS, strict=True)])
+    assert_array_equal(log.q_nominal, expected)
+    assert log.time is not None
+    assert_allclose(log.time, np.concatenate([np.arange(rows) / 20 for rows in LENGTHS]), atol=1e-9)
+    told = " ".join(log.notes)
+    assert "3 episodes, one behind the other: data/demo_0, data/demo_2, data/demo_10" in told
+    assert "agentview_image (of shape (60, 4, 4, 3), no rows of numbers)" in told
+    assert "time goes back" not in told
+
+
+@pytest.mark.parametrize("named", ["data/demo_10", "demo_10", "demo_0010", "10"])
+def test_an_episode_alone_keeps_its_name_and_date(tmp_path: Path, named: str) -> None:
+    path = robomimic(tmp_path / "lift.hdf5")
+    log = import_recording(path / named, ["q_nominal=obs/robot0_joint_pos@rad", "qd=obs/robot0_joint_vel"])
+    assert log.name == f"lift {named.rpartition('/')[2]}"
+    assert log.began == 1710410602.0  # 2024-03-14 10:03:22 UTC
+    assert_array_equal(log.q_nominal, joints(80, 7, 10))
+    assert log.starts == (0,)
+    assert log.sha256 != import_recording(path / "demo_2", ["q_nominal=obs/robot0_joint_pos@rad"]).sha256
+
+
+@pytest.mark.parametrize(
+    ("date", "time", "began"),
+    [
+        ("2024-03-14", "10:03:22", 1710410602.0),
+        ("2024-03-14T10:03:22+02:00", None, 1710403402.0),
+        ("12-31-1999", None, 946598400.0),
+        ("one day", None, 0.0),
+        ("31-12-1999", None, 0.0),
+    ],
+)
+def test_dates_are_taken_as_they_are_written(tmp_path: Path, date: str, time: str | None, began: float) -> None:
+    path = robomimic(tmp_path / "lift.hdf5", date=date, time=time or "none")
+    assert import_recording(path / "0", ["q_nominal=obs/robot0_joint_pos@rad"]).began == began
+
+
+def test_an_episode_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r'no episode "demo_1"; its episodes are data/demo_0, data/demo_2'):
+        import_recording(robomimic(tmp_path / "lift.hdf5") / "demo_1", ["q_nominal=obs/robot0_joint_pos"])
+    with pytest.raises(FileFormatError, match="no such file"):
+        import_recording(tmp_path / "none.hdf5" / "demo_1", ["q_nominal=q"])
+
+
+def test_rows_without_time_are_counted_from_the_first_of_each_episode(tmp_path: Path) -> None:
+    path = robomimic(tmp_path / "lift.hdf5", env_args="{}", date="", time="")
+    mapping = {"q_nominal": {"columns": "obs/robot0_joint_pos", "units": "rad"}}
+    assert import_recording(path, mapping).time is None
+    log = import_recording(path, mapping | {"rate_hz": 20.0})
+    assert log.time is not None
+    assert_allclose(log.time, np.concatenate([np.arange(rows) / 20 for rows in LENGTHS]), atol=1e-9)
+
+
+def test_the_proposal_takes_what_aloha_reports_with_its_velocity_and_effort(tmp_path: Path) -> None:
+    proposal = propose_mapping(aloha(tmp_path / "episode_0.hdf5"), units="rad")
+    assert "not what it was told (action)" in proposal.toml
+    log = import_recording(tmp_path / "episode_0.hdf5", accept_proposal=True, units="rad")
+    assert log.name == "episode_0"
+    assert_array_equal(log.q_nominal, joints(200, 14))
+    assert_array_equal(log.tau, 3.0 * joints(200, 14))
+
+
+def test_matlab_s_version_7_3_reads_as_the_versions_before(tmp_path: Path) -> None:
+    log = import_recording(matlab(tmp_path / "lab.mat"), accept_proposal=True, units="rad")
+    assert_array_equal(log.q_nominal, joints(200, 3))
+    assert_array_equal(log.q_encoder, joints(200, 3) + 0.01)
+    assert log.time is not None
+    assert_allclose(log.time, np.arange(200) / 20, atol=1e-9)
+    (stream,) = Sources([tmp_path / "lab.mat"]).streams
+    assert (stream.texts["robot"], stream.constants["fs"]) == (("dvrk_psm",), 20.0)
+    assert any("cells (holds references or lists)" in note for note in stream.notes)
+
+
+def test_arms_that_are_numbered_are_no_episodes(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        for arm in ("PSM1", "PSM2"):
+            file[f"{arm}/measured_js"] = joints(100, 6)
+    (stream,) = read_hdf5(tmp_path / "lab.h5")
+    assert {name.partition("[")[0] for name in stream.columns} == {"PSM1/measured_js", "PSM2/measured_js"}
+
+
+def test_names_of_joints_and_other_texts_are_texts(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        file["q"], file["joint_names"] = joints(100, 3), ["a", "b", "c"]
+        file.attrs["fps"] = 50
+    mapping = {"q_nominal": {"columns": "q", "units": "rad"}, "names_in": "joint_names"}
+    log = import_recording(tmp_path / "lab.h5", mapping)
+    assert log.joint_names == ("a", "b", "c")
+    assert log.time is not None
+    assert log.time[-1] == pytest.approx(99 / 50)
+
+
+def outward(file: Any, folder: Path) -> None:
+    (folder / "secret.csv").write_bytes(np.arange(300.0).tobytes())
+    file["q"] = joints(100, 3)
+    file["link"] = h5py.ExternalLink(str(folder / "secret.h5"), "/x")
+    file["soft"] = h5py.SoftLink("/q")
+    file.create_dataset("raw", (100,), dtype="f8", external=[(str(folder / "secret.csv"), 0, 800)])
+    layout = h5py.VirtualLayout((100,), dtype="f8")
+    layout[:] = h5py.VirtualSource(str(folder / "other.h5"), "x", shape=(100,))
+    file.create_virtual_dataset("virtual", layout)
+
+
+def test_nothing_is_read_outside_the_file(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        outward(file, tmp_path)
+    (stream,) = read_hdf5(tmp_path / "lab.h5")
+    assert set(stream.columns) == {"q[0]", "q[1]", "q[2]"}
+    for name in ("link (a link)", "soft (a link)", "raw (its numbers", "virtual (its numbers"):
+        assert name in stream.notes[0]
+
+
+def test_a_group_within_itself_is_read_once(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        group = file.create_group("a")
+        for i in range(50):
+            group[f"again_{i}"] = group  # 50 ** 8 paths
+        group["q"] = joints(100, 3)
+    (stream,) = read_hdf5(tmp_path / "lab.h5")
+    assert set(stream.columns) == {"a/q[0]", "a/q[1]", "a/q[2]"}
+    assert "a/again_0/ (a group that is there under another name)" in stream.notes[0]
+
+
+HARMFUL: dict[str, tuple[Callable[[Any], object], str]] = {
+    "huge": (lambda f: f.create_dataset("q", (10**12, 3), dtype="f8", chunks=(1000, 3)), "more than its file can hold"),
+    "negative": (lambda f: f.create_dataset("q", (2**62, 1), dtype="i1", chunks=(1000, 1)), "more than its file"),
+    "wide": (lambda f: f.create_dataset("q", (20_000, 20_000), dtype="i1", chunks=(100, 100)), "more than its file"),
+    "many": (lambda f: [f.create_group(f"g{i}") for i in range(60)], "more than 50 groups and arrays"),
+    "nothing": (lambda f: f.create_group("a"), "holds no array of numbers"),
+    "structures": (lambda f: f.create_dataset("q", data=[(1, 2.0)], dtype=[("a", "i4"), ("b", "f8")]), "holds"),
+    "references": (lambda f: f.create_dataset("q", (5,), dtype=h5py.ref_dtype), "references"),
+    "lists": (lambda f: f.create_dataset("q", (5,), dtype=h5py.vlen_dtype(np.float64)), "holds no array of numbers"),
+    "empty": (lambda f: f.create_dataset("q", data=h5py.Empty("f8")), "empty"),
+    "no JSON": (lambda f: [f.create_dataset("q", data=joints(9, 2)), f.attrs.update({"env_args": "{"})], "env_args"),
+}
+
+
+@pytest.mark.parametrize("name", HARMFUL)
+def test_a_file_that_asks_for_more_than_it_holds_is_refused(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make, words = HARMFUL[name]
+    monkeypatch.setattr("catenary.recording.import_formats.hdf5_files.MOST_NODES", 50)
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        make(file)
+    with pytest.raises((FileFormatError, InputError), match=words):
+        read_hdf5(tmp_path / "lab.h5")
+
+
+@pytest.mark.parametrize("keep", [9, 100, 700, 0.5, 0.99])
+def test_a_file_that_was_cut_off_is_refused_by_name(tmp_path: Path, keep: float) -> None:
+    data = robomimic(tmp_path / "lift.hdf5").read_bytes()
+    (tmp_path / "cut.hdf5").write_bytes(data[: int(keep * len(data)) if keep < 1 else int(keep)])
+    with pytest.raises(FileFormatError, match=r"cut\.hdf5: cannot be read as HDF5"):
+        import_recording(tmp_path / "cut.hdf5", ["q_nominal=q"])
+
+
+def test_without_h5py_the_extra_and_other_ways_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = matlab(tmp_path / "lab.mat")
+    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
+    with pytest.raises(FileFormatError, match=r"pip install \"catenary\[hdf5\]\".*'-v7'"):
+        propose_mapping(path)
+
+
+def test_check_takes_a_file_and_an_episode(tmp_path: Path) -> None:
+    path = robomimic(tmp_path / "lift.hdf5")
+    assert check_file(str(path)).kind == check_file(str(path / "demo_2")).kind == "recording of another make"

@@ -1,0 +1,158 @@
+"""LeRobot's datasets as its versions 2 and 3 write them: names, rates, episodes, dates, and shares in place of angles."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import CatenaryError, FileFormatError, InputError
+from catenary.workflows.check import check_file
+from catenary.workflows.import_recording import import_recording, propose_mapping
+
+JOINTS = ("waist", "shoulder_lift", "elbow", "wrist")
+LENGTHS = (90, 1, 120)
+
+
+def state(rows: int, episode: int) -> np.ndarray:
+    t = np.arange(rows) / 30
+    angles = [0.4 * np.sin(t * (1 + 0.3 * i) + episode + i) for i in range(len(JOINTS))]
+    return np.column_stack(angles).astype(np.float32)
+
+
+def dataset(
+    path: Path, version: str = "v3.0", *, names: Any = JOINTS, scale: float = 1.0, lengths: tuple[int, ...] = LENGTHS,
+    **changes: Any,
+) -> Path:  # fmt: skip
+    (path / "meta").mkdir(parents=True)
+    (path / "data" / "chunk-000").mkdir(parents=True)
+    feature = {"dtype": "float32", "shape": [len(JOINTS)], "names": names}
+    info = {
+        "codebase_version": version, "robot_type": "lab", "fps": 30,
+        "features": {"observation.state": feature, "action": feature, "timestamp": {"names": None}},
+    } | changes  # fmt: skip
+    (path / "meta" / "info.json").write_text(json.dumps(info))
+    tables = []
+    for episode, rows in enumerate(lengths):
+        q = scale * state(rows, episode)
+        lists = {
+            "observation.state": q,
+            "action": q + np.float32(0.01 * scale) * np.sin(np.arange(rows, dtype=np.float32))[:, None],
+        }
+        columns = {k: pa.FixedSizeListArray.from_arrays(pa.array(v.ravel()), v.shape[1]) for k, v in lists.items()}
+        tables.append(
+            pa.table(
+                columns
+                | {
+                    "timestamp": (np.arange(rows) / 30).astype(np.float32),
+                    "frame_index": np.arange(rows),
+                    "episode_index": np.full(rows, episode),
+                    "index": np.arange(rows) + 1000 * episode,
+                    "task_index": np.zeros(rows, dtype=np.int64),
+                }
+            )
+        )
+    if version < "v3":
+        for episode, table in enumerate(tables):
+            pq.write_table(table, path / "data" / "chunk-000" / f"episode_{episode:06d}.parquet")
+    else:  # several episodes a file, one of them in two
+        whole = pa.concat_tables(tables)
+        pq.write_table(whole.slice(0, 100), path / "data" / "chunk-000" / "file-000.parquet")
+        pq.write_table(whole.slice(100), path / "data" / "chunk-000" / "file-001.parquet")
+    return path
+
+
+@pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])
+@pytest.mark.parametrize(
+    "names", [list(JOINTS), {"motors": list(JOINTS)}, {"axes": list(JOINTS[:2]), "more": list(JOINTS[2:])}]
+)
+def test_all_episodes_stand_one_behind_the_other_with_the_names_of_the_joints(
+    tmp_path: Path, version: str, names: Any
+) -> None:
+    path = dataset(tmp_path / "lab", version, names=names)
+    proposal = propose_mapping(path, units="rad")
+    assert "not what it was told (action)" in proposal.toml
+    log = import_recording(path, accept_proposal=True, units="rad")
+    assert (log.name, log.joint_names) == ("lab", JOINTS)
+    expected = np.vstack([state(rows, k) for k, rows in enumerate(LENGTHS)])
+    assert_array_equal(log.q_nominal, expected)
+    assert log.time is not None
+    assert_allclose(log.time, np.concatenate([np.arange(rows) / 30 for rows in LENGTHS]), atol=1e-6)
+    assert any("3 episodes, one behind the other: episode_0, episode_1, episode_2" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+@pytest.mark.parametrize("named", ["episode_2", "episode_000002", "2"])
+def test_an_episode_alone_keeps_its_name_and_the_date_of_the_dataset(tmp_path: Path, version: str, named: str) -> None:
+    path = dataset(tmp_path / "lab", version, date="2025-11-02T10:00:00+01:00")
+    log = import_recording(path / named, ["q_nominal=observation.state@rad", "signal:command=action"])
+    assert log.name == f"lab {named}"
+    assert log.began == 1762074000.0
+    assert_array_equal(log.q_nominal, state(120, 2))
+    assert log.time is not None
+    assert_allclose(log.time, np.arange(120) / 30, atol=1e-6)  # timestamps are of single precision
+    assert check_file(str(path / named)).kind == "recording of another make"
+
+
+def test_columns_of_names_that_do_not_fit_are_numbered(tmp_path: Path) -> None:
+    path = dataset(tmp_path / "lab", names=["state"])
+    log = import_recording(path / "0", ["q_nominal=observation.state[0:3]@rad"])
+    assert log.joint_names == ("J1", "J2", "J3")
+
+
+@pytest.mark.parametrize(("names", "scale"), [([f"{joint}.pos" for joint in JOINTS], 90.0), (list(JOINTS), 400.0)])
+@pytest.mark.parametrize("robot", [None, "ur5e"])
+def test_shares_of_a_range_are_no_angles(tmp_path: Path, names: list[str], scale: float, robot: str | None) -> None:
+    """LeRobot's own arms record -100 to 100 % of each joint's range; a UR5e's limits hold such numbers as degrees."""
+    path = dataset(tmp_path / "lab", names=names, scale=scale)
+    if names == list(JOINTS):  # cut off at both ends of the range
+        for file in (path / "data" / "chunk-000").iterdir():
+            table = pq.read_table(file)
+            clipped = np.clip(np.array(table["observation.state"].to_pylist(), dtype=np.float32), -100.0, 100.0)
+            column = pa.FixedSizeListArray.from_arrays(pa.array(clipped.ravel()), len(JOINTS))
+            pq.write_table(table.set_column(0, "observation.state", column), file)
+    proposal = propose_mapping(path, robot=robot)
+    assert any("shares of each joint's range, whose ends nobody states" in question for question in proposal.questions)
+    with pytest.raises(InputError, match="not stated, and not clear"):
+        import_recording(path, ["q_nominal=observation.state"])
+    mapped = import_recording(
+        path / "0",
+        {"q_nominal": {"columns": "observation.state", "units": "counts", "scale": 0.02}, "joint_units": ["rad"] * 4},
+    )
+    assert np.abs(mapped.q_nominal).max() <= 0.02 * 100.0
+
+
+@pytest.mark.parametrize("joint", ["shoulder_lift_joint", "shoulder_lift"])
+def test_a_shoulder_that_lifts_turns(tmp_path: Path, joint: str) -> None:
+    log = import_recording(
+        dataset(tmp_path / "lab", names=["pan", joint, "elbow", "wrist"]), accept_proposal=True, units="rad"
+    )
+    assert log.joint_units == ("rad",) * 4
+    assert 'units = ["rad", "rad"' in propose_mapping(tmp_path / "lab").toml
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"codebase_version": "v1.6"}, "is LeRobot's v1.6.*versions 2 and 3 are read"),
+        ({"codebase_version": None}, "codebase_version"),
+        ({"features": {"observation.state": 3}}, "features"),
+        ({"fps": "thirty"}, "fps"),
+    ],
+)
+def test_what_is_no_dataset_of_a_known_version_is_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(CatenaryError, match=words):
+        import_recording(dataset(tmp_path / "lab", **changes), ["q_nominal=observation.state@rad"])
+
+
+def test_a_damaged_file_and_a_missing_episode_are_told(tmp_path: Path) -> None:
+    path = dataset(tmp_path / "lab")
+    with pytest.raises(FileFormatError, match='no episode "7"; its episodes are episode_0, episode_1, episode_2'):
+        import_recording(path / "7", ["q_nominal=observation.state@rad"])
+    (path / "data" / "chunk-000" / "file-001.parquet").write_bytes(b"PAR1" + bytes(50))
+    with pytest.raises(FileFormatError, match=r"file-001\.parquet: cannot be read as Parquet"):
+        import_recording(path, ["q_nominal=observation.state@rad"])
