@@ -47,22 +47,28 @@ def write_calibration_report(
     """Write the page about a calibration, one self-contained file.
 
     `tested_on` says in words which data the evaluation is of, `unseen` whether the model was not fitted to it.
-    `opening` opens the page, `further` stands before the card. The page calls the model `name`, or by kind and preset,
-    and looks at the tip of `robot`, or of the one that the card names.
+    The page begins with a picture of the joint that gains most, then `opening`; `further` is before the card. It calls
+    the model `name`, or by kind and preset, and looks at the tip of `robot`, or of the one that the card names.
     """
     name = name if name is not None else short_name(model)
     robot = robot or kinematics_of(card.get("robot") or evaluation.data.robot, model)
     tip = None if robot is None else tip_errors(robot, model, evaluation)
     simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
+    pictures: list[list[Block]] = [
+        [Heading(f"Joint {joint}"), joint_picture(evaluation, model, j, name=name)]
+        for j, joint in enumerate(model.joint_names)
+    ]
+    gains = [joint.raw_rmse / joint.rmse if joint.rmse > 0.0 else 1.0 for joint in evaluation.joints]
+    first = pictures.pop(gains.index(max(gains)))  # what the correction does, before any table
     blocks: list[Block] = [
+        *first,
         *opening,
         *error_blocks(evaluation, name),
         *note_blocks(notes),
         *tip_part(tip, evaluation, name),
         *coverage_blocks(evaluation),
     ]
-    for j, joint in enumerate(model.joint_names):
-        blocks += [Heading(f"Joint {joint}"), joint_picture(evaluation, model, j, name=name)]
+    blocks += [block for picture in pictures for block in picture]
     blocks += window_blocks(evaluation, name)
     if spread:
         blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread, name)]

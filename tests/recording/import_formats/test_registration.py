@@ -212,7 +212,7 @@ def test_poses_that_leave_a_direction_open_are_refused_with_the_motion_that_sett
 
 
 def test_the_motion_that_it_asks_for_settles_it() -> None:
-    with pytest.raises(InputError, match="move elbow by 29 deg to either side .it moved 0 deg in all. too, or"):
+    with pytest.raises(InputError, match=r"move elbow by 29 deg to either side .it moved 0 deg in all. too, or"):
         Scene.of("raven2", moving=(0, 2)).register()
     assert Scene.of("raven2", moving=(0, 1, 2)).register().poses == 200
 

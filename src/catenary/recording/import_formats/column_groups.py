@@ -180,13 +180,8 @@ def _of_table(stream: Stream) -> list[Candidate]:
         )  # fmt: skip
         return [Candidate(stream, names, kind, "unknown", ("",) * len(names)) for kind, names in kinds if names]
     found = [one for one in _of_topic(stream) if all(one.joints)]  # arrays beside a list of their joints
-    times = {
-        *time_columns(stream),
-        *ok_columns(stream),
-        *stream.dates,
-        *poses,
-        *(column for one in found for column in one.columns),
-    }
+    taken = [column for one in found for column in one.columns]
+    times = {*time_columns(stream), *ok_columns(stream), *stream.dates, *poses, *taken}
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)
