@@ -6,24 +6,21 @@ would ask for it (latency.py says how each is run): it depends on the machine, a
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from papers.beyond.latency import latencies
-from papers.calibration import table_3
+from papers.calibration import tables_3_and_4
 from papers.calibration.peer_hours import PEERS
 from papers.calibration.published import TABLE_3_OURS
-from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS
+from papers.calibration.recordings import BEST, NETWORK
 from papers.calibration.six_hours import OFFSET
 from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture
 from papers.figures import legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import JOINTS, UNITS, table
 
 METHODS = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
 SERVO = 1000.0  # [us] of a loop's period
@@ -33,38 +30,38 @@ PUBLISHED = {NETWORK: 61e3, "linear": 380.0}  # [us] of an inference, table V
 def cases(scope: Scope) -> list[Case]:
     """Return table III's cases, and the one that times every method."""
     timed = latencies.case(sparsity=1 / 2, seconds=4.0, every=20 if scope.quick else 1)
-    return [*table_3.cases(scope), timed]
+    return [*tables_3_and_4.cases(scope), timed]
 
 
-def microseconds(outcomes: Outcomes) -> dict[str, float]:
+def microseconds(o: Outcomes) -> dict[str, float]:
     """Return how long one correction of each method takes [us]."""
-    return {name: value for result in outcomes.of(latencies) for name, value in result.items()}
+    return {name: value for result in o.of(latencies) for name, value in result.items()}
 
 
-def present(outcomes: Outcomes) -> list[str]:
+def present(o: Outcomes) -> list[str]:
     """Return the methods that have errors and times."""
-    timed = microseconds(outcomes)
-    return [name for name in METHODS if name in timed and table_3.hours(outcomes, name).size]
+    timed = microseconds(o)
+    return [name for name in METHODS if name in timed and tables_3_and_4.hours(o, name).size]
 
 
-def left(outcomes: Outcomes, method: str) -> Floats:
+def left(o: Outcomes, method: str) -> Floats:
     """Return what a method leaves of the fixed offset's error in hours 0 and 5 [%]: geometric mean over joints, (2,).
 
     Of the fixed offset in hour 0, both.
     """
-    ends = table_3.hours(outcomes, method).mean(axis=0)[[0, -1]]
-    offset = table_3.hours(outcomes, OFFSET).mean(axis=0)[0]
+    ends = tables_3_and_4.hours(o, method).mean(axis=0)[[0, -1]]
+    offset = tables_3_and_4.hours(o, OFFSET).mean(axis=0)[0]
     shares: Floats = 100.0 * np.exp(np.mean(np.log(ends / offset), axis=1))
     return shares
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the table, the picture, and the sentence."""
-    timed = microseconds(outcomes)
+    timed = microseconds(o)
     rows = []
-    for name in present(outcomes):
-        found = table_3.hours(outcomes, name)
-        share = left(outcomes, name)
+    for name in present(o):
+        found = tables_3_and_4.hours(o, name)
+        share = left(o, name)
         rows.append(
             [
                 name,
@@ -85,9 +82,9 @@ def report(outcomes: Outcomes) -> Report:
         "at 1 kHz; squares: the paper's network and linear model"
     )
     return Report(
-        [TitledTable(title, Table(header, rows))],
-        [TitledPicture(caption, _picture(outcomes))],
-        [sentence({name: (*left(outcomes, name), timed[name]) for name in present(outcomes)})],
+        [table(title, header, rows)],
+        [TitledPicture(caption, _picture(o))],
+        [sentence({name: (*left(o, name), timed[name]) for name in present(o)})],
     )
 
 
@@ -107,13 +104,13 @@ def sentence(found: dict[str, Sequence[float]]) -> str:
     )
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 4.0)
-    timed = microseconds(outcomes)
+    timed = microseconds(o)
     for j, panel in enumerate(axes):
-        for name in present(outcomes):
-            mean = table_3.hours(outcomes, name).mean(axis=0)[[0, -1], j]
-            color = table_3.COLORS[name]
+        for name in present(o):
+            mean = tables_3_and_4.hours(o, name).mean(axis=0)[[0, -1], j]
+            color = tables_3_and_4.COLORS[name]
             panel.plot(timed[name], mean[0], "o", color=color, ms=5, label=name)
             panel.annotate(
                 "",
@@ -123,12 +120,12 @@ def _picture(outcomes: Outcomes) -> "Figure":
             )
         for name, took in PUBLISHED.items():
             low, high = TABLE_3_OURS[name][j]
-            color = table_3.COLORS[name]
+            color = tables_3_and_4.COLORS[name]
             panel.plot(took, low, "s", mfc="none", color=color, ms=5)
             panel.annotate("", (took, high), (took, low), arrowprops={"arrowstyle": "->", "color": color})
         panel.axvline(SERVO, color="#8a94a3", ls="--", lw=0.8)
         panel.set_xscale("log")
-        ends = [table_3.hours(outcomes, name).mean(axis=0)[:, j].max() for name in present(outcomes)]
+        ends = [tables_3_and_4.hours(o, name).mean(axis=0)[:, j].max() for name in present(o)]
         panel.set_ylim(0.0, 1.08 * max(ends))
         panel.set_xlabel("one correction [us]")
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
@@ -136,13 +133,8 @@ def _picture(outcomes: Outcomes) -> "Figure":
     return figure
 
 
+# beside table III's cases
 EXPERIMENT = Experiment(
-    name="beyond-accuracy-latency-drift",
-    paper="beyond",
-    place="beyond tables III and V",
-    title="Accuracy, latency and drift of every method",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,  # beside table III's cases
-)
+    "beyond-accuracy-latency-drift", "beyond tables III and V", "Accuracy, latency and drift of every method", __doc__,
+    cases, report, minutes=2.0,
+)  # fmt: skip

@@ -21,9 +21,11 @@ from catenary.reports.page import Table
 from papers.beyond import tilted_calibration as tilted
 from papers.beyond.bases import BASES, LEVEL_BASE, ROCKING
 from papers.beyond.calibrated_gravity import CONTROLLERS, HOLDS, INSIDE, REPORTED, RIG, STILL, control, held
-from papers.calibration.recordings import JOINTS, SPARSITIES, UNITS
+from papers.calibration.recordings import SPARSITIES
 from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable
+from papers.figures import legend_below, panels
+from papers.kit import JOINTS, UNITS
 
 CONTROL_BASES = (LEVEL_BASE, tilted.TILTED, ROCKING)
 ANGLES_DEG = (0.0, 20.0, 45.0, 90.0, 180.0)
@@ -55,20 +57,20 @@ def cases(scope: Scope) -> list[Case]:
     return made
 
 
-def measured(outcomes: Outcomes, base: str, controller: str, what: str) -> Floats:
+def measured(o: Outcomes, base: str, controller: str, what: str) -> Floats:
     """Return a measure of tracking on every joint, (robots, 3)."""
-    found = [result[controller][what] for result in outcomes.of(control, base=base)]
+    found = [result[controller][what] for result in o.of(control, base=base)]
     return np.array(found) if found else np.zeros((0, 3))
 
 
-def drift(outcomes: Outcomes, controller: str) -> dict[float, Floats]:
+def drift(o: Outcomes, controller: str) -> dict[float, Floats]:
     """Return by base angle [deg] how far held joints went, (robots, 3) [deg, deg, mm]."""
-    angles = [a for told, _ in outcomes.items(held) for a in told["angles_deg"]]
+    angles = [a for told, _ in o.items(held) for a in told["angles_deg"]]
     return {
         angle: np.array(
             [
                 result[controller][told["angles_deg"].index(angle)]
-                for told, result in outcomes.items(held)
+                for told, result in o.items(held)
                 if angle in told["angles_deg"]
             ]
         )
@@ -76,54 +78,52 @@ def drift(outcomes: Outcomes, controller: str) -> dict[float, Floats]:
     }
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return tables of tracking, holding and calibration, the picture, and what they come to."""
-    tables = [TitledTable("PD+DG along random motion in the calibrated box, RMS", _tracking(outcomes))]
-    tables.append(
-        TitledTable("Gravity compensation alone: largest drift, mean of robots (greatest)", _holding(outcomes))
-    )
-    tables.append(TitledTable("RMSE of models by the torque among their inputs", _calibration(outcomes)))
+    tables = [TitledTable("PD+DG along random motion in the calibrated box, RMS", _tracking(o))]
+    tables.append(TitledTable("Gravity compensation alone: largest drift, mean of robots (greatest)", _holding(o)))
+    tables.append(TitledTable("RMSE of models by the torque among their inputs", _calibration(o)))
     caption = (
         "Left: what the gravity model is wrong by against the true joints. Middle: true tracking error. Both on every "
         "base, mean over robots. Right: RMSE of joint 1 on every base by the torque among the inputs"
     )
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
 
 
-def _tracking(outcomes: Outcomes) -> Table:
+def _tracking(o: Outcomes) -> Table:
     rows = []
     for base in CONTROL_BASES:
         for name in CONTROLLERS:
-            if not len(measured(outcomes, base, name, "true")):
+            if not len(measured(o, base, name, "true")):
                 continue
             cells = [base, name]
             for what, digits in (("pd_share", 1), ("reported", 3), ("true", 3), ("gravity", 3)):
-                values = measured(outcomes, base, name, what)
+                values = measured(o, base, name, what)
                 cells += ["; ".join(mean_and_spread(column, digits) for column in values.T)]
-            outside = measured(outcomes, base, name, "outside")
+            outside = measured(o, base, name, "outside")
             rows.append([*cells, f"{100.0 * outside.max(axis=1).mean():.0f}"])
     header = ["base", "joints", "PD share J1; J2; J3 [%]", "reported error [deg; deg; mm]"]
     header += ["true error [deg; deg; mm]", "gravity wrong by [Nm; Nm; N]", "outside valid range [%]"]
     return Table(header, rows)
 
 
-def _holding(outcomes: Outcomes) -> Table:
+def _holding(o: Outcomes) -> Table:
     rows = []
-    for angle in drift(outcomes, REPORTED):
+    for angle in drift(o, REPORTED):
         cells = [f"{angle:.0f}"]
         for name in HOLDS:
-            values = drift(outcomes, name)[angle]
+            values = drift(o, name)[angle]
             cells.append("; ".join(f"{v.mean():.3f} ({v.max():.3f}) {u}" for v, u in zip(values.T, UNITS, strict=True)))
         rows.append(cells)
     return Table(["base about Z0 [deg]", *HOLDS], rows)
 
 
-def _calibration(outcomes: Outcomes) -> Table:
+def _calibration(o: Outcomes) -> Table:
     rows = []
     for training in TRAININGS:
         for torque in TORQUES:
             for model in tilted.KINDS:
-                cells = [tilted.errors(outcomes, training, torque, base, model) for base in BASES]
+                cells = [tilted.errors(o, training, torque, base, model) for base in BASES]
                 if any(len(cell) for cell in cells):
                     told = ["; ".join(mean_and_spread(column) for column in cell.T) for cell in cells]
                     rows.append([training, TORQUES[torque], model, *told])
@@ -131,18 +131,18 @@ def _calibration(outcomes: Outcomes) -> Table:
     return Table(["trained", "torque", "model", *(f"{base} [{units}]" for base in BASES)], rows)
 
 
-def _mean(outcomes: Outcomes, controller: str, what: str) -> Floats:
+def _mean(o: Outcomes, controller: str, what: str) -> Floats:
     """Return a measure's mean over bases and robots, (3,)."""
-    rows = [measured(outcomes, base, controller, what) for base in CONTROL_BASES]
+    rows = [measured(o, base, controller, what) for base in CONTROL_BASES]
     return np.asarray(np.concatenate(rows).mean(axis=0))
 
 
-def _remarks(outcomes: Outcomes) -> list[str]:
+def _remarks(o: Outcomes) -> list[str]:
     told = []
-    if any(len(measured(outcomes, base, REPORTED, "true")) for base in CONTROL_BASES):
+    if any(len(measured(o, base, REPORTED, "true")) for base in CONTROL_BASES):
 
         def joints(controller: str, what: str, digits: int = 3) -> str:
-            return "/".join(f"{value:.{digits}f}" for value in _mean(outcomes, controller, what))
+            return "/".join(f"{value:.{digits}f}" for value in _mean(o, controller, what))
 
         told.append(
             f"With calibrated joints the gravity model is wrong by {joints(INSIDE, 'gravity')} Nm/Nm/N in place of "
@@ -151,7 +151,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
             f"error goes from {joints(REPORTED, 'true')} to {joints(STILL, 'true')} deg/deg/mm."
         )
     raw, less = (
-        [tilted.errors(outcomes, tilted.LEVEL, torque, base, "linear") for base in BASES if base != LEVEL_BASE]
+        [tilted.errors(o, tilted.LEVEL, torque, base, "linear") for base in BASES if base != LEVEL_BASE]
         for torque in TORQUES
     )
     if all(len(each) for each in (*raw, *less)):
@@ -163,13 +163,11 @@ def _remarks(outcomes: Outcomes) -> list[str]:
     return told
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, (wrong, error, calibrated) = panels(3, 3.6)
     for panel, what in ((wrong, "gravity"), (error, "true")):
         for k, name in enumerate(DRAWN):
-            rows = [measured(outcomes, base, name, what) for base in CONTROL_BASES]
+            rows = [measured(o, base, name, what) for base in CONTROL_BASES]
             values = np.concatenate(rows)
             if len(values):
                 places = np.arange(3) + 0.2 * (k - 1.5)
@@ -180,7 +178,7 @@ def _picture(outcomes: Outcomes) -> Any:
     error.set_title("true tracking error, RMS", fontsize=10)
     for k, (torque, color) in enumerate(zip(TORQUES, ("#8a94a3", "#d9622b"), strict=True)):
         for i, training in enumerate(TRAININGS):
-            found = [tilted.errors(outcomes, training, torque, base, "linear")[:, 0] for base in BASES]
+            found = [tilted.errors(o, training, torque, base, "linear")[:, 0] for base in BASES]
             if all(len(each) for each in found):
                 calibrated.bar(
                     np.arange(len(BASES)) + 0.2 * (2 * i + k - 1.5),
@@ -197,12 +195,7 @@ def _picture(outcomes: Outcomes) -> Any:
 
 
 EXPERIMENT = Experiment(
-    name="beyond-calibration-and-gravity",
-    paper="beyond",
-    place="beyond both",
-    title="Calibrated joints inside the gravity model, and gravity inside the calibration",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=18.0,
-)
+    "beyond-calibration-and-gravity", "beyond both",
+    "Calibrated joints inside the gravity model, and gravity inside the calibration", __doc__,
+    cases, report, minutes=18.0,
+)  # fmt: skip

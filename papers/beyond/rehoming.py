@@ -31,19 +31,8 @@ from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from catenary.workflows.robot.motion import move_to
 from papers.beyond.registration import AXES, ELBOW_FIRST, HOME_POSE, OFFSETS, carried_back, registration, registrations
+from papers.calibration import recordings
 from papers.calibration.homings import Between, home_here, random_tests
-from papers.calibration.recordings import (
-    SPARSITIES,
-    TEST_SECONDS,
-    calibration_log,
-    draws,
-    fitted,
-    homed,
-    mean,
-    rmse,
-    rows_of,
-    unguarded,
-)
 from papers.claims import mean_and_spread
 from papers.experiment import (
     NOMINAL,
@@ -55,9 +44,9 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
-    after_headline,
     run,
 )
+from papers.figures import legend_below, log_scale, panels
 
 HOMINGS = 5
 POSES = 40
@@ -121,10 +110,10 @@ def order_errors(
         By cure and model: RMSE after 0, 1 ... homings on J1 [deg], J2 [deg], J3 [mm]; from where the arm stands and
         from the corner also with every registration taken back to that of the training.
     """
-    plant = homed(seed)
+    plant = recordings.homed(seed)
     if order not in HARMFUL:
         HOW[order](plant)
-    train = [calibration_log(plant, draws(seed, 0), sparsities=sparsities)]
+    train = [recordings.calibration_log(plant, recordings.draws(seed, 0), sparsities=sparsities)]
     before = registration(plant)
     tests = random_tests(plant, seed, range(homings + 1), test_seconds, HOW[order], columns=("encoffsets",))
     reached = {NOTHING: _errors(train, tests, networks, MODELS)}
@@ -143,12 +132,14 @@ def offset_errors(
     Returns:
         By where the tested homings begin, cure and model, as `order_errors`: without and with the elbow's offset.
     """
-    plant, train = homed(seed), []
+    plant, train = recordings.homed(seed), []
     between = itertools.cycle([HOW[CORNER], HOW[FIRST]])
     for number, sparsity in enumerate(sparsities):
         if number:
             next(between)(plant)
-        log = calibration_log(plant, draws(seed, 0, number), sparsities=(sparsity,), columns=("encoffsets",))
+        log = recordings.calibration_log(
+            plant, recordings.draws(seed, 0, number), sparsities=(sparsity,), columns=("encoffsets",)
+        )
         train.append(log)
     taking = {name: replace(o, inputs=(*POSITIONING_INPUTS, OFFSETS[1])) for name, o in MODELS.items()}
     reached = {}
@@ -169,18 +160,18 @@ def _errors(
     reached = {}
     for name, one in options.items():
         seeds = networks if one.kind == "neural" else (0,)
-        models = [unguarded(fitted(train, replace(one, seed=seed))) for seed in seeds]
+        models = [recordings.unguarded(recordings.fitted(train, replace(one, seed=seed))) for seed in seeds]
         if not models:
             continue
-        rows = [rows_of(models[0], log) for log in tests]
-        reached[name] = [mean([rmse(model, each) for model in models]) for each in rows]
+        rows = [recordings.rows_of(models[0], log) for log in tests]
+        reached[name] = [recordings.mean([recordings.rmse(model, each) for model in models]) for each in rows]
     return reached
 
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and order, one with homings in training, and one of registrations."""
     poses, sparsities, homings, seconds = (
-        (2, (1.0, 1.0), 1, 20.0) if scope.quick else (POSES, SPARSITIES, HOMINGS, TEST_SECONDS)
+        (2, (1.0, 1.0), 1, 20.0) if scope.quick else (POSES, recordings.SPARSITIES, HOMINGS, recordings.TEST_SECONDS)
     )
     made = []
     for seed in scope.robots:
@@ -197,28 +188,28 @@ def cases(scope: Scope) -> list[Case]:
     return made
 
 
-def errors(outcomes: Outcomes, order: str, cure: str, model: str, joint: int = 1) -> Floats:
+def errors(o: Outcomes, order: str, cure: str, model: str, joint: int = 1) -> Floats:
     """Return the RMSE of a joint after 0, 1 ... homings in an order, with a cure, (robots, 1 + homings)."""
-    every = [*outcomes.of(order_errors, order=order), *(r.get(order, {}) for r in outcomes.of(offset_errors))]
+    every = [*o.of(order_errors, order=order), *(r.get(order, {}) for r in o.of(offset_errors))]
     found = [result[cure][model] for result in every if model in result.get(cure, {})]
     return np.array(found)[..., joint] if found else np.zeros((0, 1))
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the mechanism, the cures, and what they come to in a sentence."""
     return Report(
         [
-            TitledTable("Joint 2's registration by where homing begins", _mechanism(outcomes)),
-            TitledTable("J2 [deg], RMSE after homings, spread over robots", _cures(outcomes)),
+            TitledTable("Joint 2's registration by where homing begins", _mechanism(o)),
+            TitledTable("J2 [deg], RMSE after homings, spread over robots", _cures(o)),
         ],
         [
             TitledPicture(
                 "Left: joint 2 of the nominal robot at its stop; dotted, when joint 1 meets its own. Middle: 40 "
                 "homings of every robot; the line is the coupling's error. Right: linear model, mean over robots",
-                _picture(outcomes),
+                _picture(o),
             )
         ],
-        _remarks(outcomes),
+        _remarks(o),
     )
 
 
@@ -231,11 +222,11 @@ def _fit(result: Result) -> tuple[float, float]:
     return float(line[0]), float(1.0 - left.var() / shift.var()) if shift.var() > 0.0 else 0.0
 
 
-def _mechanism(outcomes: Outcomes) -> Table:
+def _mechanism(o: Outcomes) -> Table:
     header = ["robot", "coupling error [deg/deg]", "J2 first", "slope", "R²", "shift, SD [deg]", "shift, most"]
     header += ["J2 left its stop by at most [deg]"]
     rows = []
-    for told, result in outcomes.items(registrations):
+    for told, result in o.items(registrations):
         slope, share = _fit(result)
         shift, first = np.array(result["shift"]), np.array(result["travel"]) > 0.5
         rows.append(
@@ -253,11 +244,11 @@ def _mechanism(outcomes: Outcomes) -> Table:
     return Table(header, rows)
 
 
-def _cures(outcomes: Outcomes) -> Table:
+def _cures(o: Outcomes) -> Table:
     rows, homings = [], 0
     for order, cure in SHOWN:
         for model in MODELS:
-            reached = errors(outcomes, order, cure, model)
+            reached = errors(o, order, cure, model)
             if len(reached):
                 homings = reached.shape[1] - 1
                 after = reached[:, 1:]
@@ -267,11 +258,9 @@ def _cures(outcomes: Outcomes) -> Table:
     return Table(header, rows)
 
 
-def _remarks(outcomes: Outcomes) -> list[str]:
-    corner, first, back = (
-        errors(outcomes, *each, "linear") for each in ((CORNER, NOTHING), (FIRST, NOTHING), (CORNER, BACK))
-    )
-    fits = [_fit(result) for result in outcomes.of(registrations)]
+def _remarks(o: Outcomes) -> list[str]:
+    corner, first, back = (errors(o, *each, "linear") for each in ((CORNER, NOTHING), (FIRST, NOTHING), (CORNER, BACK)))
+    fits = [_fit(result) for result in o.of(registrations)]
     if not (len(corner) and len(first) and len(back) and fits):
         return []
     of_corner, of_first, of_back = (
@@ -286,11 +275,9 @@ def _remarks(outcomes: Outcomes) -> list[str]:
     ]
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, log_scale, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, (homing, mechanism, cured) = panels(3, 3.4)
-    for told, result in outcomes.items(registrations):
+    for told, result in o.items(registrations):
         if told["seed"] is NOMINAL:
             _draw_homings(homing, result["traces"])
         expected = result["coupling_error"] * np.array(result["travel"])
@@ -300,7 +287,7 @@ def _picture(outcomes: Outcomes) -> Any:
     mechanism.set_xlabel("coupling's error x way of J1 after J2 [deg]", fontsize=8)
     mechanism.set_title("shift of J2's registration [deg]", fontsize=10)
     for (order, cure), color in DRAWN.items():
-        reached = errors(outcomes, order, cure, "linear")
+        reached = errors(o, order, cure, "linear")
         if len(reached):
             label = f"from {order}" if order != TWICE else order
             label += "" if cure == NOTHING else f", {cure}"
@@ -324,12 +311,5 @@ def _draw_homings(panel: Any, traces: dict[str, Any]) -> None:
 
 
 EXPERIMENT = Experiment(
-    name="beyond-rehoming",
-    paper="beyond",
-    place="beyond figure 9",
-    title="Homing again, explained and cured",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=27.0,
+    "beyond-rehoming", "beyond figure 9", "Homing again, explained and cured", __doc__, cases, report, minutes=27.0
 )

@@ -17,35 +17,14 @@ import numpy as np
 from catenary import random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
-from catenary.reports.page import Table
 from papers.beyond.bases import BASES, DIFFERENCE, GRAVITY, LEVEL_BASE, homed_level, put_on, with_gravity
 from papers.calibration.homings import outside
 from papers.calibration.inputs import SIXTEEN
-from papers.calibration.recordings import (
-    JOINTS,
-    TEST_SECONDS,
-    UNITS,
-    baselines,
-    draws,
-    fitted,
-    mean,
-    rmse,
-    rows_of,
-    unguarded,
-)
+from papers.calibration.recordings import TEST_SECONDS, baselines, draws, fitted, mean, rmse, rows_of, unguarded
 from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.figures import legend_below, log_scale, panels
+from papers.kit import JOINTS, UNITS, table
 
 NETWORKS = 2
 # the base and the sparsity of every part of a training
@@ -141,11 +120,11 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
-def errors(outcomes: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
+def errors(o: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
     """Return RMSE (robots, 3) of a model on a base; (0, 3) where none ran."""
     found = [
         result[base][model]
-        for told, result in outcomes.items(base_errors, inputs=list(INPUTS[inputs]))
+        for told, result in o.items(base_errors, inputs=list(INPUTS[inputs]))
         if _is(told["training"], training) and model in result.get(base, {})
     ]
     return np.array(found) if found else np.zeros((0, 3))
@@ -155,7 +134,7 @@ def _is(parts: Sequence[Sequence[Any]], training: str) -> bool:
     return [base for base, _ in parts] == [base for base, _ in TRAININGS[training]][: len(parts)]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return a table per joint and the picture."""
     tables = []
     for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
@@ -163,43 +142,41 @@ def report(outcomes: Outcomes) -> Report:
         for training in TRAININGS:
             for inputs in (PAPERS, WITH_GRAVITY):
                 for model in KINDS:
-                    cells = [errors(outcomes, training, inputs, base, model)[:, j] for base in BASES]
+                    cells = [errors(o, training, inputs, base, model)[:, j] for base in BASES]
                     if any(len(cell) for cell in cells):
                         rows.append([training, inputs, model, *(mean_and_spread(cell) for cell in cells)])
-            offset = [errors(outcomes, training, PAPERS, base, "fixed offset")[:, j] for base in BASES]
+            offset = [errors(o, training, PAPERS, base, "fixed offset")[:, j] for base in BASES]
             if any(len(cell) for cell in offset):
                 rows.append([training, "-", "fixed offset", *(mean_and_spread(cell) for cell in offset)])
         header = ["trained", "inputs", "model", *BASES]
-        tables.append(TitledTable(f"{joint} [{unit}], RMSE by the base of the test", Table(header, rows)))
+        tables.append(table(f"{joint} [{unit}], RMSE by the base of the test", header, rows))
     caption = (
         "RMSE by the base of the test; circles trained level, squares at 20° about Z0, triangles on several tilts; "
         "mean over robots, filled the network, empty the linear model"
     )
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
 
 
-def _remarks(outcomes: Outcomes) -> list[str]:
+def _remarks(o: Outcomes) -> list[str]:
     told = []
     tilted = [base for base in BASES if base != LEVEL_BASE]
     for model in KINDS:
         at = {
-            (training, inputs): np.array([errors(outcomes, training, inputs, base, model) for base in tilted])
+            (training, inputs): np.array([errors(o, training, inputs, base, model) for base in tilted])
             for training in (LEVEL, SEVERAL)
             for inputs in (PAPERS, WITH_GRAVITY)
         }
-        home = errors(outcomes, LEVEL, PAPERS, LEVEL_BASE, model)
+        home = errors(o, LEVEL, PAPERS, LEVEL_BASE, model)
         if not all(each.size for each in (*at.values(), home)):
             continue
         parts = ["/".join(f"{value:.3f}" for value in each.mean(axis=(0, 1))) for each in at.values()]
         level = "/".join(f"{value:.3f}" for value in home.mean(axis=0))
         told.append(
-            f"A {MODELS_TOLD[model]} calibrated level errs by {level} (J1 deg/J2 deg/J3 mm) there and by "
-            f"{parts[0]} on tilted and rocking bases, by {parts[1]} with the gravity model's torque as an input; "
-            f"calibrated on several tilts in the same minutes, by {parts[2]} and {parts[3]}."
+            f"A {MODELS_TOLD[model]} calibrated level errs by {level} (J1 deg/J2 deg/J3 mm) there and by {parts[0]} on "
+            f"tilted and rocking bases, by {parts[1]} with the gravity model's torque as an input; calibrated on "
+            f"several tilts in the same minutes, by {parts[2]} and {parts[3]}."
         )
-    level_models = [
-        result for of, result in outcomes.items(base_errors, inputs=list(SIXTEEN)) if _is(of["training"], LEVEL)
-    ]
+    level_models = [result for of, result in o.items(base_errors, inputs=list(SIXTEEN)) if _is(of["training"], LEVEL)]
     shares = [
         f"{base} {100.0 * np.mean([result[base]['outside'] for result in level_models]):.0f} %"
         for base in BASES
@@ -210,16 +187,14 @@ def _remarks(outcomes: Outcomes) -> list[str]:
     return told
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, log_scale, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 3.8)
     for j, panel in enumerate(axes):
         for t, training in enumerate(TRAININGS):
             for i, inputs in enumerate((PAPERS, WITH_GRAVITY)):
                 for model in KINDS:
                     for b, base in enumerate(BASES):
-                        reached = errors(outcomes, training, inputs, base, model)
+                        reached = errors(o, training, inputs, base, model)
                         if len(reached):
                             panel.plot(
                                 b + 0.22 * (t - 1) + 0.08 * (i - 0.5),
@@ -238,12 +213,6 @@ def _picture(outcomes: Outcomes) -> Any:
 
 
 EXPERIMENT = Experiment(
-    name="beyond-tilted-calibration",
-    paper="beyond",
-    place="beyond II-G",
-    title="Calibration on tilted and rocking bases",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=16.0,
-)
+    "beyond-tilted-calibration", "beyond II-G", "Calibration on tilted and rocking bases", __doc__,
+    cases, report, minutes=16.0,
+)  # fmt: skip

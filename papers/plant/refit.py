@@ -15,6 +15,7 @@ from scipy.optimize import lsq_linear
 
 from catenary.arrays import Floats
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
+from papers.kit import told
 from papers.plant.evaluation import mean_errors, six_hours
 from papers.plant.pd_share import pd_share
 from papers.plant.targets import DRIFT, FITTED, FREE, FRICTION, LAST_HOUR, PD_SHARE, PRIOR, TARGETS, Free, with_factors
