@@ -17,10 +17,9 @@ from papers.calibration.peer_hours import PEERS
 from papers.calibration.published import TABLE_3_OURS
 from papers.calibration.recordings import BEST, NETWORK
 from papers.calibration.six_hours import OFFSET
-from papers.claims import mean_and_spread
 from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture
 from papers.figures import legend_below, panels
-from papers.kit import JOINTS, UNITS, table
+from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
 METHODS = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
 SERVO = 1000.0  # [us] of a loop's period
@@ -58,34 +57,24 @@ def left(o: Outcomes, method: str) -> Floats:
 def report(o: Outcomes) -> Report:
     """Return the table, the picture, and the sentence."""
     timed = microseconds(o)
-    rows = []
-    for name in present(o):
-        found = tables_3_and_4.hours(o, name)
-        share = left(o, name)
-        rows.append(
-            [
-                name,
-                *(mean_and_spread(found[:, 0, j]) for j in range(3)),
-                *(mean_and_spread(found[:, -1, j] - found[:, 0, j]) for j in range(3)),
-                f"{share[0]:.0f}, {share[1]:.0f}",
-                f"{timed[name]:.1f}",
-            ]
-        )
-    header = ["method", *(f"{j} [{u}]" for j, u in zip(JOINTS, UNITS, strict=True))]
-    header += [f"{j} lost [{u}]" for j, u in zip(JOINTS, UNITS, strict=True)]
-    header += ["hours 0, 5 [% of offset]", "time [us]"]
+
+    def row(name: str) -> list[str]:
+        found, share = tables_3_and_4.hours(o, name), left(o, name)
+        lost = cells(found[:, -1] - found[:, 0])
+        return [name, *cells(found[:, 0]), *lost, f"{share[0]:.0f}, {share[1]:.0f}", f"{timed[name]:.1f}"]
+
+    lost = [f"{joint} lost [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True)]
+    header = ["method", *IN_UNITS, *lost, "hours 0, 5 [% of offset]", "time [us]"]
     title = "RMSE in hour 0, what is lost until hour 5, both as a share of the fixed offset's in hour 0; one correction"
-    if not rows:
-        return Report()
     caption = (
         "RMSE over the time of one correction: from hour 0 (dot) to hour 5 (arrow), mean over robots; dashed: a loop "
         "at 1 kHz; squares: the paper's network and linear model"
     )
-    return Report(
-        [table(title, header, rows)],
-        [TitledPicture(caption, _picture(o))],
-        [sentence({name: (*left(o, name), timed[name]) for name in present(o)})],
-    )
+    names = present(o)
+    if not names:
+        return Report()
+    said = sentence({name: (*left(o, name), timed[name]) for name in names})
+    return Report([table(title, header, rows(row, names))], [TitledPicture(caption, _picture(o))], [said])
 
 
 def sentence(found: dict[str, Sequence[float]]) -> str:
@@ -112,15 +101,10 @@ def _picture(o: Outcomes) -> Any:
             mean = tables_3_and_4.hours(o, name).mean(axis=0)[[0, -1], j]
             color = tables_3_and_4.COLORS[name]
             panel.plot(timed[name], mean[0], "o", color=color, ms=5, label=name)
-            panel.annotate(
-                "",
-                (timed[name], mean[1]),
-                (timed[name], mean[0]),
-                arrowprops={"arrowstyle": "->", "color": color, "lw": 1.5},
-            )
+            arrow = {"arrowstyle": "->", "color": color, "lw": 1.5}
+            panel.annotate("", (timed[name], mean[1]), (timed[name], mean[0]), arrowprops=arrow)
         for name, took in PUBLISHED.items():
-            low, high = TABLE_3_OURS[name][j]
-            color = tables_3_and_4.COLORS[name]
+            (low, high), color = TABLE_3_OURS[name][j], tables_3_and_4.COLORS[name]
             panel.plot(took, low, "s", mfc="none", color=color, ms=5)
             panel.annotate("", (took, high), (took, low), arrowprops={"arrowstyle": "->", "color": color})
         panel.axvline(SERVO, color="#8a94a3", ls="--", lw=0.8)
@@ -128,7 +112,7 @@ def _picture(o: Outcomes) -> Any:
         ends = [tables_3_and_4.hours(o, name).mean(axis=0)[:, j].max() for name in present(o)]
         panel.set_ylim(0.0, 1.08 * max(ends))
         panel.set_xlabel("one correction [us]")
-        panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+        panel.set_title(f"{IN_UNITS[j]}", fontsize=10)
     legend_below(figure, axes[0], columns=5)
     return figure
 

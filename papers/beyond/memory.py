@@ -24,10 +24,21 @@ from catenary.calibration.predictors import fit_linear
 from catenary.units import DISPLAY
 from papers.beyond.memories import COUPLING, PAST_THE_ROLL, PITCH_AND_YAW, WRIST, Candidate, bounded, features
 from papers.calibration.dvrk import HELD_OUT, RECORDINGS, log_of
-from papers.claims import NOT_MEASURED, graded
-from papers.experiment import Case, Claim, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.claims import Claims, Missing, graded
+from papers.experiment import (
+    Case,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
 from papers.figures import legend_below, panels
-from papers.kit import table
+from papers.kit import filled, rows, sample, table
 
 TODAY = "today's `best`"
 FIRM = Candidate(ridge=100.0)
@@ -128,77 +139,75 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
+def of(o: Outcomes, name: str, *, network: bool, test: str) -> Floats:
+    """Return a candidate's RMSE of J4 to J6 by recording, (recordings, 3) [deg]."""
+    return sample(o, memory_errors, test, candidate=name, network=network)[:, WRIST]
+
+
 def shares(o: Outcomes, *, network: bool, test: str) -> dict[str, Floats]:
     """Return every candidate's error over today's on the wrist, by recording and joint, (recordings, 3)."""
-    found = {}
-    of_today = _of(o, TODAY, network, test)
-    for name in CANDIDATES:
-        of_this = _of(o, name, network, test)
-        if len(of_this) and of_this.shape == of_today.shape:
-            found[name] = of_this / of_today
-    return found
-
-
-def _of(o: Outcomes, name: str, network: bool, test: str) -> Floats:
-    results = o.of(memory_errors, candidate=name, network=network)
-    return np.array([[result[test][j] for j in WRIST] for result in results])
+    today = of(o, TODAY, network=network, test=test)
+    names = [name for name in CANDIDATES if len(o.of(memory_errors, candidate=name, network=network)) == len(today)]
+    return {name: of(o, name, network=network, test=test) / today for name in names}
 
 
 def means(o: Outcomes, *, network: bool, test: str) -> dict[str, float]:
     """Return every candidate's mean RMSE of J4 to J6 over the recordings over today's mean."""
-    base = _of(o, TODAY, network, test)
-    return {
-        name: float(_of(o, name, network, test).mean() / base.mean()) for name in shares(o, network=network, test=test)
-    }
+    today = of(o, TODAY, network=network, test=test).mean()
+    names = shares(o, network=network, test=test)
+    return {name: float(of(o, name, network=network, test=test).mean() / today) for name in names}
 
 
-def chosen_forwards(o: Outcomes) -> str | None:
+def chosen_forwards(o: Outcomes) -> str:
     """Return the network that is best on forward blocks of the training part; the last fifth is not looked at."""
     found = means(o, network=True, test=FORWARD)
-    return min(found, key=lambda name: found[name]) if found else None
+    return min(found, key=lambda name: found[name])
+
+
+def _changed(value: float) -> str:
+    return f"{100.0 * (value - 1.0):+.1f}"
+
+
+def _left_of_today(o: Outcomes, *, network: bool) -> TitledTable:
+    tests = (FORWARD, LATER) if network else (AROUND, FORWARD, LATER)
+
+    def row(name: str) -> list[str]:
+        told = [means(o, network=network, test=test) for test in tests]
+        by_joint = shares(o, network=network, test=LATER)
+        if name not in by_joint:
+            raise Missing(name)
+        return [name, *(_changed(each[name]) for each in told), *map(_changed, by_joint[name].mean(axis=0))]
+
+    title = f"{'Networks' if network else 'Linear models'}: mean RMSE of J4 to J6 over that of today's features [%]"
+    return table(title, ["candidate", *tests, *(f"J{j + 1}, {LATER}" for j in WRIST)], rows(row, CANDIDATES))
 
 
 def report(o: Outcomes) -> Report:
     """Return what every candidate leaves of today's error, linear and as a network, and RMSE of the chosen one."""
-    tables, pictures, remarks = [], [], []
-    for network, kind in ((True, "Networks"), (False, "Linear models")):
-        tests = (FORWARD, LATER) if network else (AROUND, FORWARD, LATER)
-        told = {test: means(o, network=network, test=test) for test in tests}
-        by_joint = {test: shares(o, network=network, test=test) for test in tests}
-        rows = [
-            [name, *(f"{100.0 * (told[test][name] - 1.0):+.1f}" for test in tests)]
-            + [f"{100.0 * (value - 1.0):+.1f}" for value in by_joint[LATER][name].mean(axis=0)]
-            for name in told[LATER]
-        ]
-        header = ["candidate", *tests, *(f"J{j + 1}, {LATER}" for j in WRIST)]
-        if rows:
-            title = f"{kind}: mean RMSE of J4 to J6 over that of today's features [%]"
-            tables.append(table(title, header, rows))
-    best = chosen_forwards(o)
-    if best is not None:
-        rows = []
-        for arguments, result in o.items(memory_errors, network=True):
-            if arguments["candidate"] in (TODAY, best):
-                cells = [f"{result[LATER][j]:.2f}" for j in WRIST]
-                rows.append([arguments["recording"], arguments["candidate"], *cells])
-        rows.sort(key=lambda row: (list(RECORDINGS).index(row[0]), row[1] != TODAY))
-        header = ["recording", "network", *(f"J{j + 1} [deg]" for j in WRIST)]
-        tables.append(table("RMSE on the last fifth, today's and the chosen", header, rows))
-        pictures.append(TitledPicture("Mean RMSE of J4 to J6 of networks, over that of today's `best`", _picture(o)))
-        remarks.append(sentence(o, best))
-    return Report(tables, pictures, remarks)
+    tables = [_left_of_today(o, network=network) for network in (True, False)]
+    try:
+        best = chosen_forwards(o)
+    except Missing:
+        return Report(filled(tables))
+
+    def row(recording: str, name: str) -> list[str]:
+        (left,) = sample(o, memory_errors, LATER, candidate=name, network=True, recording=recording)[:, WRIST]
+        return [recording, name, *(f"{value:.2f}" for value in left)]
+
+    header = ["recording", "network", *(f"J{j + 1} [deg]" for j in WRIST)]
+    both = rows(row, RECORDINGS, dict.fromkeys((TODAY, best)))
+    tables.append(table("RMSE on the last fifth, today's and the chosen", header, both))
+    caption = "Mean RMSE of J4 to J6 of networks, over that of today's `best`"
+    return Report(filled(tables), [TitledPicture(caption, _picture(o))], [sentence(o, best)])
 
 
 def sentence(o: Outcomes, best: str) -> str:
     """Return what the choice promised and what the last fifth then showed."""
-    promised = means(o, network=True, test=FORWARD)[best]
-    kept = means(o, network=True, test=LATER)[best]
+    promised, kept = (means(o, network=True, test=test)[best] for test in (FORWARD, LATER))
     by_recording = shares(o, network=True, test=LATER)[best].mean(axis=1)
     return (
-        f"Chosen on forward blocks: {best}, {100.0 * (promised - 1.0):+.1f} % there and {100.0 * (kept - 1.0):+.1f} % "
-        "on the last fifth (by recording "
-        + ", ".join(f"{100.0 * (value - 1.0):+.1f}" for value in by_recording)
-        + " %)."
+        f"Chosen on forward blocks: {best}, {_changed(promised)} % there and {_changed(kept)} % on the last fifth (by "
+        f"recording {', '.join(map(_changed, by_recording))} %)."
     )
 
 
@@ -216,32 +225,22 @@ def _picture(o: Outcomes) -> Any:
     return figure
 
 
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "A longer memory, chosen on training data alone, lowers the wrist's error by 10 % against `best`.",
+    "docs/beyond.md",
+    "-",
+    "mean RMSE of J4 to J6 over four recordings, last fifth; same direction: lower",
+)
 def _goal(o: Outcomes) -> Judgement:
     best = chosen_forwards(o)
-    if best is None:
-        return NOT_MEASURED
     reached = means(o, network=True, test=LATER)[best]
-    return graded(reached <= GOAL, reached < 1.0, f"{100.0 * (reached - 1.0):+.1f} % ({best})")
+    return graded(reached <= GOAL, reached < 1.0, f"{_changed(reached)} % ({best})")
 
 
 EXPERIMENT = Experiment(
-    "beyond-memory",
-    "beyond, longer memory",
-    "Longer memories for a real wrist",
-    __doc__,
-    cases,
-    report,
-    minutes=3.0,
-    claims=[
-        Claim(
-            says="A longer memory, chosen on training data alone, lowers the wrist's error by 10 % against `best`.",
-            place="docs/beyond.md",
-            published="-",
-            criterion="mean RMSE of J4 to J6 over four recordings, last fifth; same direction: lower",
-            judge=_goal,
-        )
-    ],
-    drawn=0,
-    simulated=False,
-    needs_data=True,
-)
+    "beyond-memory", "beyond, longer memory", "Longer memories for a real wrist", __doc__,
+    cases, report, minutes=3.0, claims=CLAIMS, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip

@@ -21,7 +21,7 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, D
 from papers.beyond.designed_motion import designed
 from papers.calibration import recordings
 from papers.calibration.figure_3 import reversals
-from papers.claims import Claims, by_count, mean_and_spread
+from papers.claims import Claims, by_count
 from papers.experiment import (
     Case,
     Experiment,
@@ -35,7 +35,7 @@ from papers.experiment import (
     run,
 )
 from papers.figures import legend_below, panels
-from papers.kit import JOINTS, UNITS, table
+from papers.kit import IN_UNITS, JOINTS, UNITS, cells, grid, rows, sample, table
 
 ZIGZAG: Direction = "J2-J3"
 WIDE, RANDOM = "J2-J3, whole box", "random"
@@ -112,17 +112,13 @@ def cases(scope: Scope) -> list[Case]:
     lengths, names, seconds = (
         (LENGTHS[:1], (ZIGZAG, DESIGNED), 60.0) if scope.quick else (LENGTHS, PATHS, recordings.TEST_SECONDS)
     )
-    return [
-        path_errors.case(seed=seed, name=name, sparsities=length, networks=scope.network_seeds, test_seconds=seconds)
-        for seed in scope.robots
-        for length in lengths
-        for name in names
-    ]
+    axes = {"seed": scope.robots, "sparsities": lengths, "name": names}
+    return grid(path_errors, axes, networks=scope.network_seeds, test_seconds=seconds)
 
 
 def of(o: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
     """Return what a path has by joint, (robots, 3)."""
-    return np.array([result[what] for result in o.of(path_errors, name=name, sparsities=list(sparsities))])
+    return sample(o, path_errors, what, name=name, sparsities=list(sparsities))
 
 
 def middle(o: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
@@ -130,18 +126,13 @@ def middle(o: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Fl
     return np.asarray(of(o, name, sparsities, what).mean(axis=0))
 
 
-def seconds_of(o: Outcomes, sparsities: Sequence[float]) -> float:
-    """Return how long the designed motion of a length takes [s]."""
-    found = o.of(path_errors, name=DESIGNED, sparsities=list(sparsities))
-    return float(found[0]["seconds"])
+def seconds_of(o: Outcomes, sparsities: Sequence[float]) -> str:
+    """Return how long the designed motion of a length takes."""
+    return f"{o.of(path_errors, name=DESIGNED, sparsities=list(sparsities))[0]['seconds']:.0f} s"
 
 
 def _run(o: Outcomes, sparsities: Sequence[float]) -> list[str]:
     return [name for name in PATHS if o.of(path_errors, name=name, sparsities=list(sparsities))]
-
-
-def _complete(o: Outcomes) -> bool:
-    return all(len(_run(o, length)) == len(PATHS) for length in LENGTHS)
 
 
 def report(o: Outcomes) -> Report:
@@ -149,7 +140,7 @@ def report(o: Outcomes) -> Report:
     lengths = [length for length in LENGTHS if _run(o, length)]
     tables = [_paths_table(o, length) for length in lengths]
     remarks = []
-    if _complete(o):
+    if all(len(_run(o, length)) == len(PATHS) for length in LENGTHS):
         tables.append(_factors(o))
         remarks.append(sentence(o))
     caption = (
@@ -160,74 +151,70 @@ def report(o: Outcomes) -> Report:
 
 
 def _paths_table(o: Outcomes, length: Sequence[float]) -> TitledTable:
+    def row(name: str) -> list[str]:
+        return [
+            *(name, *(f"{count:.0f}" for count in middle(o, name, length, "reversals"))),
+            *(f"{100.0 * share:.0f} %" for share in middle(o, name, length, "range")),
+            *(each for model in MODELS for each in cells(of(o, name, length, model))),
+        ]
+
     header = ["path", *(f"reversals {joint}" for joint in JOINTS), *(f"range {joint}" for joint in JOINTS)]
-    header += [f"{model} {j} [{u}]" for model in MODELS for j, u in zip(JOINTS, UNITS, strict=True)]
-    rows = []
-    for name in _run(o, length):
-        cells = [name, *(f"{count:.0f}" for count in middle(o, name, length, "reversals"))]
-        cells += [f"{100.0 * share:.0f} %" for share in middle(o, name, length, "range")]
-        cells += [mean_and_spread(e) for model in MODELS for e in of(o, name, length, model).T]
-        rows.append(cells)
-    return table(f"{seconds_of(o, length):.0f} s of recording, RMSE", header, rows)
+    header += [f"{model} {joint}" for model in MODELS for joint in IN_UNITS]
+    return table(f"{seconds_of(o, length)} of recording, RMSE", header, rows(row, PATHS))
 
 
 def _factors(o: Outcomes) -> TitledTable:
-    rows = []
-    for told, numerator, denominator in (
-        ("more reversals, zig-zag's range", NARROW, ZIGZAG),
-        ("more reversals, whole box", DESIGNED, WIDE),
-        ("whole box, zig-zag", WIDE, ZIGZAG),
-        ("whole box, designed", DESIGNED, NARROW),
-        ("both", DESIGNED, ZIGZAG),
-    ):
-        for length in LENGTHS:
-            ratios = [middle(o, numerator, length, model) / middle(o, denominator, length, model) for model in MODELS]
-            rows.append([told, f"{seconds_of(o, length):.0f}", *(f"{r:.2f}" for r in np.concatenate(ratios))])
+    changes = {
+        "more reversals, zig-zag's range": (NARROW, ZIGZAG),
+        "more reversals, whole box": (DESIGNED, WIDE),
+        "whole box, zig-zag": (WIDE, ZIGZAG),
+        "whole box, designed": (DESIGNED, NARROW),
+        "both": (DESIGNED, ZIGZAG),
+    }
+
+    def row(change: str, length: Sequence[float]) -> list[str]:
+        after, before = ([middle(o, name, length, model) for model in MODELS] for name in changes[change])
+        left = np.concatenate(after) / np.concatenate(before)
+        return [change, seconds_of(o, length).removesuffix(" s"), *(f"{each:.2f}" for each in left)]
+
     header = ["what changes", "time [s]", *(f"{model} {joint}" for model in MODELS for joint in JOINTS)]
-    return table("Error left of what it was, by what changes", header, rows)
+    return table("Error left of what it was, by what changes", header, rows(row, changes, LENGTHS))
 
 
 def sentence(o: Outcomes) -> str:
     """Return in a sentence which path leaves the least error, beside the paper's zig-zag for the same time."""
-    reached = {name: middle(o, name, SHORT, recordings.NETWORK) for name in PATHS}
-    best = min(reached, key=lambda name: float(np.prod(reached[name])))
-    counts = {
-        name: ", ".join(f"{count:.0f}" for count in middle(o, name, SHORT, "reversals")) for name in (best, ZIGZAG)
-    }
-    errors = {
-        name: ", ".join(f"{error:.3f} {unit}" for error, unit in zip(values, UNITS, strict=True))
-        for name, values in (
-            (best, reached[best]),
-            (ZIGZAG, reached[ZIGZAG]),
-            ("long", middle(o, ZIGZAG, LONG, recordings.NETWORK)),
-        )
-    }
+
+    def told(name: str, length: Sequence[float]) -> str:
+        left = zip(middle(o, name, length, recordings.NETWORK), UNITS, strict=True)
+        return ", ".join(f"{error:.3f} {unit}" for error, unit in left)
+
+    def back(name: str) -> str:
+        return ", ".join(f"{count:.0f}" for count in middle(o, name, SHORT, "reversals"))
+
+    best = min(PATHS, key=lambda name: float(np.prod(middle(o, name, SHORT, recordings.NETWORK))))
     return (
-        f'Of all paths that take {seconds_of(o, SHORT):.0f} s, "{best}", whose joints turn back {counts[best]} '
-        f"times, leaves the network least: {errors[best]}, where the zig-zag {ZIGZAG}, whose joints turn back "
-        f"{counts[ZIGZAG]} times, leaves {errors[ZIGZAG]}, and {errors['long']} after "
-        f"{seconds_of(o, LONG):.0f} s."
+        f'Of all paths that take {seconds_of(o, SHORT)}, "{best}", whose joints turn back {back(best)} times, leaves '
+        f"the network least: {told(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
+        f"times, leaves {told(ZIGZAG, SHORT)}, and {told(ZIGZAG, LONG)} after {seconds_of(o, LONG)}."
     )
 
 
 def _picture(o: Outcomes, lengths: Sequence[Sequence[float]]) -> Any:
     figure, axes = panels(3, 3.0 * len(lengths) + 0.5, rows=len(lengths))
-    for row, length in enumerate(lengths):
-        for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
-            panel = axes[3 * row + j]
-            for name in _run(o, length):
-                color = COLORS.get(name, ZIGZAG_COLOR)
-                label = name if name in COLORS else "zig-zags"
-                x = middle(o, name, length, "reversals")[j]
-                y = [middle(o, name, length, model)[j] for model in MODELS]
-                marker = "s" if name in (ZIGZAG, WIDE) else "o"
-                panel.plot([x, x], y, color=color, linewidth=0.6, alpha=0.5)
-                panel.plot(x, y[0], marker, color=color, ms=6, label=label)
-                panel.plot(x, y[1], marker, color=color, ms=6, fillstyle="none")
-            panel.set_ylim(bottom=0.0)
-            panel.set_title(f"{joint} [{unit}], {seconds_of(o, length):.0f} s", fontsize=10)
-            if row == len(lengths) - 1:
-                panel.set_xlabel(f"reversals of {joint}")
+    for place, panel in enumerate(axes):
+        length, j = lengths[place // 3], place % 3
+        for name in _run(o, length):
+            color, label = COLORS.get(name, ZIGZAG_COLOR), name if name in COLORS else "zig-zags"
+            x = middle(o, name, length, "reversals")[j]
+            y = [middle(o, name, length, model)[j] for model in MODELS]
+            marker = "s" if name in (ZIGZAG, WIDE) else "o"
+            panel.plot([x, x], y, color=color, linewidth=0.6, alpha=0.5)
+            panel.plot(x, y[0], marker, color=color, ms=6, label=label)
+            panel.plot(x, y[1], marker, color=color, ms=6, fillstyle="none")
+        panel.set_ylim(bottom=0.0)
+        panel.set_title(f"{IN_UNITS[j]}, {seconds_of(o, length)}", fontsize=10)
+        if place // 3 == len(lengths) - 1:
+            panel.set_xlabel(f"reversals of {JOINTS[j]}")
     legend_below(figure, axes[0])
     return figure
 
@@ -239,9 +226,12 @@ def _less(o: Outcomes, name: str, others: Sequence[str]) -> Judgement:
         own = middle(o, name, length, recordings.NETWORK)
         least = np.min([middle(o, other, length, recordings.NETWORK) for other in others], axis=0)
         holds += list(own < least)
-        pairs = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(own, least, strict=True))
-        told.append(f"{seconds_of(o, length):.0f} s: {pairs}")
+        told.append(f"{seconds_of(o, length)}: {_pairs(own, least)}")
     return by_count(holds, "J1, J2, J3; " + "; ".join(told))
+
+
+def _pairs(own: Floats, other: Floats) -> str:
+    return ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(own, other, strict=True))
 
 
 CLAIMS = Claims()
@@ -316,8 +306,7 @@ def _designed_best(o: Outcomes) -> Judgement:
 )
 def _short_enough(o: Outcomes) -> Judgement:
     short, long = middle(o, DESIGNED, SHORT, recordings.NETWORK), middle(o, ZIGZAG, LONG, recordings.NETWORK)
-    told = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(short, long, strict=True))
-    return by_count(short <= long, f"J1, J2, J3: {told}")
+    return by_count(short <= long, f"J1, J2, J3: {_pairs(short, long)}")
 
 
 EXPERIMENT = Experiment(
