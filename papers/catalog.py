@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from catenary.errors import InputError
 from papers.experiment import Experiment
 
-# "paper-place": the module that holds EXPERIMENT
+# "paper-place": the module that holds EXPERIMENT, or module:NAME where it holds several
 MODULES = {
     "plant-targets": "papers.plant.reached",
     "calibration-figure-3": "papers.calibration.figure_3",
@@ -17,27 +17,27 @@ MODULES = {
     "calibration-figure-8": "papers.calibration.figure_8",
     "calibration-table-2": "papers.calibration.table_2",
     "calibration-figure-9": "papers.calibration.figure_9",
-    "calibration-table-3": "papers.calibration.table_3",
-    "calibration-table-4": "papers.calibration.table_4",
+    "calibration-table-3": "papers.calibration.tables_3_and_4:TABLE_3",
+    "calibration-table-4": "papers.calibration.tables_3_and_4:TABLE_4",
     "calibration-table-5": "papers.calibration.table_5",
     "calibration-ablation": "papers.calibration.ablation",
     "calibration-dvrk": "papers.calibration.dvrk",
-    "gravity-figure-7": "papers.gravity.figure_7",
-    "gravity-figure-8": "papers.gravity.figure_8",
+    "gravity-figure-7": "papers.gravity.figures_7_and_8:FIGURE_7",
+    "gravity-figure-8": "papers.gravity.figures_7_and_8:FIGURE_8",
     "gravity-figure-9": "papers.gravity.figure_9",
-    "gravity-figure-10": "papers.gravity.figure_10",
+    "gravity-figure-10": "papers.gravity.moving_base:FIGURE_10",
     "gravity-passive": "papers.gravity.passive",
     "gravity-steps": "papers.gravity.steps",
     "gravity-sustained": "papers.gravity.sustained",
     "gravity-joint-3": "papers.gravity.joint_3",
     "gravity-own-compensation": "papers.gravity.own_compensation",
-    "gravity-adaptive": "papers.gravity.adaptive",
+    "gravity-adaptive": "papers.gravity.moving_base:ADAPTIVE_COMPENSATION",
     "gravity-frequency": "papers.gravity.frequency",
     "gravity-sensing": "papers.gravity.sensing",
     "gravity-faults": "papers.gravity.faults",
     "regressor-figure-2": "papers.regressor.figure_2",
-    "regressor-figure-4": "papers.regressor.figure_4",
-    "regressor-figure-5": "papers.regressor.figure_5",
+    "regressor-figure-4": "papers.regressor.figures_4_and_5:FIGURE_4",
+    "regressor-figure-5": "papers.regressor.figures_4_and_5:FIGURE_5",
     "regressor-replay": "papers.regressor.replay",
     "regressor-payload": "papers.regressor.payload",
     "regressor-identification": "papers.regressor.identification",
@@ -58,7 +58,8 @@ MODULES = {
 
 def experiment(name: str) -> Experiment:
     """Import an experiment by its name."""
-    found: Experiment = importlib.import_module(MODULES[name]).EXPERIMENT
+    module, _, attribute = MODULES[name].partition(":")
+    found: Experiment = getattr(importlib.import_module(module), attribute or "EXPERIMENT")
     return found
 
 

@@ -1,12 +1,32 @@
-"""How claims are decided: of statements that hold or not, for each joint, robot or condition, how many do."""
+"""What is claimed, and how it is decided: of statements that hold or not, for each joint or robot, how many do."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from papers.experiment import Judgement, Verdict
+from papers.experiment import Claim, Judgement, Outcomes, Verdict
 
 NOT_MEASURED = Judgement("not measured", "-")
+Judge = Callable[[Outcomes], Judgement]
+
+
+class Missing(Exception):
+    """No case that was asked for has run: a claim is not measured then, and a row is left out."""
+
+
+class Claims(list[Claim]):
+    """Claims of an experiment, in their order: `@CLAIMS(says, place, published, criterion)` stands above a judge."""
+
+    def __call__(
+        self, says: str, place: str, published: str, criterion: str, why: str = "", *, fitted: bool = False
+    ) -> Callable[[Judge], Judge]:
+        """Keep a claim that the function below judges; see `Claim`."""
+
+        def keep(judge: Judge) -> Judge:
+            self.append(Claim(says, place, published, criterion, judge, why, fitted))
+            return judge
+
+        return keep
 
 
 def by_count(holds: Iterable[bool], measured: str) -> Judgement:

@@ -10,7 +10,7 @@ import importlib
 import inspect
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -224,24 +224,30 @@ class Report:
     remarks: Sequence[str] = ()
 
 
-def after_headline(docstring: str | None) -> str:
-    """Return a module's docstring without its first line: conditions and choices, which the page tells."""
-    return (docstring or "").partition("\n")[2].strip()
-
-
 @dataclass(frozen=True)
 class Experiment:
     """A figure or a table of a paper, or one that goes beyond them."""
 
     name: str  # calibration-table-1
-    paper: Paper
     place: str  # table I
     title: str
-    about: str  # conditions, and what was chosen where the paper is silent
+    doc: str | None  # of the module: its headline, then what `about` returns
     cases: Callable[[Scope], Sequence[Case]]
     report: Callable[[Outcomes], Report]
+    _: KW_ONLY
     minutes: float  # of one processor, all of it
     claims: Sequence[Claim] = field(default_factory=tuple)
     drawn: int = 5  # robots beside the nominal one
     simulated: bool = True  # False where all of it is measured on real arms
     needs_data: bool = False  # recordings of real arms, of which some cases are
+    of: Paper | None = None  # the paper, where its name does not begin with it
+
+    @property
+    def paper(self) -> str:
+        """Return the paper whose figure or table it is."""
+        return self.of or self.name.partition("-")[0]
+
+    @property
+    def about(self) -> str:
+        """Return the conditions, and what was chosen where the paper is silent, which the page tells."""
+        return (self.doc or "").partition("\n")[2].strip()

@@ -1,5 +1,6 @@
 """How the papers' pictures look: names and colours of controllers and methods, and empty axes as wide as a page."""
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +53,24 @@ def legend_below(figure: "Figure", *panels: Any, columns: int | None = None) -> 
         handles |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))
     ncols = max(len(handles), 1) if columns is None else columns
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=8)
+
+
+def bars(panel: Any, ticks: Sequence[str], series: Mapping[str, Sequence[Any]], colors: Sequence[str]) -> None:
+    """Draw a bar of the mean and a dot of each robot by tick, of every series by its label; none of empty samples."""
+    for k, ((label, values), color) in enumerate(zip(series.items(), colors, strict=True)):
+        for i, each in enumerate(values):
+            if len(each):
+                place = i + 0.8 / len(series) * (k - 0.5 * (len(series) - 1))
+                told = label if i == 0 else None
+                panel.bar(place, each.mean(), 0.72 / len(series), color=color, label=told)
+                panel.plot(np.full(len(each), place), each, "o", color="white", markeredgecolor="#1c2430", ms=2.5)
+    panel.set_xticks(range(len(ticks)), ticks, fontsize=8)
+
+
+def legend_above(figure: "Figure", panel: Any, *, columns: int) -> None:
+    """Draw the legend of a panel above all of them."""
+    handles = panel.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=columns, frameon=False, fontsize=9)
 
 
 def log_scale(panel: Any) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from catenary.files import json_text, write_atomically
 from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
-from papers.claims import NOT_MEASURED
+from papers.claims import NOT_MEASURED, Missing
 from papers.experiment import Case, Claim, Experiment, Judgement, Outcomes, Report, Scope
 from papers.store import Finished, write_raw
 
@@ -17,8 +17,15 @@ VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
 
 
 def judged(experiment: Experiment, outcomes: Outcomes) -> list[tuple[Claim, Judgement]]:
-    """Return every claim with what was measured of it; judges are asked where every case has a result, or none."""
-    return [(claim, claim.judge(outcomes) if len(outcomes) else NOT_MEASURED) for claim in experiment.claims]
+    """Return every claim with what was measured of it; where a judge misses a case, it is not measured."""
+    return [(claim, _judged(claim, outcomes) if len(outcomes) else NOT_MEASURED) for claim in experiment.claims]
+
+
+def _judged(claim: Claim, outcomes: Outcomes) -> Judgement:
+    try:
+        return claim.judge(outcomes)
+    except Missing:
+        return NOT_MEASURED
 
 
 def shown_verdict(verdict: str, *, fitted: bool) -> str:

@@ -6,24 +6,20 @@ would ask for it (latency.py says how each is run): it depends on the machine, a
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from papers.beyond.latency import latencies
-from papers.calibration import table_3
+from papers.calibration import tables_3_and_4
 from papers.calibration.peer_hours import PEERS
 from papers.calibration.published import TABLE_3_OURS
-from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS
+from papers.calibration.recordings import BEST, NETWORK
 from papers.calibration.six_hours import OFFSET
-from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture
 from papers.figures import legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
 METHODS = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
 SERVO = 1000.0  # [us] of a loop's period
@@ -33,62 +29,52 @@ PUBLISHED = {NETWORK: 61e3, "linear": 380.0}  # [us] of an inference, table V
 def cases(scope: Scope) -> list[Case]:
     """Return table III's cases, and the one that times every method."""
     timed = latencies.case(sparsity=1 / 2, seconds=4.0, every=20 if scope.quick else 1)
-    return [*table_3.cases(scope), timed]
+    return [*tables_3_and_4.cases(scope), timed]
 
 
-def microseconds(outcomes: Outcomes) -> dict[str, float]:
+def microseconds(o: Outcomes) -> dict[str, float]:
     """Return how long one correction of each method takes [us]."""
-    return {name: value for result in outcomes.of(latencies) for name, value in result.items()}
+    return {name: value for result in o.of(latencies) for name, value in result.items()}
 
 
-def present(outcomes: Outcomes) -> list[str]:
+def present(o: Outcomes) -> list[str]:
     """Return the methods that have errors and times."""
-    timed = microseconds(outcomes)
-    return [name for name in METHODS if name in timed and table_3.hours(outcomes, name).size]
+    timed = microseconds(o)
+    return [name for name in METHODS if name in timed and tables_3_and_4.hours(o, name).size]
 
 
-def left(outcomes: Outcomes, method: str) -> Floats:
+def left(o: Outcomes, method: str) -> Floats:
     """Return what a method leaves of the fixed offset's error in hours 0 and 5 [%]: geometric mean over joints, (2,).
 
     Of the fixed offset in hour 0, both.
     """
-    ends = table_3.hours(outcomes, method).mean(axis=0)[[0, -1]]
-    offset = table_3.hours(outcomes, OFFSET).mean(axis=0)[0]
+    ends = tables_3_and_4.hours(o, method).mean(axis=0)[[0, -1]]
+    offset = tables_3_and_4.hours(o, OFFSET).mean(axis=0)[0]
     shares: Floats = 100.0 * np.exp(np.mean(np.log(ends / offset), axis=1))
     return shares
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the table, the picture, and the sentence."""
-    timed = microseconds(outcomes)
-    rows = []
-    for name in present(outcomes):
-        found = table_3.hours(outcomes, name)
-        share = left(outcomes, name)
-        rows.append(
-            [
-                name,
-                *(mean_and_spread(found[:, 0, j]) for j in range(3)),
-                *(mean_and_spread(found[:, -1, j] - found[:, 0, j]) for j in range(3)),
-                f"{share[0]:.0f}, {share[1]:.0f}",
-                f"{timed[name]:.1f}",
-            ]
-        )
-    header = ["method", *(f"{j} [{u}]" for j, u in zip(JOINTS, UNITS, strict=True))]
-    header += [f"{j} lost [{u}]" for j, u in zip(JOINTS, UNITS, strict=True)]
-    header += ["hours 0, 5 [% of offset]", "time [us]"]
+    timed = microseconds(o)
+
+    def row(name: str) -> list[str]:
+        found, share = tables_3_and_4.hours(o, name), left(o, name)
+        lost = cells(found[:, -1] - found[:, 0])
+        return [name, *cells(found[:, 0]), *lost, f"{share[0]:.0f}, {share[1]:.0f}", f"{timed[name]:.1f}"]
+
+    lost = [f"{joint} lost [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True)]
+    header = ["method", *IN_UNITS, *lost, "hours 0, 5 [% of offset]", "time [us]"]
     title = "RMSE in hour 0, what is lost until hour 5, both as a share of the fixed offset's in hour 0; one correction"
-    if not rows:
-        return Report()
     caption = (
         "RMSE over the time of one correction: from hour 0 (dot) to hour 5 (arrow), mean over robots; dashed: a loop "
         "at 1 kHz; squares: the paper's network and linear model"
     )
-    return Report(
-        [TitledTable(title, Table(header, rows))],
-        [TitledPicture(caption, _picture(outcomes))],
-        [sentence({name: (*left(outcomes, name), timed[name]) for name in present(outcomes)})],
-    )
+    names = present(o)
+    if not names:
+        return Report()
+    said = sentence({name: (*left(o, name), timed[name]) for name in names})
+    return Report([table(title, header, rows(row, names))], [TitledPicture(caption, _picture(o))], [said])
 
 
 def sentence(found: dict[str, Sequence[float]]) -> str:
@@ -107,42 +93,32 @@ def sentence(found: dict[str, Sequence[float]]) -> str:
     )
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 4.0)
-    timed = microseconds(outcomes)
+    timed = microseconds(o)
     for j, panel in enumerate(axes):
-        for name in present(outcomes):
-            mean = table_3.hours(outcomes, name).mean(axis=0)[[0, -1], j]
-            color = table_3.COLORS[name]
+        for name in present(o):
+            mean = tables_3_and_4.hours(o, name).mean(axis=0)[[0, -1], j]
+            color = tables_3_and_4.COLORS[name]
             panel.plot(timed[name], mean[0], "o", color=color, ms=5, label=name)
-            panel.annotate(
-                "",
-                (timed[name], mean[1]),
-                (timed[name], mean[0]),
-                arrowprops={"arrowstyle": "->", "color": color, "lw": 1.5},
-            )
+            arrow = {"arrowstyle": "->", "color": color, "lw": 1.5}
+            panel.annotate("", (timed[name], mean[1]), (timed[name], mean[0]), arrowprops=arrow)
         for name, took in PUBLISHED.items():
-            low, high = TABLE_3_OURS[name][j]
-            color = table_3.COLORS[name]
+            (low, high), color = TABLE_3_OURS[name][j], tables_3_and_4.COLORS[name]
             panel.plot(took, low, "s", mfc="none", color=color, ms=5)
             panel.annotate("", (took, high), (took, low), arrowprops={"arrowstyle": "->", "color": color})
         panel.axvline(SERVO, color="#8a94a3", ls="--", lw=0.8)
         panel.set_xscale("log")
-        ends = [table_3.hours(outcomes, name).mean(axis=0)[:, j].max() for name in present(outcomes)]
+        ends = [tables_3_and_4.hours(o, name).mean(axis=0)[:, j].max() for name in present(o)]
         panel.set_ylim(0.0, 1.08 * max(ends))
         panel.set_xlabel("one correction [us]")
-        panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+        panel.set_title(f"{IN_UNITS[j]}", fontsize=10)
     legend_below(figure, axes[0], columns=5)
     return figure
 
 
+# beside table III's cases
 EXPERIMENT = Experiment(
-    name="beyond-accuracy-latency-drift",
-    paper="beyond",
-    place="beyond tables III and V",
-    title="Accuracy, latency and drift of every method",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,  # beside table III's cases
-)
+    "beyond-accuracy-latency-drift", "beyond tables III and V", "Accuracy, latency and drift of every method", __doc__,
+    cases, report, minutes=2.0,
+)  # fmt: skip

@@ -8,35 +8,21 @@ only afterwards. Camera failures of `sampled_train` are left out.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from catenary import MotionLog
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit_options import FOLDS, FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, block_squares
-from catenary.recording.logs import read_log
-from catenary.reports.page import Table
 from papers.beyond.intervals import DVRK_UNITS, LATER, RECORDINGS, TRAININGS
-from papers.calibration.dvrk import FOLDER, HELD_OUT, SAMPLED_LIMIT
-from papers.claims import graded
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Plain,
-    Report,
-    Result,
-    Scope,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.calibration.dvrk import HELD_OUT, limit_of, log_of
+from papers.claims import Claims, graded
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Result, Scope, run
+from papers.kit import filled, table
 
 AUTO = "auto"
 WITHIN = 1.05  # times the error of the single kind that turns out best
@@ -52,13 +38,10 @@ def dvrk_advice(recording: str, others: Sequence[str], data: Path) -> Result:
         data: Folder of the recordings.
     """
 
-    def log_of(name: str) -> MotionLog:
-        return read_log(data / FOLDER / f"{name}.npz")
-
     def fitted(kind: str) -> FitResult:
         held_out = None if others else HELD_OUT
-        settings = FitRun(held_out=held_out, max_error=_limit(recording), folds=FOLDS if kind == AUTO else 0)
-        return fit_logs([log_of(recording)], FitOptions(kind=kind), settings)  # type: ignore[arg-type]
+        settings = FitRun(held_out=held_out, max_error=limit_of(recording), folds=FOLDS if kind == AUTO else 0)
+        return fit_logs([log_of(recording, data)], FitOptions(kind=kind), settings)  # type: ignore[arg-type]
 
     fits = {kind: fitted(kind) for kind in (*SIMPLEST_FIRST, AUTO)}
     tests: dict[str, Plain] = {}
@@ -69,8 +52,8 @@ def dvrk_advice(recording: str, others: Sequence[str], data: Path) -> Result:
             if result.held_out is not None:
                 found[kind] = result.held_out
                 continue
-            log = log_of(name)
-            limits = error_limits(_limit(name), log)
+            log = log_of(name, data)
+            limits = error_limits(limit_of(name), log)
             rows = calibration_data([log], result.model.features, max_error=limits)
             found[kind] = evaluate(result.model, rows)
         tests[name] = {kind: [joint.rmse for joint in each.joints] for kind, each in found.items()}
@@ -93,10 +76,6 @@ def excess_errors(found: Mapping[str, Evaluation]) -> np.ndarray:
     return np.array(excesses)
 
 
-def _limit(recording: str) -> tuple[float, ...] | None:
-    return SAMPLED_LIMIT if recording == "sampled_train" else None
-
-
 def cases(scope: Scope) -> list[Case]:
     """Return a case for the last part of every recording, and for the others after each of the long ones."""
     if scope.quick:
@@ -113,35 +92,36 @@ def ratios(errors: Mapping[str, Sequence[float]]) -> np.ndarray:
     return np.asarray(np.array(errors[AUTO]) / best)
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return what was chosen, and errors later and elsewhere beside the best single kind."""
-    blocks: list[list[str]] = []
-    later: list[list[str]] = []
-    elsewhere: list[list[str]] = []
-    for told, result in outcomes.items(dvrk_advice):
-        choices = result["choice"]
-        for kind in SIMPLEST_FIRST:
-            if not told["others"]:
-                blocks.append([told["recording"], kind, *(_of_blocks(choice, kind) for choice in choices)])
-        for test, errors in result["tests"].items():
-            cells = _cells(errors, [choice["chosen"] for choice in choices])
-            (later if test == LATER else elsewhere).append(
-                [told["recording"], *([] if test == LATER else [test]), *cells]
-            )
-    tables = [
-        TitledTable(
-            "Errors on blocks of the first 80 %, the chosen kind in bold",
-            Table(["recording", "kind", *DVRK_UNITS], blocks),
-        ),
-        TitledTable(
-            "`auto` on the last fifth, over the kind that is best there", Table(["recording", *DVRK_UNITS], later)
-        ),
-        TitledTable(
-            "`auto` on other recordings, over the kind that is best there",
-            Table(["chosen on", "tested on", *DVRK_UNITS], elsewhere),
-        ),
+    found = list(o.items(dvrk_advice))
+    blocks = [
+        [told["recording"], kind, *(_of_blocks(choice, kind) for choice in result["choice"])]
+        for told, result in found
+        for kind in SIMPLEST_FIRST
+        if not told["others"]
     ]
-    return Report([table for table in tables if table.table.rows], [], [_REMARK])
+    tests = [
+        (told["recording"], test, _cells(errors, [choice["chosen"] for choice in result["choice"]]))
+        for told, result in found
+        for test, errors in result["tests"].items()
+    ]
+    later = [[recording, *each] for recording, test, each in tests if test == LATER]
+    elsewhere = [[recording, test, *each] for recording, test, each in tests if test != LATER]
+    on_others = "`auto` on other recordings, over the kind that is best there"
+    return Report(
+        filled([
+            table(
+                "Errors on blocks of the first 80 %, the chosen kind in bold",
+                ["recording", "kind", *DVRK_UNITS],
+                blocks,
+            ),
+            table("`auto` on the last fifth, over the kind that is best there", ["recording", *DVRK_UNITS], later),
+            table(on_others, ["chosen on", "tested on", *DVRK_UNITS], elsewhere),
+        ]),
+        [],
+        [_REMARK],
+    )  # fmt: skip
 
 
 _REMARK = (
@@ -158,50 +138,35 @@ def _of_blocks(choice: Plain, kind: str) -> str:
 
 
 def _cells(errors: Mapping[str, Sequence[float]], chosen: Sequence[str]) -> list[str]:
-    cells = []
+    found = []
     for j, (ratio, kind) in enumerate(zip(ratios(errors), chosen, strict=True)):
         best = min(SIMPLEST_FIRST, key=lambda name: errors[name][j])
         worse = "" if ratio < 1.0005 else f" (+{100.0 * (ratio - 1.0):.1f} % than {best})"
-        cells.append(f"{errors[AUTO][j]:.3g} {kind}{worse}")
-    return cells
+        found.append(f"{errors[AUTO][j]:.3g} {kind}{worse}")
+    return found
 
 
-def _judged(later: bool) -> Claim:
-    def judge(outcomes: Outcomes) -> Judgement:
-        over = np.concatenate(
-            [np.zeros(0)]
-            + [
-                ratios(errors)
-                for _, result in outcomes.items(dvrk_advice)
-                for test, errors in result["tests"].items()
-                if (test == LATER) == later
-            ]
-        )
-        met = float((over <= WITHIN).mean()) if len(over) else 0.0
-        told = f"{met:.0%} of {len(over)} joints and tests; {over.max(initial=0.0):.2f} times at worst"
-        return graded(met == 1.0, met > 0.5, told)
+CLAIMS = Claims()
 
-    return Claim(
-        says="`auto` is no more than 5 % worse than the best single kind "
-        + ("on the last fifth of a recording." if later else "on other recordings."),
-        place="docs/calibration.md",
-        published="-",
-        criterion="on every joint; same direction: on most",
-        judge=judge,
-    )
 
+def _no_worse(o: Outcomes, *, later: bool) -> Judgement:
+    tests = [each for result in o.of(dvrk_advice) for each in result["tests"].items()]
+    over = np.concatenate([np.zeros(0), *(ratios(errors) for test, errors in tests if (test == LATER) == later)])
+    met = float((over <= WITHIN).mean()) if len(over) else 0.0
+    told = f"{met:.0%} of {len(over)} joints and tests; {over.max(initial=0.0):.2f} times at worst"
+    return graded(met == 1.0, met > 0.5, told)
+
+
+for later, where in ((True, "on the last fifth of a recording."), (False, "on other recordings.")):
+    CLAIMS(
+        f"`auto` is no more than 5 % worse than the best single kind {where}",
+        "docs/calibration.md",
+        "-",
+        "on every joint; same direction: on most",
+    )(partial(_no_worse, later=later))
 
 EXPERIMENT = Experiment(
-    name="beyond-advice",
-    paper="beyond",
-    place="beyond, which model",
-    title="The kind of model that is chosen joint by joint, held against every kind",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,
-    claims=[_judged(later=True), _judged(later=False)],
-    drawn=0,
-    simulated=False,
-    needs_data=True,
-)
+    "beyond-advice", "beyond, which model",
+    "The kind of model that is chosen joint by joint, held against every kind", __doc__,
+    cases, report, minutes=2.0, claims=CLAIMS, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip

@@ -12,18 +12,20 @@ of the torque itself; conditions and raw torque are those of calibration on tilt
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from papers.beyond import tilted_calibration as tilted
 from papers.beyond.bases import BASES, LEVEL_BASE, ROCKING
 from papers.beyond.calibrated_gravity import CONTROLLERS, HOLDS, INSIDE, REPORTED, RIG, STILL, control, held
-from papers.calibration.recordings import JOINTS, SPARSITIES, UNITS
-from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
+from papers.calibration.recordings import SPARSITIES
+from papers.claims import Missing
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture
+from papers.figures import legend_below, panels
+from papers.kit import JOINTS, UNITS, by_robot, cells, rows, sample, table, unless_missing
 
 CONTROL_BASES = (LEVEL_BASE, tilted.TILTED, ROCKING)
 ANGLES_DEG = (0.0, 20.0, 45.0, 90.0, 180.0)
@@ -55,141 +57,113 @@ def cases(scope: Scope) -> list[Case]:
     return made
 
 
-def measured(outcomes: Outcomes, base: str, controller: str, what: str) -> Floats:
+def measured(o: Outcomes, base: str, controller: str, what: str) -> Floats:
     """Return a measure of tracking on every joint, (robots, 3)."""
-    found = [result[controller][what] for result in outcomes.of(control, base=base)]
-    return np.array(found) if found else np.zeros((0, 3))
+    return sample(o, control, controller, what, base=base)
 
 
-def drift(outcomes: Outcomes, controller: str) -> dict[float, Floats]:
-    """Return by base angle [deg] how far held joints went, (robots, 3) [deg, deg, mm]."""
-    angles = [a for told, _ in outcomes.items(held) for a in told["angles_deg"]]
-    return {
-        angle: np.array(
-            [
-                result[controller][told["angles_deg"].index(angle)]
-                for told, result in outcomes.items(held)
-                if angle in told["angles_deg"]
-            ]
-        )
-        for angle in dict.fromkeys(angles)
-    }
+def drift(o: Outcomes, controller: str, angle: float) -> Floats:
+    """Return how far held joints went on a base at an angle [deg], (robots, 3) [deg, deg, mm]."""
+    found = [(told["angles_deg"], result[controller]) for told, result in o.items(held)]
+    there = [each[angles.index(angle)] for angles, each in found if angle in angles]
+    if not there:
+        raise Missing(f"{angle} deg")
+    return by_robot(there)
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return tables of tracking, holding and calibration, the picture, and what they come to."""
-    tables = [TitledTable("PD+DG along random motion in the calibrated box, RMS", _tracking(outcomes))]
-    tables.append(
-        TitledTable("Gravity compensation alone: largest drift, mean of robots (greatest)", _holding(outcomes))
+    title = "PD+DG along random motion in the calibrated box, RMS"
+    header = (
+        "base | joints | PD share J1; J2; J3 [%] | reported error [deg; deg; mm] | true error [deg; deg; mm] | gravity "
+        "wrong by [Nm; Nm; N] | outside valid range [%]"
     )
-    tables.append(TitledTable("RMSE of models by the torque among their inputs", _calibration(outcomes)))
+    holding = "Gravity compensation alone: largest drift, mean of robots (greatest)"
+    units = f"[{'; '.join(f'{joint} {unit}' for joint, unit in zip(JOINTS, UNITS, strict=True))}]"
+    tables = [
+        table(title, header, rows(partial(_tracking, o), CONTROL_BASES, CONTROLLERS)),
+        table(holding, ["base about Z0 [deg]", *HOLDS], rows(partial(_holding, o), ANGLES_DEG)),
+        table(
+            "RMSE of models by the torque among their inputs",
+            ["trained", "torque", "model", *(f"{base} {units}" for base in BASES)],
+            rows(partial(_calibration, o), TRAININGS, TORQUES, tilted.KINDS),
+        ),
+    ]
     caption = (
         "Left: what the gravity model is wrong by against the true joints. Middle: true tracking error. Both on every "
         "base, mean over robots. Right: RMSE of joint 1 on every base by the torque among the inputs"
     )
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
 
 
-def _tracking(outcomes: Outcomes) -> Table:
-    rows = []
-    for base in CONTROL_BASES:
-        for name in CONTROLLERS:
-            if not len(measured(outcomes, base, name, "true")):
-                continue
-            cells = [base, name]
-            for what, digits in (("pd_share", 1), ("reported", 3), ("true", 3), ("gravity", 3)):
-                values = measured(outcomes, base, name, what)
-                cells += ["; ".join(mean_and_spread(column, digits) for column in values.T)]
-            outside = measured(outcomes, base, name, "outside")
-            rows.append([*cells, f"{100.0 * outside.max(axis=1).mean():.0f}"])
-    header = ["base", "joints", "PD share J1; J2; J3 [%]", "reported error [deg; deg; mm]"]
-    header += ["true error [deg; deg; mm]", "gravity wrong by [Nm; Nm; N]", "outside valid range [%]"]
-    return Table(header, rows)
+def _tracking(o: Outcomes, base: str, name: str) -> list[str]:
+    digits = {"pd_share": 1, "reported": 3, "true": 3, "gravity": 3}
+    found = ("; ".join(cells(measured(o, base, name, what), count)) for what, count in digits.items())
+    return [base, name, *found, f"{100.0 * measured(o, base, name, 'outside').max(axis=1).mean():.0f}"]
 
 
-def _holding(outcomes: Outcomes) -> Table:
-    rows = []
-    for angle in drift(outcomes, REPORTED):
-        cells = [f"{angle:.0f}"]
-        for name in HOLDS:
-            values = drift(outcomes, name)[angle]
-            cells.append("; ".join(f"{v.mean():.3f} ({v.max():.3f}) {u}" for v, u in zip(values.T, UNITS, strict=True)))
-        rows.append(cells)
-    return Table(["base about Z0 [deg]", *HOLDS], rows)
+def _holding(o: Outcomes, angle: float) -> list[str]:
+    found = (zip(drift(o, name, angle).T, UNITS, strict=True) for name in HOLDS)
+    return [f"{angle:.0f}", *("; ".join(f"{v.mean():.3f} ({v.max():.3f}) {u}" for v, u in each) for each in found)]
 
 
-def _calibration(outcomes: Outcomes) -> Table:
-    rows = []
-    for training in TRAININGS:
-        for torque in TORQUES:
-            for model in tilted.KINDS:
-                cells = [tilted.errors(outcomes, training, torque, base, model) for base in BASES]
-                if any(len(cell) for cell in cells):
-                    told = ["; ".join(mean_and_spread(column) for column in cell.T) for cell in cells]
-                    rows.append([training, TORQUES[torque], model, *told])
-    units = "; ".join(f"{joint} {unit}" for joint, unit in zip(JOINTS, UNITS, strict=True))
-    return Table(["trained", "torque", "model", *(f"{base} [{units}]" for base in BASES)], rows)
+def _calibration(o: Outcomes, training: str, torque: str, model: str) -> list[str]:
+    found = ("; ".join(cells(tilted.errors(o, training, torque, base, model))) for base in BASES)
+    return [training, TORQUES[torque], model, *found]
 
 
-def _mean(outcomes: Outcomes, controller: str, what: str) -> Floats:
-    """Return a measure's mean over bases and robots, (3,)."""
-    rows = [measured(outcomes, base, controller, what) for base in CONTROL_BASES]
-    return np.asarray(np.concatenate(rows).mean(axis=0))
+def _remarks(o: Outcomes) -> list[str]:
+    return [*_in_gravity(o), *_in_calibration(o)]
 
 
-def _remarks(outcomes: Outcomes) -> list[str]:
-    told = []
-    if any(len(measured(outcomes, base, REPORTED, "true")) for base in CONTROL_BASES):
+@unless_missing
+def _in_gravity(o: Outcomes) -> str:
+    def joints(controller: str, what: str, digits: int = 3) -> str:
+        found = np.concatenate([measured(o, base, controller, what) for base in CONTROL_BASES])
+        return "/".join(f"{value:.{digits}f}" for value in found.mean(axis=0))
 
-        def joints(controller: str, what: str, digits: int = 3) -> str:
-            return "/".join(f"{value:.{digits}f}" for value in _mean(outcomes, controller, what))
+    return (
+        f"With calibrated joints the gravity model is wrong by {joints(INSIDE, 'gravity')} Nm/Nm/N in place of "
+        f"{joints(REPORTED, 'gravity')}, and PD's share goes from {joints(REPORTED, 'pd_share', 1)} to "
+        f"{joints(INSIDE, 'pd_share', 1)} %; where PD, too, takes joints calibrated by positions alone, the true error "
+        f"goes from {joints(REPORTED, 'true')} to {joints(STILL, 'true')} deg/deg/mm."
+    )
 
-        told.append(
-            f"With calibrated joints the gravity model is wrong by {joints(INSIDE, 'gravity')} Nm/Nm/N in place of "
-            f"{joints(REPORTED, 'gravity')}, and PD's share goes from {joints(REPORTED, 'pd_share', 1)} to "
-            f"{joints(INSIDE, 'pd_share', 1)} %; where PD, too, takes joints calibrated by positions alone, the true "
-            f"error goes from {joints(REPORTED, 'true')} to {joints(STILL, 'true')} deg/deg/mm."
-        )
+
+@unless_missing
+def _in_calibration(o: Outcomes) -> str:
+    others = [base for base in BASES if base != LEVEL_BASE]
     raw, less = (
-        [tilted.errors(outcomes, tilted.LEVEL, torque, base, "linear") for base in BASES if base != LEVEL_BASE]
+        tilted.joints(*(tilted.errors(o, tilted.LEVEL, torque, base, "linear") for base in others))
         for torque in TORQUES
     )
-    if all(len(each) for each in (*raw, *less)):
-        parts = ["/".join(f"{v:.3f}" for v in np.concatenate(each).mean(axis=0)) for each in (raw, less)]
-        told.append(
-            f"A linear model calibrated level errs on tilted and rocking bases by {parts[0]} deg/deg/mm with the "
-            f"robot's torque among its inputs, and by {parts[1]} with that torque less the gravity model's."
-        )
-    return told
+    return (
+        f"A linear model calibrated level errs on tilted and rocking bases by {raw} deg/deg/mm with the robot's torque "
+        f"among its inputs, and by {less} with that torque less the gravity model's."
+    )
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, (wrong, error, calibrated) = panels(3, 3.6)
-    for panel, what in ((wrong, "gravity"), (error, "true")):
+    for panel, what, units in ((wrong, "gravity", NEWTONS), (error, "true", UNITS)):
         for k, name in enumerate(DRAWN):
-            rows = [measured(outcomes, base, name, what) for base in CONTROL_BASES]
-            values = np.concatenate(rows)
-            if len(values):
+            there = [base for base in CONTROL_BASES if o.of(control, base=base)]
+            if there:
+                values = np.concatenate([measured(o, base, name, what) for base in there])
                 places = np.arange(3) + 0.2 * (k - 1.5)
                 panel.bar(places, values.mean(axis=0), 0.18, color=COLORS[name], label=name)
-        units = NEWTONS if what == "gravity" else UNITS
         panel.set_xticks(range(3), [f"{j} [{u}]" for j, u in zip(JOINTS, units, strict=True)])
     wrong.set_title("gravity model wrong by, RMS", fontsize=10)
     error.set_title("true tracking error, RMS", fontsize=10)
     for k, (torque, color) in enumerate(zip(TORQUES, ("#8a94a3", "#d9622b"), strict=True)):
         for i, training in enumerate(TRAININGS):
-            found = [tilted.errors(outcomes, training, torque, base, "linear")[:, 0] for base in BASES]
-            if all(len(each) for each in found):
-                calibrated.bar(
-                    np.arange(len(BASES)) + 0.2 * (2 * i + k - 1.5),
-                    [each.mean() for each in found],
-                    0.18,
-                    color=color,
-                    alpha=1.0 if i == 0 else 0.55,
-                    label=f"{TORQUES[torque]}, {training}",
-                )
+            try:
+                means = [tilted.errors(o, training, torque, base, "linear")[:, 0].mean() for base in BASES]
+            except Missing:
+                continue
+            places = np.arange(len(BASES)) + 0.2 * (2 * i + k - 1.5)
+            style = {"color": color, "alpha": 1.0 if i == 0 else 0.55, "label": f"{TORQUES[torque]}, {training}"}
+            calibrated.bar(places, means, 0.18, **style)
     calibrated.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
     calibrated.set_title("linear model, RMSE of J1 [deg]", fontsize=10)
     legend_below(figure, error, calibrated, columns=4)
@@ -197,12 +171,7 @@ def _picture(outcomes: Outcomes) -> Any:
 
 
 EXPERIMENT = Experiment(
-    name="beyond-calibration-and-gravity",
-    paper="beyond",
-    place="beyond both",
-    title="Calibrated joints inside the gravity model, and gravity inside the calibration",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=18.0,
-)
+    "beyond-calibration-and-gravity", "beyond both",
+    "Calibrated joints inside the gravity model, and gravity inside the calibration", __doc__,
+    cases, report, minutes=18.0,
+)  # fmt: skip

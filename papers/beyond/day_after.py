@@ -10,43 +10,29 @@ Pairs of recordings of a real arm, in either order: linear models with play stat
 minutes of the second recording, and fitted to all of it; errors on what comes after the fifth minute.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary import CablePlant
+from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import refresh_model
-from catenary.recording.logs import read_log
-from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond.registration import ELBOW_FIRST
 from papers.beyond.rehoming import home_from
-from papers.calibration.dvrk import FOLDER, RECORDINGS
 from papers.calibration.dvrk import JOINTS as DVRK_JOINTS
+from papers.calibration.dvrk import RECORDINGS, log_of
 from papers.calibration.dvrk import UNITS as DVRK_UNITS
-from papers.calibration.recordings import JOINTS, UNITS, draws, fitted, homed, random_log, rows_of
-from papers.claims import graded, mean_and_spread
-from papers.experiment import (
-    NOMINAL,
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.calibration.recordings import draws, fitted, homed, random_log, rows_of
+from papers.claims import Claims, graded
+from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
+from papers.kit import JOINTS, UNITS, cells, filled, grid, rows, sample, table
 
 WEAR, HOMING, LOAD = "wear", "homing", "load"
 DRIFTS = (WEAR, HOMING, LOAD)
@@ -96,7 +82,7 @@ def drifted(plant: CablePlant, seed: int | None, drift: str) -> CablePlant:
 @run(revision=2)
 def recorded_day(train: str, test: str, data: Path) -> Result:
     """Return RMSE per joint [deg|mm] by stage, of a model of one recording on what comes after another's minutes."""
-    first, second = (read_log(data / FOLDER / f"{name}.npz") for name in (train, test))
+    first, second = (log_of(name, data) for name in (train, test))
     options = FitOptions(kind="linear", play=PLAY_SHARES)
     models, rows = [], []
     for log in (first, second):
@@ -141,78 +127,68 @@ def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and drift, and for every pair of recordings."""
     robots = (NOMINAL,) if scope.quick else scope.robots
     training, day = (120.0, 360.0) if scope.quick else (600.0, 900.0)
-    found = [
-        simulated_day.case(seed=seed, drift=drift, training=training, day=day) for seed in robots for drift in DRIFTS
-    ]
     chosen = pairs()[:1] if scope.quick else pairs()
-    return found + [recorded_day.case(train=a, test=b) for a, b in chosen]
+    return [
+        *grid(simulated_day, {"seed": robots, "drift": DRIFTS}, training=training, day=day),
+        *(recorded_day.case(train=a, test=b) for a, b in chosen),
+    ]
 
 
-def ratios(outcomes: Outcomes, drift: str, model: str) -> NDArray[np.float64]:
+def ratios(o: Outcomes, drift: str, model: str) -> Floats:
     """Return the error after five minutes over that of a model of all of the day, (robots, 3)."""
-    found = [r[model] for r in outcomes.of(simulated_day, drift=drift)]
-    return np.array([np.divide(r[FIVE], r[ALL]) for r in found]).reshape(-1, len(JOINTS))
+    five, whole = (sample(o, simulated_day, model, stage, drift=drift) for stage in (FIVE, ALL))
+    return five / whole
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the errors of every stage, and how near five minutes come to all of the day."""
-    tables, near = [], []
-    for drift in DRIFTS:
-        rows: list[Sequence[str]] = []
-        for model in MODELS:
-            found = [r[model] for r in outcomes.of(simulated_day, drift=drift)]
-            if not found:
-                continue
-            for stage in STAGES:
-                values = np.array([r[stage] for r in found])
-                rows.append([f"{model}, {stage}", *(mean_and_spread(values[:, j]) for j in range(3))])
-            over = ratios(outcomes, drift, model)
-            met = f"{int((over <= WITHIN).sum())} of {over.size}"
-            near.append([f"{drift}, {model}", *(mean_and_spread(over[:, j], 2) for j in range(3)), met])
-        header = ["model, refreshed with", *(f"{j} {u}" for j, u in zip(JOINTS, UNITS, strict=True))]
-        if rows:
-            tables.append(TitledTable(f"{drift}: RMSE after the fifth minute, over robots", Table(header, rows)))
-    if near:
-        header = ["drift, model", *JOINTS, "within 15 %"]
-        tables.append(TitledTable("Error after five minutes over that of a model of all", Table(header, near)))
-    rows = []
-    for told, result in outcomes.items(recorded_day):
-        for stage in STAGES:
-            errors = [f"{value:.3f}" for value in result[stage]]
-            rows.append([f"{told['train']} to {told['test']}, {stage}", *errors])
-    if rows:
-        header = ["model of, on, refreshed with", *map(" ".join, zip(DVRK_JOINTS, DVRK_UNITS, strict=True))]
-        tables.append(TitledTable("A real arm: RMSE after the fifth minute", Table(header, rows)))
-    return Report(tables)
+
+    def stages(drift: str) -> list[list[str]]:
+        def row(model: str, stage: str) -> list[str]:
+            return [f"{model}, {stage}", *cells(sample(o, simulated_day, model, stage, drift=drift))]
+
+        return rows(row, MODELS, STAGES)
+
+    def near(drift: str, model: str) -> list[str]:
+        over = ratios(o, drift, model)
+        return [f"{drift}, {model}", *cells(over, 2), f"{int((over <= WITHIN).sum())} of {over.size}"]
+
+    of_drift = ["model, refreshed with", *(f"{j} {u}" for j, u in zip(JOINTS, UNITS, strict=True))]
+    recorded = [
+        [f"{told['train']} to {told['test']}, {stage}", *(f"{value:.3f}" for value in result[stage])]
+        for told, result in o.items(recorded_day)
+        for stage in STAGES
+    ]
+    of_pair = ["model of, on, refreshed with", *map(" ".join, zip(DVRK_JOINTS, DVRK_UNITS, strict=True))]
+    five = "Error after five minutes over that of a model of all"
+    return Report(
+        filled([
+            *(table(f"{each}: RMSE after the fifth minute, over robots", of_drift, stages(each)) for each in DRIFTS),
+            table(five, ["drift, model", *JOINTS, "within 15 %"], rows(near, DRIFTS, MODELS)),
+            table("A real arm: RMSE after the fifth minute", of_pair, recorded),
+        ])
+    )  # fmt: skip
 
 
-def _judge(outcomes: Outcomes) -> Judgement:
-    over = np.concatenate([ratios(outcomes, drift, model) for drift in DRIFTS for model in MODELS]).ravel()
-    met = float((over <= WITHIN).mean()) if len(over) else 0.0
-    told = f"{met:.0%} of joints, drifts and robots; {np.median(over):.2f} times the error in the median"
-    return graded(met == 1.0, np.median(over) <= WITHIN, f"{told}, {over.max():.2f} at worst")
+CLAIMS = Claims()
 
 
-CLAIMS = [
-    Claim(
-        says="Five minutes of a new day bring the error on its rest to within 15 % of a model trained on all of it.",
-        place="docs/how-to-the-day-after.md",
-        published="-",
-        criterion="on every joint, drift and robot; same direction: in the median",
-        judge=_judge,
+@CLAIMS(
+    "Five minutes of a new day bring the error on its rest to within 15 % of a model trained on all of it.",
+    "docs/how-to-the-day-after.md",
+    "-",
+    "on every joint, drift and robot; same direction: in the median",
+)
+def _near_all(o: Outcomes) -> Judgement:
+    over = np.concatenate([ratios(o, drift, model) for drift in DRIFTS for model in MODELS]).ravel()
+    met, median = float((over <= WITHIN).mean()), float(np.median(over))
+    told = (
+        f"{met:.0%} of joints, drifts and robots; {median:.2f} times the error in the median, {over.max():.2f} at worst"
     )
-]
+    return graded(met == 1.0, median <= WITHIN, told)
+
 
 EXPERIMENT = Experiment(
-    name="beyond-day-after",
-    paper="beyond",
-    place="beyond figure 9",
-    title="The day after",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=1.0,
-    claims=CLAIMS,
-    drawn=5,
-    needs_data=True,
-)
+    "beyond-day-after", "beyond figure 9", "The day after", __doc__,
+    cases, report, minutes=1.0, claims=CLAIMS, drawn=5, needs_data=True,
+)  # fmt: skip

@@ -17,10 +17,8 @@ from catenary.calibration.evaluate import CrossValidation, Spread, evaluate
 from catenary.calibration.fit_options import FOLDS, FitOptions
 from catenary.calibration.fit_rows import Inputs, choose_inputs, fit
 from catenary.calibration.kind_choice import tried
-from catenary.plant import MotionLog
-from catenary.recording.logs import read_log
 from catenary.units import DISPLAY
-from papers.calibration.dvrk import FOLDER, HELD_OUT, SAMPLED_LIMIT
+from papers.calibration.dvrk import HELD_OUT, limit_of, log_of
 
 Left = tuple[int, ...]  # fifths that a model did not see
 ALL_LEFT: tuple[Left, ...] = (
@@ -74,22 +72,12 @@ def as_validation(
     return CrossValidation(tuple(spreads), errors, errors, np.ones(errors.shape, dtype=np.bool_), recording)
 
 
-def limits(recording: str) -> tuple[float, ...] | None:
-    """Return the error limits of a recording: one has camera failures."""
-    return SAMPLED_LIMIT if recording == "sampled_train" else None
-
-
 def rows_of(recording: str, options: FitOptions, data: Path, held_out: float) -> tuple[Inputs, CalibrationData]:
     """Return inputs and usable rows of a recording, those of its last part left out."""
     log = log_of(recording, data)
     inputs = choose_inputs([log], options, held_out=held_out)
-    rows = calibration_data([log], inputs.features, max_error=error_limits(limits(recording), log))
+    rows = calibration_data([log], inputs.features, max_error=error_limits(limit_of(recording), log))
     return inputs, rows.split_by_time(held_out)[0] if held_out else rows
-
-
-def log_of(recording: str, data: Path) -> MotionLog:
-    """Read a recording."""
-    return read_log(data / FOLDER / f"{recording}.npz")
 
 
 def fifths_of(recording: str, kinds: Mapping[str, FitOptions], data: Path) -> Fifths:

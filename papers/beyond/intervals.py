@@ -11,18 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary import MotionLog
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
-from catenary.recording.logs import read_log
-from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
-from papers.calibration.dvrk import FOLDER, HELD_OUT, SAMPLED_LIMIT
+from papers.calibration.dvrk import HELD_OUT, limit_of, log_of
 from papers.calibration.recordings import TEST_SECONDS, draws, homed, random_log
-from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledTable, after_headline, run
+from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, run
+from papers.kit import IN_UNITS, table
 
 TRAININGS = ("random_train", "insertion_train", "peg_transfer_train", "sampled_train")
 RECORDINGS = (*TRAININGS, *(f"error_exp{k}" for k in range(1, 6)))
@@ -37,24 +35,19 @@ RAVEN_KINDS = {
 LATER = "its last fifth"
 HOUR = 3600.0
 DVRK_UNITS = ("J1 [deg]", "J2 [deg]", "J3 [mm]", "J4 [deg]", "J5 [deg]", "J6 [deg]")
-RAVEN_UNITS = ("J1 [deg]", "J2 [deg]", "J3 [mm]")
 FLAGS = {"held": "", "below, which may be chance": "?", "too narrow": "!"}
 
 
 @run(revision=1)
 def dvrk_coverage(recording: str, kind: str, others: Sequence[str], data: Path) -> Result:
     """Fit a kind to the first part of a recording; return, by test, shares held, half-widths and verdicts."""
-
-    def log_of(name: str) -> MotionLog:
-        return read_log(data / FOLDER / f"{name}.npz")
-
-    trained = fit_logs([log_of(recording)], KINDS[kind], FitRun(held_out=HELD_OUT, max_error=_limit(recording)))
+    trained = fit_logs([log_of(recording, data)], KINDS[kind], FitRun(held_out=HELD_OUT, max_error=limit_of(recording)))
     if trained.held_out is None:
         raise AssertionError("a held-out share gives an evaluation")
     found = {LATER: _found(trained.held_out)}
     for name in others:
-        log = log_of(name)
-        rows = calibration_data([log], trained.model.features, max_error=error_limits(_limit(name), log))
+        log = log_of(name, data)
+        rows = calibration_data([log], trained.model.features, max_error=error_limits(limit_of(name), log))
         found[name] = _found(evaluate(trained.model, rows))
     return found
 
@@ -77,10 +70,6 @@ def raven_coverage(seed: int | None, kind: str, seconds: float, pause: float) ->
     plant.home()
     found["after homing again"] = tested(4)
     return found
-
-
-def _limit(recording: str) -> tuple[float, ...] | None:
-    return SAMPLED_LIMIT if recording == "sampled_train" else None
 
 
 def _found(evaluation: Evaluation) -> Plain:
@@ -110,26 +99,26 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return tables of shares held and half-widths: later, elsewhere, and on the simulated robot."""
     later, elsewhere, raven = [], [], []
-    for told, result in outcomes.items(dvrk_coverage):
+    for told, result in o.items(dvrk_coverage):
         for test, found in result.items():
             row = [told["recording"], *([] if test == LATER else [test]), told["kind"], *_cells(found)]
             if test == LATER:
                 later.append(row)
             elif told["recording"] in TRAININGS and told["kind"] == "neural, best":
                 elsewhere.append([told["recording"], test, *_cells(found)])
-    for told, result in outcomes.items(raven_coverage):
+    for told, result in o.items(raven_coverage):
         robot = "nominal" if told["seed"] is None else f"{told['seed']}"
         raven += [[robot, told["kind"], test, *_cells(found)] for test, found in result.items()]
     end = [*DVRK_UNITS, "outside"]
     tables = [
-        TitledTable("Real arm: later blocks of the same recording", Table(["fitted to", "model", *end], later)),
-        TitledTable("Real arm: other recordings, `neural, best`", Table(["fitted to", "tested on", *end], elsewhere)),
-        TitledTable("Simulated RAVEN-II", Table(["robot", "model", "tested on", *RAVEN_UNITS, "outside"], raven)),
+        table("Real arm: later blocks of the same recording", ["fitted to", "model", *end], later),
+        table("Real arm: other recordings, `neural, best`", ["fitted to", "tested on", *end], elsewhere),
+        table("Simulated RAVEN-II", ["robot", "model", "tested on", *IN_UNITS, "outside"], raven),
     ]
-    return Report([table for table in tables if table.table.rows], [], _remarks(outcomes))
+    return Report([table for table in tables if table.table.rows], [], _remarks(o))
 
 
 def _cells(found: Plain) -> list[str]:
@@ -140,13 +129,13 @@ def _cells(found: Plain) -> list[str]:
     return [*cells, f"{100.0 * found['outside']:.0f} %"]
 
 
-def _remarks(outcomes: Outcomes) -> list[str]:
+def _remarks(o: Outcomes) -> list[str]:
     told = (
         "Share of errors held by intervals that are to hold 90 %, and their median half-width; `!` too narrow, `?` "
         "below 85 % where blocks of time are too few to exclude chance; last the share of rows outside the valid range."
     )
-    later = [result[LATER] for _, result in outcomes.items(dvrk_coverage)]
-    others = [found for _, result in outcomes.items(dvrk_coverage) for test, found in result.items() if test != LATER]
+    later = [result[LATER] for _, result in o.items(dvrk_coverage)]
+    others = [found for _, result in o.items(dvrk_coverage) for test, found in result.items() if test != LATER]
     remarks = [told]
     for words, tests in (("later blocks of the same recording", later), ("other recordings", others)):
         shares = [share for found in tests for share in found["held"]]
@@ -163,14 +152,6 @@ def _remarks(outcomes: Outcomes) -> list[str]:
 
 
 EXPERIMENT = Experiment(
-    name="beyond-intervals",
-    paper="beyond",
-    place="beyond, error bars",
-    title="Intervals of corrections, held against errors on other data",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,
-    drawn=0,
-    needs_data=True,
-)
+    "beyond-intervals", "beyond, error bars", "Intervals of corrections, held against errors on other data", __doc__,
+    cases, report, minutes=2.0, drawn=0, needs_data=True,
+)  # fmt: skip

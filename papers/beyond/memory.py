@@ -11,7 +11,7 @@ is recorded, so that there is no memory of it to try. Camera failures of `sample
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,12 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import error_limits
 from catenary.calibration.neural import BEST, fit_neural
 from catenary.calibration.predictors import fit_linear
-from catenary.recording.logs import read_log
-from catenary.reports.page import Table
 from catenary.units import DISPLAY
 from papers.beyond.memories import COUPLING, PAST_THE_ROLL, PITCH_AND_YAW, WRIST, Candidate, bounded, features
-from papers.calibration.dvrk import FOLDER, HELD_OUT, RECORDINGS
-from papers.claims import NOT_MEASURED, graded
+from papers.calibration.dvrk import HELD_OUT, RECORDINGS, log_of
+from papers.claims import Claims, Missing, graded
 from papers.experiment import (
     Case,
-    Claim,
     Experiment,
     Judgement,
     Outcomes,
@@ -38,13 +35,10 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
-    after_headline,
     run,
 )
 from papers.figures import legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import filled, rows, sample, table
 
 TODAY = "today's `best`"
 FIRM = Candidate(ridge=100.0)
@@ -79,7 +73,7 @@ def memory_errors(recording: str, candidate: str, network: bool, data: Path) -> 
 
     A linear one also on blocks that have training rows on both sides.
     """
-    log, chosen = read_log(data / FOLDER / f"{recording}.npz"), CANDIDATES[candidate]
+    log, chosen = log_of(recording, data), CANDIDATES[candidate]
     position, usable = np.arange(len(log)) / len(log), _usable(log, recording)
     early = position < 1.0 - HELD_OUT
     tests = {LATER: [(1.0 - HELD_OUT, early, ~early)]}
@@ -145,87 +139,82 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
-def shares(outcomes: Outcomes, *, network: bool, test: str) -> dict[str, Floats]:
+def of(o: Outcomes, name: str, *, network: bool, test: str) -> Floats:
+    """Return a candidate's RMSE of J4 to J6 by recording, (recordings, 3) [deg]."""
+    return sample(o, memory_errors, test, candidate=name, network=network)[:, WRIST]
+
+
+def shares(o: Outcomes, *, network: bool, test: str) -> dict[str, Floats]:
     """Return every candidate's error over today's on the wrist, by recording and joint, (recordings, 3)."""
-    found = {}
-    of_today = _of(outcomes, TODAY, network, test)
-    for name in CANDIDATES:
-        of_this = _of(outcomes, name, network, test)
-        if len(of_this) and of_this.shape == of_today.shape:
-            found[name] = of_this / of_today
-    return found
+    today = of(o, TODAY, network=network, test=test)
+    names = [name for name in CANDIDATES if len(o.of(memory_errors, candidate=name, network=network)) == len(today)]
+    return {name: of(o, name, network=network, test=test) / today for name in names}
 
 
-def _of(outcomes: Outcomes, name: str, network: bool, test: str) -> Floats:
-    results = outcomes.of(memory_errors, candidate=name, network=network)
-    return np.array([[result[test][j] for j in WRIST] for result in results])
-
-
-def means(outcomes: Outcomes, *, network: bool, test: str) -> dict[str, float]:
+def means(o: Outcomes, *, network: bool, test: str) -> dict[str, float]:
     """Return every candidate's mean RMSE of J4 to J6 over the recordings over today's mean."""
-    base = _of(outcomes, TODAY, network, test)
-    return {
-        name: float(_of(outcomes, name, network, test).mean() / base.mean())
-        for name in shares(outcomes, network=network, test=test)
-    }
+    today = of(o, TODAY, network=network, test=test).mean()
+    names = shares(o, network=network, test=test)
+    return {name: float(of(o, name, network=network, test=test).mean() / today) for name in names}
 
 
-def chosen_forwards(outcomes: Outcomes) -> str | None:
+def chosen_forwards(o: Outcomes) -> str:
     """Return the network that is best on forward blocks of the training part; the last fifth is not looked at."""
-    found = means(outcomes, network=True, test=FORWARD)
-    return min(found, key=lambda name: found[name]) if found else None
+    found = means(o, network=True, test=FORWARD)
+    return min(found, key=lambda name: found[name])
 
 
-def report(outcomes: Outcomes) -> Report:
+def _changed(value: float) -> str:
+    return f"{100.0 * (value - 1.0):+.1f}"
+
+
+def _left_of_today(o: Outcomes, *, network: bool) -> TitledTable:
+    tests = (FORWARD, LATER) if network else (AROUND, FORWARD, LATER)
+
+    def row(name: str) -> list[str]:
+        told = [means(o, network=network, test=test) for test in tests]
+        by_joint = shares(o, network=network, test=LATER)
+        if name not in by_joint:
+            raise Missing(name)
+        return [name, *(_changed(each[name]) for each in told), *map(_changed, by_joint[name].mean(axis=0))]
+
+    title = f"{'Networks' if network else 'Linear models'}: mean RMSE of J4 to J6 over that of today's features [%]"
+    return table(title, ["candidate", *tests, *(f"J{j + 1}, {LATER}" for j in WRIST)], rows(row, CANDIDATES))
+
+
+def report(o: Outcomes) -> Report:
     """Return what every candidate leaves of today's error, linear and as a network, and RMSE of the chosen one."""
-    tables, pictures, remarks = [], [], []
-    for network, kind in ((True, "Networks"), (False, "Linear models")):
-        tests = (FORWARD, LATER) if network else (AROUND, FORWARD, LATER)
-        told = {test: means(outcomes, network=network, test=test) for test in tests}
-        by_joint = {test: shares(outcomes, network=network, test=test) for test in tests}
-        rows = [
-            [name, *(f"{100.0 * (told[test][name] - 1.0):+.1f}" for test in tests)]
-            + [f"{100.0 * (value - 1.0):+.1f}" for value in by_joint[LATER][name].mean(axis=0)]
-            for name in told[LATER]
-        ]
-        header = ["candidate", *tests, *(f"J{j + 1}, {LATER}" for j in WRIST)]
-        if rows:
-            title = f"{kind}: mean RMSE of J4 to J6 over that of today's features [%]"
-            tables.append(TitledTable(title, Table(header, rows)))
-    best = chosen_forwards(outcomes)
-    if best is not None:
-        rows = []
-        for arguments, result in outcomes.items(memory_errors, network=True):
-            if arguments["candidate"] in (TODAY, best):
-                cells = [f"{result[LATER][j]:.2f}" for j in WRIST]
-                rows.append([arguments["recording"], arguments["candidate"], *cells])
-        rows.sort(key=lambda row: (list(RECORDINGS).index(row[0]), row[1] != TODAY))
-        header = ["recording", "network", *(f"J{j + 1} [deg]" for j in WRIST)]
-        tables.append(TitledTable("RMSE on the last fifth, today's and the chosen", Table(header, rows)))
-        pictures.append(
-            TitledPicture("Mean RMSE of J4 to J6 of networks, over that of today's `best`", _picture(outcomes))
-        )
-        remarks.append(sentence(outcomes, best))
-    return Report(tables, pictures, remarks)
+    tables = [_left_of_today(o, network=network) for network in (True, False)]
+    try:
+        best = chosen_forwards(o)
+    except Missing:
+        return Report(filled(tables))
+
+    def row(recording: str, name: str) -> list[str]:
+        (left,) = sample(o, memory_errors, LATER, candidate=name, network=True, recording=recording)[:, WRIST]
+        return [recording, name, *(f"{value:.2f}" for value in left)]
+
+    header = ["recording", "network", *(f"J{j + 1} [deg]" for j in WRIST)]
+    both = rows(row, RECORDINGS, dict.fromkeys((TODAY, best)))
+    tables.append(table("RMSE on the last fifth, today's and the chosen", header, both))
+    caption = "Mean RMSE of J4 to J6 of networks, over that of today's `best`"
+    return Report(filled(tables), [TitledPicture(caption, _picture(o))], [sentence(o, best)])
 
 
-def sentence(outcomes: Outcomes, best: str) -> str:
+def sentence(o: Outcomes, best: str) -> str:
     """Return what the choice promised and what the last fifth then showed."""
-    promised = means(outcomes, network=True, test=FORWARD)[best]
-    kept = means(outcomes, network=True, test=LATER)[best]
-    by_recording = shares(outcomes, network=True, test=LATER)[best].mean(axis=1)
+    promised, kept = (means(o, network=True, test=test)[best] for test in (FORWARD, LATER))
+    by_recording = shares(o, network=True, test=LATER)[best].mean(axis=1)
     return (
-        f"Chosen on forward blocks: {best}, {100.0 * (promised - 1.0):+.1f} % there and "
-        f"{100.0 * (kept - 1.0):+.1f} % on the last fifth (by recording "
-        + ", ".join(f"{100.0 * (value - 1.0):+.1f}" for value in by_recording)
-        + " %)."
+        f"Chosen on forward blocks: {best}, {_changed(promised)} % there and {_changed(kept)} % on the last fifth (by "
+        f"recording {', '.join(map(_changed, by_recording))} %)."
     )
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, (panel,) = panels(1, 3.6)
     for k, (test, color) in enumerate(((FORWARD, "#7fa3cf"), (LATER, "#2f8f6b"))):
-        found = means(outcomes, network=True, test=test)
+        found = means(o, network=True, test=test)
         at = np.arange(len(found))[::-1] + 0.2 - 0.4 * k
         panel.barh(at, [100.0 * (value - 1.0) for value in found.values()], 0.36, color=color, label=test)
     panel.set_yticks(np.arange(len(found))[::-1], list(found), fontsize=8)
@@ -236,33 +225,22 @@ def _picture(outcomes: Outcomes) -> "Figure":
     return figure
 
 
-def _goal(outcomes: Outcomes) -> Judgement:
-    best = chosen_forwards(outcomes)
-    if best is None:
-        return NOT_MEASURED
-    reached = means(outcomes, network=True, test=LATER)[best]
-    return graded(reached <= GOAL, reached < 1.0, f"{100.0 * (reached - 1.0):+.1f} % ({best})")
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "A longer memory, chosen on training data alone, lowers the wrist's error by 10 % against `best`.",
+    "docs/beyond.md",
+    "-",
+    "mean RMSE of J4 to J6 over four recordings, last fifth; same direction: lower",
+)
+def _goal(o: Outcomes) -> Judgement:
+    best = chosen_forwards(o)
+    reached = means(o, network=True, test=LATER)[best]
+    return graded(reached <= GOAL, reached < 1.0, f"{_changed(reached)} % ({best})")
 
 
 EXPERIMENT = Experiment(
-    name="beyond-memory",
-    paper="beyond",
-    place="beyond, longer memory",
-    title="Longer memories for a real wrist",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=3.0,
-    claims=[
-        Claim(
-            says="A longer memory, chosen on training data alone, lowers the wrist's error by 10 % against `best`.",
-            place="docs/beyond.md",
-            published="-",
-            criterion="mean RMSE of J4 to J6 over four recordings, last fifth; same direction: lower",
-            judge=_goal,
-        )
-    ],
-    drawn=0,
-    simulated=False,
-    needs_data=True,
-)
+    "beyond-memory", "beyond, longer memory", "Longer memories for a real wrist", __doc__,
+    cases, report, minutes=3.0, claims=CLAIMS, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip

@@ -10,38 +10,20 @@ zag's range and in the whole box.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary import random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, Direction, zigzag_rows
 from papers.beyond.designed_motion import designed
+from papers.calibration import recordings
 from papers.calibration.figure_3 import reversals
-from papers.calibration.recordings import (
-    JOINTS,
-    METHODS,
-    NETWORK,
-    SPARSITIES,
-    TEST_SECONDS,
-    UNITS,
-    baselines,
-    draws,
-    fitted,
-    homed,
-    mean,
-    random_log,
-    rmse,
-    rows_of,
-    unguarded,
-)
-from papers.claims import by_count, mean_and_spread
+from papers.claims import Claims, by_count
 from papers.experiment import (
     Case,
-    Claim,
     Experiment,
     Judgement,
     Outcomes,
@@ -50,21 +32,18 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
-    after_headline,
     run,
 )
 from papers.figures import legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import IN_UNITS, JOINTS, UNITS, cells, grid, rows, sample, table
 
 ZIGZAG: Direction = "J2-J3"
 WIDE, RANDOM = "J2-J3, whole box", "random"
 DESIGNED, NARROW = "designed", "designed, range of J2-J3"
 PATHS = (*DIRECTIONS, WIDE, RANDOM, NARROW, DESIGNED)
-LENGTHS = ((1 / 2,), SPARSITIES)  # of the recordings, as those zig-zags take
+LENGTHS = ((1 / 2,), recordings.SPARSITIES)  # of the recordings, as those zig-zags take
 SHORT, LONG = (list(each) for each in LENGTHS)
-MODELS = (NETWORK, "linear")
+MODELS = (recordings.NETWORK, "linear")
 COLORS = {WIDE: "#c9a227", RANDOM: "#1c2430", NARROW: "#d9622b", DESIGNED: "#2f8f6b"}
 ZIGZAG_COLOR = "#4b6b94"
 EXPLAINS = -0.5  # rank correlation of reversals and error, at most
@@ -108,11 +87,11 @@ def path_errors(
         `seconds`; by joint `reversals`, and `range`, the share of the box that is covered; by method RMSE on J1 [deg],
         J2 [deg], J3 [mm].
     """
-    plant = homed(seed)
-    rng = draws(seed, 60, PATHS.index(name), len(sparsities))
+    plant = recordings.homed(seed)
+    rng = recordings.draws(seed, 60, PATHS.index(name), len(sparsities))
     path = trajectory(name, sparsities, rng)
     train = record_simulated(plant, path, name, rng)
-    test = random_log(plant, draws(seed, 61), test_seconds)
+    test = recordings.random_log(plant, recordings.draws(seed, 61), test_seconds)
     q, _, _ = path.sample(np.arange(0.0, path.duration, 0.05))
     found: dict[str, object] = {
         "seconds": round(path.duration, 1),
@@ -120,244 +99,223 @@ def path_errors(
         "range": [round(float(each), 3) for each in np.ptp(q, axis=0) / (CALIBRATION_UPPER - CALIBRATION_LOWER)],
     }
     for method in MODELS:
-        seeds = networks if method == NETWORK else (0,)
-        models = [fitted([train], replace(METHODS[method], seed=each)) for each in seeds]
-        rows = rows_of(models[0], test)
-        found[method] = mean([rmse(unguarded(model), rows) for model in models])
-        found |= baselines(models[0], rows)
+        seeds = networks if method == recordings.NETWORK else (0,)
+        models = [recordings.fitted([train], replace(recordings.METHODS[method], seed=each)) for each in seeds]
+        rows = recordings.rows_of(models[0], test)
+        found[method] = recordings.mean([recordings.rmse(recordings.unguarded(model), rows) for model in models])
+        found |= recordings.baselines(models[0], rows)
     return found
 
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot, path and length."""
-    lengths, names, seconds = (LENGTHS[:1], (ZIGZAG, DESIGNED), 60.0) if scope.quick else (LENGTHS, PATHS, TEST_SECONDS)
-    return [
-        path_errors.case(seed=seed, name=name, sparsities=length, networks=scope.network_seeds, test_seconds=seconds)
-        for seed in scope.robots
-        for length in lengths
-        for name in names
-    ]
+    lengths, names, seconds = (
+        (LENGTHS[:1], (ZIGZAG, DESIGNED), 60.0) if scope.quick else (LENGTHS, PATHS, recordings.TEST_SECONDS)
+    )
+    axes = {"seed": scope.robots, "sparsities": lengths, "name": names}
+    return grid(path_errors, axes, networks=scope.network_seeds, test_seconds=seconds)
 
 
-def of(outcomes: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
+def of(o: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
     """Return what a path has by joint, (robots, 3)."""
-    return np.array([result[what] for result in outcomes.of(path_errors, name=name, sparsities=list(sparsities))])
+    return sample(o, path_errors, what, name=name, sparsities=list(sparsities))
 
 
-def middle(outcomes: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
+def middle(o: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
     """Return what a path has by joint, mean over robots, (3,)."""
-    return np.asarray(of(outcomes, name, sparsities, what).mean(axis=0))
+    return np.asarray(of(o, name, sparsities, what).mean(axis=0))
 
 
-def seconds_of(outcomes: Outcomes, sparsities: Sequence[float]) -> float:
-    """Return how long the designed motion of a length takes [s]."""
-    found = outcomes.of(path_errors, name=DESIGNED, sparsities=list(sparsities))
-    return float(found[0]["seconds"])
+def seconds_of(o: Outcomes, sparsities: Sequence[float]) -> str:
+    """Return how long the designed motion of a length takes."""
+    return f"{o.of(path_errors, name=DESIGNED, sparsities=list(sparsities))[0]['seconds']:.0f} s"
 
 
-def _run(outcomes: Outcomes, sparsities: Sequence[float]) -> list[str]:
-    return [name for name in PATHS if outcomes.of(path_errors, name=name, sparsities=list(sparsities))]
+def _run(o: Outcomes, sparsities: Sequence[float]) -> list[str]:
+    return [name for name in PATHS if o.of(path_errors, name=name, sparsities=list(sparsities))]
 
 
-def _complete(outcomes: Outcomes) -> bool:
-    return all(len(_run(outcomes, length)) == len(PATHS) for length in LENGTHS)
-
-
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return a table per length, what reversals and range are worth, the picture and the sentence."""
-    lengths = [length for length in LENGTHS if _run(outcomes, length)]
-    tables = [_paths_table(outcomes, length) for length in lengths]
+    lengths = [length for length in LENGTHS if _run(o, length)]
+    tables = [_paths_table(o, length) for length in lengths]
     remarks = []
-    if _complete(outcomes):
-        tables.append(_factors(outcomes))
-        remarks.append(sentence(outcomes))
+    if all(len(_run(o, length)) == len(PATHS) for length in LENGTHS):
+        tables.append(_factors(o))
+        remarks.append(sentence(o))
     caption = (
         "RMSE of a joint against how often it turned back in training; full marks are the network, open ones the "
         f"linear model, squares the zig-zag {ZIGZAG}"
     )
-    return Report(tables, [TitledPicture(caption, _picture(outcomes, lengths))], remarks)
+    return Report(tables, [TitledPicture(caption, _picture(o, lengths))], remarks)
 
 
-def _paths_table(outcomes: Outcomes, length: Sequence[float]) -> TitledTable:
+def _paths_table(o: Outcomes, length: Sequence[float]) -> TitledTable:
+    def row(name: str) -> list[str]:
+        return [
+            *(name, *(f"{count:.0f}" for count in middle(o, name, length, "reversals"))),
+            *(f"{100.0 * share:.0f} %" for share in middle(o, name, length, "range")),
+            *(each for model in MODELS for each in cells(of(o, name, length, model))),
+        ]
+
     header = ["path", *(f"reversals {joint}" for joint in JOINTS), *(f"range {joint}" for joint in JOINTS)]
-    header += [f"{model} {j} [{u}]" for model in MODELS for j, u in zip(JOINTS, UNITS, strict=True)]
-    rows = []
-    for name in _run(outcomes, length):
-        cells = [name, *(f"{count:.0f}" for count in middle(outcomes, name, length, "reversals"))]
-        cells += [f"{100.0 * share:.0f} %" for share in middle(outcomes, name, length, "range")]
-        cells += [mean_and_spread(e) for model in MODELS for e in of(outcomes, name, length, model).T]
-        rows.append(cells)
-    return TitledTable(f"{seconds_of(outcomes, length):.0f} s of recording, RMSE", Table(header, rows))
+    header += [f"{model} {joint}" for model in MODELS for joint in IN_UNITS]
+    return table(f"{seconds_of(o, length)} of recording, RMSE", header, rows(row, PATHS))
 
 
-def _factors(outcomes: Outcomes) -> TitledTable:
-    rows = []
-    for told, numerator, denominator in (
-        ("more reversals, zig-zag's range", NARROW, ZIGZAG),
-        ("more reversals, whole box", DESIGNED, WIDE),
-        ("whole box, zig-zag", WIDE, ZIGZAG),
-        ("whole box, designed", DESIGNED, NARROW),
-        ("both", DESIGNED, ZIGZAG),
-    ):
-        for length in LENGTHS:
-            ratios = [
-                middle(outcomes, numerator, length, model) / middle(outcomes, denominator, length, model)
-                for model in MODELS
-            ]
-            rows.append([told, f"{seconds_of(outcomes, length):.0f}", *(f"{r:.2f}" for r in np.concatenate(ratios))])
+def _factors(o: Outcomes) -> TitledTable:
+    changes = {
+        "more reversals, zig-zag's range": (NARROW, ZIGZAG),
+        "more reversals, whole box": (DESIGNED, WIDE),
+        "whole box, zig-zag": (WIDE, ZIGZAG),
+        "whole box, designed": (DESIGNED, NARROW),
+        "both": (DESIGNED, ZIGZAG),
+    }
+
+    def row(change: str, length: Sequence[float]) -> list[str]:
+        after, before = ([middle(o, name, length, model) for model in MODELS] for name in changes[change])
+        left = np.concatenate(after) / np.concatenate(before)
+        return [change, seconds_of(o, length).removesuffix(" s"), *(f"{each:.2f}" for each in left)]
+
     header = ["what changes", "time [s]", *(f"{model} {joint}" for model in MODELS for joint in JOINTS)]
-    return TitledTable("Error left of what it was, by what changes", Table(header, rows))
+    return table("Error left of what it was, by what changes", header, rows(row, changes, LENGTHS))
 
 
-def sentence(outcomes: Outcomes) -> str:
+def sentence(o: Outcomes) -> str:
     """Return in a sentence which path leaves the least error, beside the paper's zig-zag for the same time."""
-    reached = {name: middle(outcomes, name, SHORT, NETWORK) for name in PATHS}
-    best = min(reached, key=lambda name: float(np.prod(reached[name])))
-    counts = {
-        name: ", ".join(f"{count:.0f}" for count in middle(outcomes, name, SHORT, "reversals"))
-        for name in (best, ZIGZAG)
-    }
-    errors = {
-        name: ", ".join(f"{error:.3f} {unit}" for error, unit in zip(values, UNITS, strict=True))
-        for name, values in (
-            (best, reached[best]),
-            (ZIGZAG, reached[ZIGZAG]),
-            ("long", middle(outcomes, ZIGZAG, LONG, NETWORK)),
-        )
-    }
+
+    def told(name: str, length: Sequence[float]) -> str:
+        left = zip(middle(o, name, length, recordings.NETWORK), UNITS, strict=True)
+        return ", ".join(f"{error:.3f} {unit}" for error, unit in left)
+
+    def back(name: str) -> str:
+        return ", ".join(f"{count:.0f}" for count in middle(o, name, SHORT, "reversals"))
+
+    best = min(PATHS, key=lambda name: float(np.prod(middle(o, name, SHORT, recordings.NETWORK))))
     return (
-        f'Of all paths that take {seconds_of(outcomes, SHORT):.0f} s, "{best}", whose joints turn back {counts[best]} '
-        f"times, leaves the network least: {errors[best]}, where the zig-zag {ZIGZAG}, whose joints turn back "
-        f"{counts[ZIGZAG]} times, leaves {errors[ZIGZAG]}, and {errors['long']} after "
-        f"{seconds_of(outcomes, LONG):.0f} s."
+        f'Of all paths that take {seconds_of(o, SHORT)}, "{best}", whose joints turn back {back(best)} times, leaves '
+        f"the network least: {told(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
+        f"times, leaves {told(ZIGZAG, SHORT)}, and {told(ZIGZAG, LONG)} after {seconds_of(o, LONG)}."
     )
 
 
-def _picture(outcomes: Outcomes, lengths: Sequence[Sequence[float]]) -> "Figure":
+def _picture(o: Outcomes, lengths: Sequence[Sequence[float]]) -> Any:
     figure, axes = panels(3, 3.0 * len(lengths) + 0.5, rows=len(lengths))
-    for row, length in enumerate(lengths):
-        for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
-            panel = axes[3 * row + j]
-            for name in _run(outcomes, length):
-                color = COLORS.get(name, ZIGZAG_COLOR)
-                label = name if name in COLORS else "zig-zags"
-                x = middle(outcomes, name, length, "reversals")[j]
-                y = [middle(outcomes, name, length, model)[j] for model in MODELS]
-                marker = "s" if name in (ZIGZAG, WIDE) else "o"
-                panel.plot([x, x], y, color=color, linewidth=0.6, alpha=0.5)
-                panel.plot(x, y[0], marker, color=color, ms=6, label=label)
-                panel.plot(x, y[1], marker, color=color, ms=6, fillstyle="none")
-            panel.set_ylim(bottom=0.0)
-            panel.set_title(f"{joint} [{unit}], {seconds_of(outcomes, length):.0f} s", fontsize=10)
-            if row == len(lengths) - 1:
-                panel.set_xlabel(f"reversals of {joint}")
+    for place, panel in enumerate(axes):
+        length, j = lengths[place // 3], place % 3
+        for name in _run(o, length):
+            color, label = COLORS.get(name, ZIGZAG_COLOR), name if name in COLORS else "zig-zags"
+            x = middle(o, name, length, "reversals")[j]
+            y = [middle(o, name, length, model)[j] for model in MODELS]
+            marker = "s" if name in (ZIGZAG, WIDE) else "o"
+            panel.plot([x, x], y, color=color, linewidth=0.6, alpha=0.5)
+            panel.plot(x, y[0], marker, color=color, ms=6, label=label)
+            panel.plot(x, y[1], marker, color=color, ms=6, fillstyle="none")
+        panel.set_ylim(bottom=0.0)
+        panel.set_title(f"{IN_UNITS[j]}, {seconds_of(o, length)}", fontsize=10)
+        if place // 3 == len(lengths) - 1:
+            panel.set_xlabel(f"reversals of {JOINTS[j]}")
     legend_below(figure, axes[0])
     return figure
 
 
-def _reversals_explain(outcomes: Outcomes) -> Judgement:
+def _less(o: Outcomes, name: str, others: Sequence[str]) -> Judgement:
+    """Judge whether a path's network is better on every joint and for both lengths than with any of other paths."""
+    holds, told = [], []
+    for length in LENGTHS:
+        own = middle(o, name, length, recordings.NETWORK)
+        least = np.min([middle(o, other, length, recordings.NETWORK) for other in others], axis=0)
+        holds += list(own < least)
+        told.append(f"{seconds_of(o, length)}: {_pairs(own, least)}")
+    return by_count(holds, "J1, J2, J3; " + "; ".join(told))
+
+
+def _pairs(own: Floats, other: Floats) -> str:
+    return ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(own, other, strict=True))
+
+
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "The more often a joint turns back in training, the smaller its error",
+    "expected",
+    "-",
+    f"rank correlation of reversals and error over all paths at most {EXPLAINS}, for every joint and model, longer "
+    "recordings; same direction: more than half of six",
+    "on joint 1 the range counts as well: most zig-zags leave it a good half of its own, and there its linear model "
+    "gains nothing by turning back more often",
+)
+def _reversals_explain(o: Outcomes) -> Judgement:
     from scipy.stats import spearmanr
 
     holds, told = [], []
     for model in MODELS:
         ranks = []
         for j in range(3):
-            counts, errors = (
-                [middle(outcomes, name, LONG, what)[j] for name in PATHS] for what in ("reversals", model)
-            )
+            counts, errors = ([middle(o, name, LONG, what)[j] for name in PATHS] for what in ("reversals", model))
             ranks.append(float(spearmanr(counts, errors).statistic))
         holds += [rank <= EXPLAINS for rank in ranks]
         told.append(f"{model} {', '.join(f'{rank:.2f}' for rank in ranks)}")
     return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(told))
 
 
-def _less(outcomes: Outcomes, name: str, others: Sequence[str]) -> Judgement:
-    """Judge whether a path's network is better on every joint and for both lengths than with any of other paths."""
-    holds, told = [], []
-    for length in LENGTHS:
-        own = middle(outcomes, name, length, NETWORK)
-        least = np.min([middle(outcomes, other, length, NETWORK) for other in others], axis=0)
-        holds += list(own < least)
-        pairs = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(own, least, strict=True))
-        told.append(f"{seconds_of(outcomes, length):.0f} s: {pairs}")
-    return by_count(holds, "J1, J2, J3; " + "; ".join(told))
-
-
-def _designed_best(outcomes: Outcomes) -> Judgement:
-    return _less(outcomes, DESIGNED, DIRECTIONS)
-
-
-def _random_better(outcomes: Outcomes) -> Judgement:
-    return _less(outcomes, RANDOM, [ZIGZAG])
-
-
-def _short_enough(outcomes: Outcomes) -> Judgement:
-    short, long = middle(outcomes, DESIGNED, SHORT, NETWORK), middle(outcomes, ZIGZAG, LONG, NETWORK)
-    told = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(short, long, strict=True))
-    return by_count(short <= long, f"J1, J2, J3: {told}")
-
-
-def _reversals_in_range(outcomes: Outcomes) -> Judgement:
-    return _less(outcomes, NARROW, [ZIGZAG])
-
-
-CLAIMS = (
-    Claim(
-        "The more often a joint turns back in training, the smaller its error",
-        "expected",
-        "-",
-        f"rank correlation of reversals and error over all paths at most {EXPLAINS}, for every joint and model, longer "
-        "recordings; same direction: more than half of six",
-        _reversals_explain,
-        why="on joint 1 the range counts as well: most zig-zags leave it a good half of its own, and there its linear "
-        "model gains nothing by turning back more often",
-    ),
-    Claim(
-        "In the zig-zag's range, more reversals alone lower the network's error",
-        "expected",
-        "-",
-        "less with the designed motion in the range of J2-J3 than with the zig-zag J2-J3, on every joint and for both "
-        "lengths; same direction: more than half of six",
-        _reversals_in_range,
-        why="joint 1 has a good half of its range there, and the test has all of it; in the whole box the same change "
-        "helps joint 1 most",
-    ),
-    Claim(
-        "Random motion is worth more than the zig-zag J2-J3 of the same length",
-        "expected",
-        "-",
-        "the network's error is less, on every joint and for both lengths; same direction: more than half of six",
-        _random_better,
-    ),
-    Claim(
-        "The designed motion is worth more than the best of the seven zig-zags of the same length",
-        "expected",
-        "-",
-        "the network's error is less than the least of the seven, on every joint and for both lengths; same direction: "
-        "more than half of six",
-        _designed_best,
-        why="it crosses every range at one speed; random motion, whose speeds vary, is better on every joint after the "
-        "longer time",
-    ),
-    Claim(
-        "A fifth of the time is enough: the designed motion for as long as 1/2 takes, against J2-J3 at 1/2 + 1/3 + 1/4",
-        "expected",
-        "-",
-        "the network's error is not greater, on every joint; same direction: on two",
-        _short_enough,
-        why="the network gains by minutes along every path, whatever they are spent on; the linear model is as good "
-        "after a fifth of the time on joints 1 and 2",
-    ),
+@CLAIMS(
+    "In the zig-zag's range, more reversals alone lower the network's error",
+    "expected",
+    "-",
+    "less with the designed motion in the range of J2-J3 than with the zig-zag J2-J3, on every joint and for both "
+    "lengths; same direction: more than half of six",
+    "joint 1 has a good half of its range there, and the test has all of it; in the whole box the same change helps "
+    "joint 1 most",
 )
+def _reversals_in_range(o: Outcomes) -> Judgement:
+    return _less(o, NARROW, [ZIGZAG])
+
+
+@CLAIMS(
+    "Random motion is worth more than the zig-zag J2-J3 of the same length",
+    "expected",
+    "-",
+    "the network's error is less, on every joint and for both lengths; same direction: more than half of six",
+)
+def _random_better(o: Outcomes) -> Judgement:
+    return _less(o, RANDOM, [ZIGZAG])
+
+
+@CLAIMS(
+    "The designed motion is worth more than the best of the seven zig-zags of the same length",
+    "expected",
+    "-",
+    "the network's error is less than the least of the seven, on every joint and for both lengths; same direction: "
+    "more than half of six",
+    "it crosses every range at one speed; random motion, whose speeds vary, is better on every joint after the longer "
+    "time",
+)
+def _designed_best(o: Outcomes) -> Judgement:
+    return _less(o, DESIGNED, DIRECTIONS)
+
+
+@CLAIMS(
+    "A fifth of the time is enough: the designed motion for as long as 1/2 takes, against J2-J3 at 1/2 + 1/3 + 1/4",
+    "expected",
+    "-",
+    "the network's error is not greater, on every joint; same direction: on two",
+    "the network gains by minutes along every path, whatever they are spent on; the linear model is as good after a "
+    "fifth of the time on joints 1 and 2",
+)
+def _short_enough(o: Outcomes) -> Judgement:
+    short, long = middle(o, DESIGNED, SHORT, recordings.NETWORK), middle(o, ZIGZAG, LONG, recordings.NETWORK)
+    return by_count(short <= long, f"J1, J2, J3: {_pairs(short, long)}")
+
 
 EXPERIMENT = Experiment(
-    name="beyond-paths",
-    paper="beyond",
-    place="beyond",
-    title="Which path earns its minutes",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
+    "beyond-paths",
+    "beyond",
+    "Which path earns its minutes",
+    __doc__,
+    cases,
+    report,
     minutes=45.0,
     claims=CLAIMS,
     drawn=2,

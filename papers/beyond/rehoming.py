@@ -27,37 +27,15 @@ import numpy as np
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
-from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from catenary.workflows.robot.motion import move_to
 from papers.beyond.registration import AXES, ELBOW_FIRST, HOME_POSE, OFFSETS, carried_back, registration, registrations
+from papers.calibration import recordings
 from papers.calibration.homings import Between, home_here, random_tests
-from papers.calibration.recordings import (
-    SPARSITIES,
-    TEST_SECONDS,
-    calibration_log,
-    draws,
-    fitted,
-    homed,
-    mean,
-    rmse,
-    rows_of,
-    unguarded,
-)
-from papers.claims import mean_and_spread
-from papers.experiment import (
-    NOMINAL,
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.claims import Missing
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.figures import legend_below, log_scale, panels
+from papers.kit import by_robot, grid, rows, table, unless_missing
 
 HOMINGS = 5
 POSES = 40
@@ -121,10 +99,10 @@ def order_errors(
         By cure and model: RMSE after 0, 1 ... homings on J1 [deg], J2 [deg], J3 [mm]; from where the arm stands and
         from the corner also with every registration taken back to that of the training.
     """
-    plant = homed(seed)
+    plant = recordings.homed(seed)
     if order not in HARMFUL:
         HOW[order](plant)
-    train = [calibration_log(plant, draws(seed, 0), sparsities=sparsities)]
+    train = [recordings.calibration_log(plant, recordings.draws(seed, 0), sparsities=sparsities)]
     before = registration(plant)
     tests = random_tests(plant, seed, range(homings + 1), test_seconds, HOW[order], columns=("encoffsets",))
     reached = {NOTHING: _errors(train, tests, networks, MODELS)}
@@ -143,12 +121,14 @@ def offset_errors(
     Returns:
         By where the tested homings begin, cure and model, as `order_errors`: without and with the elbow's offset.
     """
-    plant, train = homed(seed), []
+    plant, train = recordings.homed(seed), []
     between = itertools.cycle([HOW[CORNER], HOW[FIRST]])
     for number, sparsity in enumerate(sparsities):
         if number:
             next(between)(plant)
-        log = calibration_log(plant, draws(seed, 0, number), sparsities=(sparsity,), columns=("encoffsets",))
+        log = recordings.calibration_log(
+            plant, recordings.draws(seed, 0, number), sparsities=(sparsity,), columns=("encoffsets",)
+        )
         train.append(log)
     taking = {name: replace(o, inputs=(*POSITIONING_INPUTS, OFFSETS[1])) for name, o in MODELS.items()}
     reached = {}
@@ -169,56 +149,71 @@ def _errors(
     reached = {}
     for name, one in options.items():
         seeds = networks if one.kind == "neural" else (0,)
-        models = [unguarded(fitted(train, replace(one, seed=seed))) for seed in seeds]
+        models = [recordings.unguarded(recordings.fitted(train, replace(one, seed=seed))) for seed in seeds]
         if not models:
             continue
-        rows = [rows_of(models[0], log) for log in tests]
-        reached[name] = [mean([rmse(model, each) for model in models]) for each in rows]
+        rows = [recordings.rows_of(models[0], log) for log in tests]
+        reached[name] = [recordings.mean([recordings.rmse(model, each) for model in models]) for each in rows]
     return reached
 
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and order, one with homings in training, and one of registrations."""
     poses, sparsities, homings, seconds = (
-        (2, (1.0, 1.0), 1, 20.0) if scope.quick else (POSES, SPARSITIES, HOMINGS, TEST_SECONDS)
+        (2, (1.0, 1.0), 1, 20.0) if scope.quick else (POSES, recordings.SPARSITIES, HOMINGS, recordings.TEST_SECONDS)
     )
-    made = []
-    for seed in scope.robots:
-        made.append(registrations.case(seed=seed, poses=poses))
-        told = {
-            "seed": seed,
-            "networks": () if scope.quick else scope.network_seeds[:NETWORKS],
-            "sparsities": sparsities,
-            "homings": homings,
-            "test_seconds": seconds,
-        }
-        made += [order_errors.case(order=order, **told) for order in ORDERS]
-        made.append(offset_errors.case(**told))
-    return made
+    networks = () if scope.quick else scope.network_seeds[:NETWORKS]
+    told = {"networks": networks, "sparsities": sparsities, "homings": homings, "test_seconds": seconds}
+    return [
+        case
+        for seed in scope.robots
+        for case in (
+            registrations.case(seed=seed, poses=poses),
+            *grid(order_errors, {"order": ORDERS}, seed=seed, **told),
+            offset_errors.case(seed=seed, **told),
+        )
+    ]
 
 
-def errors(outcomes: Outcomes, order: str, cure: str, model: str, joint: int = 1) -> Floats:
-    """Return the RMSE of a joint after 0, 1 ... homings in an order, with a cure, (robots, 1 + homings)."""
-    every = [*outcomes.of(order_errors, order=order), *(r.get(order, {}) for r in outcomes.of(offset_errors))]
+def errors(o: Outcomes, order: str, cure: str, model: str) -> Floats:
+    """Return the RMSE of joint 2 after 0, 1 ... homings in an order, with a cure, (robots, 1 + homings).
+
+    Raises:
+        Missing: None ran.
+    """
+    every = [*o.of(order_errors, order=order), *(result.get(order, {}) for result in o.of(offset_errors))]
     found = [result[cure][model] for result in every if model in result.get(cure, {})]
-    return np.array(found)[..., joint] if found else np.zeros((0, 1))
+    if not found:
+        raise Missing(f"{order}, {cure}, {model}")
+    return by_robot(found)[..., 1]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the mechanism, the cures, and what they come to in a sentence."""
+    count = max((len(next(iter(one[NOTHING].values()))) - 1 for one in o.of(order_errors)), default=0)
+
+    def cure(way: tuple[str, str], model: str) -> list[str]:
+        reached = errors(o, *way, model)
+        after = reached[:, 1:]
+        told = (f"{each}" for each in (reached[:, 0], after[:, -1], after.mean(axis=1)))
+        return [*way, model, *told, f"{after.max():.3f}"]
+
+    mechanism = (
+        "robot | coupling error [deg/deg] | J2 first | slope | R² | shift, SD [deg] | shift, most | J2 left its stop "
+        "by at most [deg]"
+    )
+    header = f"homing from | cure | model | before | after {count} | mean after | greatest"
+    caption = (
+        "Left: joint 2 of the nominal robot at its stop; dotted, when joint 1 meets its own. Middle: 40 homings of "
+        "every robot; the line is the coupling's error. Right: linear model, mean over robots"
+    )
     return Report(
         [
-            TitledTable("Joint 2's registration by where homing begins", _mechanism(outcomes)),
-            TitledTable("J2 [deg], RMSE after homings, spread over robots", _cures(outcomes)),
+            table("Joint 2's registration by where homing begins", mechanism, _mechanism(o)),
+            table("J2 [deg], RMSE after homings, spread over robots", header, rows(cure, SHOWN, MODELS)),
         ],
-        [
-            TitledPicture(
-                "Left: joint 2 of the nominal robot at its stop; dotted, when joint 1 meets its own. Middle: 40 "
-                "homings of every robot; the line is the coupling's error. Right: linear model, mean over robots",
-                _picture(outcomes),
-            )
-        ],
-        _remarks(outcomes),
+        [TitledPicture(caption, _picture(o))],
+        _remarks(o),
     )
 
 
@@ -231,66 +226,37 @@ def _fit(result: Result) -> tuple[float, float]:
     return float(line[0]), float(1.0 - left.var() / shift.var()) if shift.var() > 0.0 else 0.0
 
 
-def _mechanism(outcomes: Outcomes) -> Table:
-    header = ["robot", "coupling error [deg/deg]", "J2 first", "slope", "R²", "shift, SD [deg]", "shift, most"]
-    header += ["J2 left its stop by at most [deg]"]
-    rows = []
-    for told, result in outcomes.items(registrations):
+def _mechanism(o: Outcomes) -> list[list[str]]:
+    content = []
+    for told, result in o.items(registrations):
         slope, share = _fit(result)
         shift, first = np.array(result["shift"]), np.array(result["travel"]) > 0.5
-        rows.append(
-            [
-                "nominal" if told["seed"] is NOMINAL else f"{told['seed']}",
-                f"{result['coupling_error']:.4f}",
-                f"{int(first.sum())} of {len(first)}",
-                f"{slope:.2f}",
-                f"{share:.3f}",
-                f"{shift.std():.3f}",
-                f"{np.abs(shift).max():.3f}",
-                f"{max(result['left']):.3f}",
-            ]
-        )
-    return Table(header, rows)
+        content.append([
+            *("nominal" if told["seed"] is NOMINAL else f"{told['seed']}", f"{result['coupling_error']:.4f}"),
+            *(f"{int(first.sum())} of {len(first)}", f"{slope:.2f}", f"{share:.3f}"),
+            *(f"{shift.std():.3f}", f"{np.abs(shift).max():.3f}", f"{max(result['left']):.3f}"),
+        ])  # fmt: skip
+    return content
 
 
-def _cures(outcomes: Outcomes) -> Table:
-    rows, homings = [], 0
-    for order, cure in SHOWN:
-        for model in MODELS:
-            reached = errors(outcomes, order, cure, model)
-            if len(reached):
-                homings = reached.shape[1] - 1
-                after = reached[:, 1:]
-                told = [mean_and_spread(each) for each in (reached[:, 0], after[:, -1], after.mean(axis=1))]
-                rows.append([order, cure, model, *told, f"{after.max():.3f}"])
-    header = ["homing from", "cure", "model", "before", f"after {homings}", "mean after", "greatest"]
-    return Table(header, rows)
-
-
-def _remarks(outcomes: Outcomes) -> list[str]:
-    corner, first, back = (
-        errors(outcomes, *each, "linear") for each in ((CORNER, NOTHING), (FIRST, NOTHING), (CORNER, BACK))
-    )
-    fits = [_fit(result) for result in outcomes.of(registrations)]
-    if not (len(corner) and len(first) and len(back) and fits):
-        return []
+@unless_missing
+def _remarks(o: Outcomes) -> str:
+    corner, first, back = (errors(o, *each, "linear") for each in ((CORNER, NOTHING), (FIRST, NOTHING), (CORNER, BACK)))
+    explained = 100.0 * np.mean([_fit(result)[1] for result in o.of(registrations)])
     of_corner, of_first, of_back = (
         f"{each[:, 1:].mean():.3f} (at worst {each[:, 1:].max():.3f}) deg" for each in (corner, first, back)
     )
-    explained = 100.0 * np.mean([share for _, share in fits])
-    return [
+    return (
         f"The linear model's error on joint 2, {corner[:, 0].mean():.3f} deg after calibration, becomes {of_corner} "
         f"when the arm is homed from the corner of its box, {of_first} when it is homed from the home pose, and "
         f"{of_back} when the registration from the corner is taken back; the coupling's error times joint 1's way "
         f"after joint 2 met its stop explains {explained:.0f} % of the variance of joint 2's registration."
-    ]
+    )
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, log_scale, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, (homing, mechanism, cured) = panels(3, 3.4)
-    for told, result in outcomes.items(registrations):
+    for told, result in o.items(registrations):
         if told["seed"] is NOMINAL:
             _draw_homings(homing, result["traces"])
         expected = result["coupling_error"] * np.array(result["travel"])
@@ -300,11 +266,12 @@ def _picture(outcomes: Outcomes) -> Any:
     mechanism.set_xlabel("coupling's error x way of J1 after J2 [deg]", fontsize=8)
     mechanism.set_title("shift of J2's registration [deg]", fontsize=10)
     for (order, cure), color in DRAWN.items():
-        reached = errors(outcomes, order, cure, "linear")
-        if len(reached):
-            label = f"from {order}" if order != TWICE else order
-            label += "" if cure == NOTHING else f", {cure}"
-            cured.plot(reached.mean(axis=0), "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label)
+        try:
+            reached = errors(o, order, cure, "linear").mean(axis=0)
+        except Missing:
+            continue
+        label = (f"from {order}" if order != TWICE else order) + ("" if cure == NOTHING else f", {cure}")
+        cured.plot(reached, "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label)
     log_scale(cured)
     cured.set_xlabel("homings", fontsize=8)
     cured.set_title("RMSE of J2 [deg], linear", fontsize=10)
@@ -314,8 +281,7 @@ def _picture(outcomes: Outcomes) -> Any:
 
 def _draw_homings(panel: Any, traces: dict[str, Any]) -> None:
     for (name, trace), color in zip(traces.items(), ("#2f8f6b", "#d9622b"), strict=True):
-        time = np.array(trace["time"])
-        panel.plot(time, trace["true"], color=color, label=f"from the {name}")
+        panel.plot(np.array(trace["time"]), trace["true"], color=color, label=f"from the {name}")
         panel.axvline(trace["shoulder_s"], color=color, linestyle=":", linewidth=1)
     panel.set_ylim(-1.5, 0.8)
     panel.legend(loc="upper left", frameon=False, fontsize=7)
@@ -324,12 +290,5 @@ def _draw_homings(panel: Any, traces: dict[str, Any]) -> None:
 
 
 EXPERIMENT = Experiment(
-    name="beyond-rehoming",
-    paper="beyond",
-    place="beyond figure 9",
-    title="Homing again, explained and cured",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=27.0,
+    "beyond-rehoming", "beyond figure 9", "Homing again, explained and cured", __doc__, cases, report, minutes=27.0
 )

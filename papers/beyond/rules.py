@@ -22,9 +22,10 @@ from catenary.calibration.fit_rows import fit
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, choose
 from catenary.reports.page import Table
 from papers.beyond.advice import WITHIN
-from papers.beyond.fifths import Fifths, as_validation, fifths_of, limits, log_of, rows_of
+from papers.beyond.fifths import Fifths, as_validation, fifths_of, rows_of
 from papers.beyond.intervals import KINDS, RECORDINGS, TRAININGS
-from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledTable, after_headline, run
+from papers.calibration.dvrk import limit_of, log_of
+from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledTable, run
 
 AUTO, LEAST, AFTERWARDS = "that of `auto`", "the least error", "one kind, known afterwards"
 BEFORE, LAST, BOTH = "blocks, each by those before it", "the last block alone", "blocks both ways"
@@ -194,7 +195,7 @@ def elsewhere(recording: str, data: Path) -> Result:
         model = fit(rows, inputs, options)
         for name, errors_of in tests.items():
             log = log_of(name, data)
-            other = calibration_data([log], inputs.features, max_error=error_limits(limits(name), log))
+            other = calibration_data([log], inputs.features, max_error=error_limits(limit_of(name), log))
             errors_of[kind] = _rms(evaluate(model, other).after_model).tolist()
     blocks, region = _chosen(by_blocks), _chosen(by_regions)
     simpler = [min(pair, key=SIMPLEST_FIRST.index) for pair in zip(blocks, region, strict=True)]
@@ -220,10 +221,10 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return how often each rule is within the bound, here and elsewhere, and how much intervals of each hold."""
-    fifths = [(told["recording"], result["tests"]) for told, result in outcomes.items(fifths_left_out)]
-    others = [result for _, result in outcomes.items(elsewhere)]
+    fifths = [(told["recording"], result["tests"]) for told, result in o.items(fifths_left_out)]
+    others = [result for _, result in o.items(elsewhere)]
     tables = [
         TitledTable("Which kind, each fifth left out", choice_table(fifths)),
         TitledTable("How many errors intervals hold, each fifth left out", interval_table(fifths)),
@@ -352,15 +353,7 @@ def _bands(shares: Sequence[Floats]) -> str:
 
 
 EXPERIMENT = Experiment(
-    name="beyond-rules",
-    paper="beyond",
-    place="beyond, which model and error bars",
-    title="Other rules for choices and intervals, and what any rule could reach",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=4.0,
-    drawn=0,
-    simulated=False,
-    needs_data=True,
-)
+    "beyond-rules", "beyond, which model and error bars",
+    "Other rules for choices and intervals, and what any rule could reach", __doc__,
+    cases, report, minutes=4.0, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip

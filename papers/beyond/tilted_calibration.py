@@ -10,6 +10,7 @@ of two trainings; all models are asked wherever the robot is, as the paper's are
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,35 +18,14 @@ import numpy as np
 from catenary import random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
-from catenary.reports.page import Table
 from papers.beyond.bases import BASES, DIFFERENCE, GRAVITY, LEVEL_BASE, homed_level, put_on, with_gravity
 from papers.calibration.homings import outside
 from papers.calibration.inputs import SIXTEEN
-from papers.calibration.recordings import (
-    JOINTS,
-    TEST_SECONDS,
-    UNITS,
-    baselines,
-    draws,
-    fitted,
-    mean,
-    rmse,
-    rows_of,
-    unguarded,
-)
-from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.calibration.recordings import TEST_SECONDS, baselines, draws, fitted, mean, rmse, rows_of, unguarded
+from papers.claims import Missing
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.figures import legend_below, log_scale, panels
+from papers.kit import IN_UNITS, by_robot, joint_tables, rows
 
 NETWORKS = 2
 # the base and the sparsity of every part of a training
@@ -65,6 +45,7 @@ INPUTS: dict[str, tuple[str, ...]] = {
 MODELS_TOLD = {"linear": "linear model", "network": "network"}
 KINDS = {"linear": FitOptions(kind="linear"), "network": FitOptions(kind="neural", preset="paper")}
 COLORS = {PAPERS: "#d9622b", WITH_GRAVITY: "#2f8f6b"}
+SHOWN = (PAPERS, WITH_GRAVITY)
 SHAPES = {LEVEL: "o", TILTED: "s", SEVERAL: "^"}
 
 
@@ -133,117 +114,102 @@ def case(seed: int | None, training: str, inputs: str, scope: Scope, bases: Sequ
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot, training and inputs."""
-    return [
-        case(seed, training, inputs, scope)
-        for seed in scope.robots
-        for training in ([LEVEL] if scope.quick else TRAININGS)
-        for inputs in (PAPERS, WITH_GRAVITY)
-    ]
+    trainings = [LEVEL] if scope.quick else list(TRAININGS)
+    return [case(*each, scope) for each in product(scope.robots, trainings, SHOWN)]
 
 
-def errors(outcomes: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
-    """Return RMSE (robots, 3) of a model on a base; (0, 3) where none ran."""
+def errors(o: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
+    """Return RMSE (robots, 3) of a model on a base.
+
+    Raises:
+        Missing: None ran.
+    """
     found = [
         result[base][model]
-        for told, result in outcomes.items(base_errors, inputs=list(INPUTS[inputs]))
+        for told, result in o.items(base_errors, inputs=list(INPUTS[inputs]))
         if _is(told["training"], training) and model in result.get(base, {})
     ]
-    return np.array(found) if found else np.zeros((0, 3))
+    if not found:
+        raise Missing(f"{training}, {inputs}, {model}, {base}")
+    return by_robot(found)
 
 
 def _is(parts: Sequence[Sequence[Any]], training: str) -> bool:
     return [base for base, _ in parts] == [base for base, _ in TRAININGS[training]][: len(parts)]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return a table per joint and the picture."""
-    tables = []
-    for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
-        rows = []
-        for training in TRAININGS:
-            for inputs in (PAPERS, WITH_GRAVITY):
-                for model in KINDS:
-                    cells = [errors(outcomes, training, inputs, base, model)[:, j] for base in BASES]
-                    if any(len(cell) for cell in cells):
-                        rows.append([training, inputs, model, *(mean_and_spread(cell) for cell in cells)])
-            offset = [errors(outcomes, training, PAPERS, base, "fixed offset")[:, j] for base in BASES]
-            if any(len(cell) for cell in offset):
-                rows.append([training, "-", "fixed offset", *(mean_and_spread(cell) for cell in offset)])
-        header = ["trained", "inputs", "model", *BASES]
-        tables.append(TitledTable(f"{joint} [{unit}], RMSE by the base of the test", Table(header, rows)))
+
+    def content(j: int) -> list[list[str]]:
+        def row(training: str, kind: tuple[str, str]) -> list[str]:
+            inputs, model = kind
+            offset = model == "fixed offset"
+            found = (errors(o, training, PAPERS if offset else inputs, base, model)[:, j] for base in BASES)
+            return [training, inputs, model, *(f"{each}" for each in found)]
+
+        return rows(row, TRAININGS, [*product(SHOWN, KINDS), ("-", "fixed offset")])
+
+    title = "{}, RMSE by the base of the test"
     caption = (
         "RMSE by the base of the test; circles trained level, squares at 20° about Z0, triangles on several tilts; "
         "mean over robots, filled the network, empty the linear model"
     )
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+    tables = joint_tables(title, ["trained", "inputs", "model", *BASES], content)
+    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
 
 
-def _remarks(outcomes: Outcomes) -> list[str]:
-    told = []
+def joints(*found: Floats) -> str:
+    """Return what bases and robots have in the mean, J1/J2/J3."""
+    return "/".join(f"{value:.3f}" for value in np.concatenate(found).mean(axis=0))
+
+
+def _remarks(o: Outcomes) -> list[str]:
     tilted = [base for base in BASES if base != LEVEL_BASE]
-    for model in KINDS:
-        at = {
-            (training, inputs): np.array([errors(outcomes, training, inputs, base, model) for base in tilted])
-            for training in (LEVEL, SEVERAL)
-            for inputs in (PAPERS, WITH_GRAVITY)
-        }
-        home = errors(outcomes, LEVEL, PAPERS, LEVEL_BASE, model)
-        if not all(each.size for each in (*at.values(), home)):
-            continue
-        parts = ["/".join(f"{value:.3f}" for value in each.mean(axis=(0, 1))) for each in at.values()]
-        level = "/".join(f"{value:.3f}" for value in home.mean(axis=0))
-        told.append(
-            f"A {MODELS_TOLD[model]} calibrated level errs by {level} (J1 deg/J2 deg/J3 mm) there and by "
-            f"{parts[0]} on tilted and rocking bases, by {parts[1]} with the gravity model's torque as an input; "
-            f"calibrated on several tilts in the same minutes, by {parts[2]} and {parts[3]}."
-        )
-    level_models = [
-        result for of, result in outcomes.items(base_errors, inputs=list(SIXTEEN)) if _is(of["training"], LEVEL)
-    ]
-    shares = [
-        f"{base} {100.0 * np.mean([result[base]['outside'] for result in level_models]):.0f} %"
-        for base in BASES
-        if level_models
-    ]
-    if shares:
-        told.append(f"Rows outside the valid range of a model of 16 inputs trained level: {', '.join(shares)}.")
-    return told
+
+    def told(model: str) -> list[str]:
+        parts = [
+            joints(*(errors(o, training, inputs, base, model) for base in tilted))
+            for training, inputs in product((LEVEL, SEVERAL), SHOWN)
+        ]
+        return [
+            f"A {MODELS_TOLD[model]} calibrated level errs by {joints(errors(o, LEVEL, PAPERS, LEVEL_BASE, model))} "
+            f"(J1 deg/J2 deg/J3 mm) there and by {parts[0]} on tilted and rocking bases, by {parts[1]} with the "
+            f"gravity model's torque as an input; calibrated on several tilts in the same minutes, by {parts[2]} and "
+            f"{parts[3]}."
+        ]
+
+    level = [result for of, result in o.items(base_errors, inputs=list(SIXTEEN)) if _is(of["training"], LEVEL)]
+    remarks = [cell for (cell,) in rows(told, KINDS)]
+    if level:
+        shares = (f"{base} {100.0 * np.mean([one[base]['outside'] for one in level]):.0f} %" for base in BASES)
+        remarks.append(f"Rows outside the valid range of a model of 16 inputs trained level: {', '.join(shares)}.")
+    return remarks
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, log_scale, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 3.8)
+    places = {each: k for k, each in enumerate(product(TRAININGS, SHOWN))}
     for j, panel in enumerate(axes):
-        for t, training in enumerate(TRAININGS):
-            for i, inputs in enumerate((PAPERS, WITH_GRAVITY)):
-                for model in KINDS:
-                    for b, base in enumerate(BASES):
-                        reached = errors(outcomes, training, inputs, base, model)
-                        if len(reached):
-                            panel.plot(
-                                b + 0.22 * (t - 1) + 0.08 * (i - 0.5),
-                                reached[:, j].mean(),
-                                SHAPES[training],
-                                color=COLORS[inputs],
-                                markerfacecolor=COLORS[inputs] if model == "network" else "white",
-                                ms=5,
-                                label=f"{training}, {inputs}" if (b, model) == (0, "network") else None,
-                            )
+        for (training, inputs), model, (b, base) in product(places, KINDS, enumerate(BASES)):
+            try:
+                reached = errors(o, training, inputs, base, model)[:, j].mean()
+            except Missing:
+                continue
+            t, i = divmod(places[training, inputs], len(SHOWN))
+            panel.plot(
+                b + 0.22 * (t - 1) + 0.08 * (i - 0.5), reached, SHAPES[training], color=COLORS[inputs], ms=5,
+                markerfacecolor=COLORS[inputs] if model == "network" else "white",
+                label=f"{training}, {inputs}" if (b, model) == (0, "network") else None,
+            )  # fmt: skip
         panel.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
         log_scale(panel)
-        panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+        panel.set_title(IN_UNITS[j], fontsize=10)
     legend_below(figure, axes[0], columns=3)
     return figure
 
 
 EXPERIMENT = Experiment(
-    name="beyond-tilted-calibration",
-    paper="beyond",
-    place="beyond II-G",
-    title="Calibration on tilted and rocking bases",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=16.0,
-)
+    "beyond-tilted-calibration", "beyond II-G", "Calibration on tilted and rocking bases", __doc__,
+    cases, report, minutes=16.0,
+)  # fmt: skip

@@ -7,20 +7,14 @@ four more; play states (Prandtl-Ishlinskii) remember the last turn of each joint
 are those of calibration-dvrk.
 """
 
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import Any
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from papers.calibration import dvrk
 from papers.calibration.dvrk import JOINTS, RECURRENT, errors
-from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable, after_headline
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture
 from papers.figures import legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import by_robot, cells, table
 
 WRIST = (3, 4, 5)
 OFFSET, NETWORK, LINEAR_PLAY, BEST = "fixed offset", "neural, paper", "linear, play", "neural, best"
@@ -38,50 +32,45 @@ KINDS = ("linear", NETWORK, BEST)
 
 def cases(scope: Scope) -> list[Case]:
     """Return those cases of calibration-dvrk that hold the models shown."""
-    return [
-        case
-        for case in dvrk.cases(scope)
-        if case.arguments.get("kind") in KINDS or case.arguments.get("peer") == RECURRENT
-    ]
+    told = [(case, case.arguments) for case in dvrk.cases(scope)]
+    return [case for case, each in told if each.get("kind") in KINDS or each.get("peer") == RECURRENT]
 
 
-def shares(outcomes: Outcomes) -> dict[str, Floats]:
+def on_wrist(o: Outcomes) -> dict[str, dict[str, Floats]]:
+    """Return by recording and model shown the errors of J4 to J6, (trainings, 3) [deg]."""
+    found = {recording: errors(o, recording) for recording in dvrk.RECORDINGS}
+    return {
+        recording: {name: by_robot(each[name][:, WRIST]) for name in SHOWN if name in each}
+        for recording, each in found.items()
+        if each
+    }
+
+
+def shares(o: Outcomes) -> dict[str, Floats]:
     """Return what each model leaves of the fixed offset's error on the wrist, (recordings, 3), mean over trainings."""
     found: dict[str, list[Floats]] = {}
-    for recording in dvrk.RECORDINGS:
-        of_all = errors(outcomes, recording)
-        for name in SHOWN:
-            if name in of_all and OFFSET in of_all:
-                share = of_all[name].mean(axis=0) / of_all[OFFSET].mean(axis=0)
-                found.setdefault(name, []).append(share[list(WRIST)])
-    return {name: np.array(rows) for name, rows in found.items()}
+    for of_all in on_wrist(o).values():
+        for name, values in of_all.items() if OFFSET in of_all else ():
+            found.setdefault(name, []).append(values.mean(axis=0) / of_all[OFFSET].mean(axis=0))
+    return {name: by_robot(each) for name, each in found.items()}
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return errors by recording, what is left of the fixed offset's over all, and the sentence."""
-    rows = []
-    for recording in dvrk.RECORDINGS:
-        of_all = errors(outcomes, recording)
-        rows += [
-            [f"{recording}, {told}", *(mean_and_spread(of_all[name][:, j], 2) for j in WRIST)]
-            for name, told in SHOWN.items()
-            if name in of_all
-        ]
-    if not rows:
-        return Report()
-    names = [JOINTS[j] for j in WRIST]
-    left = shares(outcomes)
-    summary = [
-        [SHOWN[name], *(mean_and_spread(100.0 * values[:, k], 0) for k in range(3))] for name, values in left.items()
+    names, left = [JOINTS[j] for j in WRIST], shares(o)
+    content = [
+        [f"{recording}, {SHOWN[name]}", *cells(values, 2)]
+        for recording, of_all in on_wrist(o).items()
+        for name, values in of_all.items()
     ]
+    summary = [[SHOWN[name], *cells(100.0 * values, 0)] for name, values in left.items()]
+    caption = "RMSE of the wrist by recording; lines: least to greatest training"
     return Report(
         [
-            TitledTable("RMSE [deg], mean and spread over trainings", Table(["recording, model", *names], rows)),
-            TitledTable(
-                "RMSE [% of the fixed offset's], mean and spread over recordings", Table(["model", *names], summary)
-            ),
+            table("RMSE [deg], mean and spread over trainings", ["recording, model", *names], content),
+            table("RMSE [% of the fixed offset's], mean and spread over recordings", ["model", *names], summary),
         ],
-        [TitledPicture("RMSE of the wrist by recording; lines: least to greatest training", _picture(outcomes))],
+        [TitledPicture(caption, _picture(o))],
         [sentence(left)],
     )
 
@@ -100,36 +89,24 @@ def sentence(left: dict[str, Floats]) -> str:
     )
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 3.4)
-    present = [name for name in dvrk.RECORDINGS if errors(outcomes, name)]
+    found = on_wrist(o)
+    labels = [name.removesuffix("_train").replace("_", "\n") for name in found]
     for k, panel in enumerate(axes):
         for m, (name, told) in enumerate(SHOWN.items()):
-            for r, recording in enumerate(present):
-                of_all = errors(outcomes, recording)
-                if name not in of_all:
-                    continue
-                values = of_all[name][:, WRIST[k]]
-                at = r + 0.16 * (m - 2)
-                panel.bar(at, values.mean(), 0.15, color=COLORS[name], label=told if r == 0 else None)
-                panel.vlines(at, values.min(), values.max(), color="#1c2430", lw=0.8)
-        labels = [name.removesuffix("_train").replace("_", "\n") for name in present]
-        panel.set_xticks(range(len(present)), labels, fontsize=8)
+            for r, of_all in enumerate(found.values()):
+                if name in of_all:
+                    values, at = of_all[name][:, k], r + 0.16 * (m - 2)
+                    panel.bar(at, values.mean(), 0.15, color=COLORS[name], label=told if r == 0 else None)
+                    panel.vlines(at, values.min(), values.max(), color="#1c2430", lw=0.8)
+        panel.set_xticks(range(len(labels)), labels, fontsize=8)
         panel.set_title(f"{JOINTS[WRIST[k]]} [deg]", fontsize=10)
     legend_below(figure, axes[0], columns=5)
     return figure
 
 
 EXPERIMENT = Experiment(
-    name="beyond-wrist-memory",
-    paper="beyond",
-    place="beyond II-K",
-    title="Wrist memory on a real arm",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=1.0,  # the cases are calibration-dvrk's
-    drawn=0,
-    simulated=False,
-    needs_data=True,
-)
+    "beyond-wrist-memory", "beyond II-K", "Wrist memory on a real arm", __doc__,
+    cases, report, minutes=1.0, drawn=0, simulated=False, needs_data=True,  # the cases are calibration-dvrk's
+)  # fmt: skip

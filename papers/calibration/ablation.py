@@ -13,52 +13,21 @@ That margin, and that joint 3 decides the claim about joint 3, were added after 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
-from catenary.reports.page import Table
+from papers.calibration import recordings
 from papers.calibration.inputs import ALL_138, SIXTEEN
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
-from papers.calibration.recordings import (
-    JOINTS,
-    METHODS,
-    NETWORK,
-    SPARSITIES,
-    TEST_SECONDS,
-    UNITS,
-    calibration_log,
-    draws,
-    fitted,
-    homed,
-    mean,
-    random_log,
-    rows_of,
-    unguarded,
-)
 from papers.calibration.six_hours import joint_rmse, left_by
-from papers.claims import by_count, graded, mean_and_spread
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.claims import Claims, by_count, graded, mean_and_spread
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import METHOD_COLORS, legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import IN_UNITS, JOINTS, cells, filled, grid, rows, sample, table
 
 # groups beside positions and torques, by the columns of the robot's state that they hold
 FURTHER = {
@@ -91,7 +60,7 @@ SHUFFLED = {
     for quantity, group in (("position", "q"), ("torque", "tau"))
     for joint, name in zip(JOINTS, ("shoulder", "elbow", "insertion"), strict=True)
 }
-MODELS = (NETWORK, "linear")
+MODELS = (recordings.NETWORK, "linear")
 NO_HELP = 0.9  # of the error with 16 inputs: a group that leaves less than this is of importance
 
 
@@ -113,20 +82,20 @@ def feature_errors(
         and signal in `shuffled` the RMSE with that signal's rows shuffled.
     """
     columns = () if set(FEATURES[features]) <= set(SIXTEEN) else ("all",)
-    plant = homed(seed)
-    train = calibration_log(plant, draws(seed, 70, 0), sparsities=sparsities, columns=columns)
-    test = random_log(plant, draws(seed, 70, 1), test_seconds, columns=columns)
+    plant = recordings.homed(seed)
+    train = recordings.calibration_log(plant, recordings.draws(seed, 70, 0), sparsities=sparsities, columns=columns)
+    test = recordings.random_log(plant, recordings.draws(seed, 70, 1), test_seconds, columns=columns)
     found: dict[str, object] = {}
     shuffled: dict[str, dict[str, list[float]]] = {}
     for name in MODELS:
-        options = replace(METHODS[name], inputs=FEATURES[features])
-        seeds = networks if name == NETWORK else (0,)
-        models = [fitted([train], replace(options, seed=each)) for each in seeds]
-        found[name] = mean([errors_left(model, test) for model in models])
+        options = replace(recordings.METHODS[name], inputs=FEATURES[features])
+        seeds = networks if name == recordings.NETWORK else (0,)
+        models = [recordings.fitted([train], replace(options, seed=each)) for each in seeds]
+        found[name] = recordings.mean([errors_left(model, test) for model in models])
         found["inputs"] = len(models[0].features.names)
         if features == BOTH:
             shuffled[name] = {
-                told: mean([errors_left(model, test, shuffle=signal) for model in models])
+                told: recordings.mean([errors_left(model, test, shuffle=signal) for model in models])
                 for told, signal in SHUFFLED.items()
             }
     return found | {"shuffled": shuffled}
@@ -134,100 +103,89 @@ def feature_errors(
 
 def errors_left(model: CalibrationModel, log: MotionLog, *, shuffle: str | None = None) -> list[float]:
     """Return a model's RMSE on J1 [deg], J2 [deg], J3 [mm], asked everywhere; a signal's rows shuffled first."""
-    data = rows_of(model, log)
+    data = recordings.rows_of(model, log)
     if shuffle is not None:
         X = data.X.copy()
         column = model.features.names.index(shuffle)
         X[:, column] = np.random.default_rng(0).permutation(X[:, column])
         data = replace(data, X=X)
-    return joint_rmse(left_by(unguarded(model), data))
+    return joint_rmse(left_by(recordings.unguarded(model), data))
 
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and choice of features."""
-    names = (POSITIONS, BOTH) if scope.quick else tuple(FEATURES)
-    return [features_case(scope, seed, name) for seed in scope.robots for name in names]
+    quick = scope.quick
+    return grid(
+        feature_errors, {"seed": scope.robots, "features": (POSITIONS, BOTH) if quick else FEATURES},
+        networks=scope.network_seeds, sparsities=(1 / 2,) if quick else recordings.SPARSITIES,
+        test_seconds=60.0 if quick else recordings.TEST_SECONDS,
+    )  # fmt: skip
 
 
-def features_case(scope: Scope, seed: int | None, features: str) -> Case:
-    """Return the case of a robot and a choice of features."""
-    return feature_errors.case(
-        seed=seed,
-        features=features,
-        networks=scope.network_seeds,
-        sparsities=(1 / 2,) if scope.quick else SPARSITIES,
-        test_seconds=60.0 if scope.quick else TEST_SECONDS,
-    )
+def of(o: Outcomes, features: str, model: str) -> Floats:
+    """Return RMSE (robots, 3) of a model with a choice of features."""
+    return sample(o, feature_errors, model, features=features)
 
 
-def of(outcomes: Outcomes, features: str, model: str) -> Floats:
-    """Return RMSE (robots, 3) of a model with a choice of features; empty where none ran."""
-    return np.array([r[model] for r in outcomes.of(feature_errors, features=features)]).reshape(-1, 3)
-
-
-def middle(outcomes: Outcomes, features: str, model: str) -> Floats:
-    """Return RMSE (3,), the mean over robots."""
-    return np.asarray(of(outcomes, features, model).mean(axis=0))
-
-
-def shuffled(outcomes: Outcomes, signal: str, model: str) -> Floats:
+def shuffled(o: Outcomes, signal: str, model: str) -> Floats:
     """Return by how many times errors grow (robots, 3) when a signal's rows are shuffled."""
-    return np.array(
-        [
-            np.array(result["shuffled"][model][signal]) / np.array(result[model])
-            for result in outcomes.of(feature_errors, features=BOTH)
-        ]
-    )
+    return sample(o, feature_errors, "shuffled", model, signal, features=BOTH) / of(o, BOTH, model)
 
 
-def _run(outcomes: Outcomes) -> list[str]:
-    return [name for name in FEATURES if len(of(outcomes, name, NETWORK))]
-
-
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return errors by features, what shuffling does, and a picture of the first."""
-    rows = []
-    for name in _run(outcomes):
-        inputs = outcomes.of(feature_errors, features=name)[0]["inputs"]
-        cells = [mean_and_spread(each) for model in MODELS for each in of(outcomes, name, model).T]
-        rows.append([name, f"{inputs}", *cells])
-    header = ["features", "inputs"]
-    header += [f"{model} {j} [{u}]" for model in MODELS for j, u in zip(JOINTS, UNITS, strict=True)]
-    tables = [TitledTable("RMSE by features", Table(header, rows))]
-    if len(of(outcomes, BOTH, NETWORK)):
-        rows = [
-            [name, *(mean_and_spread(e, 2) for model in MODELS for e in shuffled(outcomes, name, model).T)]
-            for name in SHUFFLED
-        ]
-        header = ["shuffled", *(f"{model} {joint}" for model in MODELS for joint in JOINTS)]
-        tables.append(
-            TitledTable("Error of a joint, in times what it was, with a signal shuffled", Table(header, rows))
-        )
+
+    def errors(name: str) -> list[str]:
+        found = [each for model in MODELS for each in cells(of(o, name, model))]
+        return [name, f"{o.of(feature_errors, features=name)[0]['inputs']}", *found]
+
+    def grown(name: str) -> list[str]:
+        return [name, *(each for model in MODELS for each in cells(shuffled(o, name, model), 2))]
+
+    by_model = [f"{model} {joint}" for model in MODELS for joint in IN_UNITS]
+    without_units = [f"{model} {joint}" for model in MODELS for joint in JOINTS]
+    title = "Error of a joint, in times what it was, with a signal shuffled"
+    tables = [
+        table("RMSE by features", ["features", "inputs", *by_model], rows(errors, FEATURES)),
+        table(title, ["shuffled", *without_units], rows(grown, SHUFFLED)),
+    ]
     caption = "RMSE by features, mean over robots; lines are the paper's 16 inputs; bars may leave the picture"
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))])
+    return Report(filled(tables), [TitledPicture(caption, _picture(o))])
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
-    names = _run(outcomes)
+def _picture(o: Outcomes) -> Any:
+    names = [name for name in FEATURES if o.of(feature_errors, features=name)]
     figure, axes = panels(3, 4.6, sharey=True)
     places = np.arange(len(names))
     for j, panel in enumerate(axes):
         for k, model in enumerate(MODELS):
-            reached = np.array([middle(outcomes, name, model)[j] for name in names])
-            panel.barh(places + (k - 0.5) * 0.38, reached, 0.34, color=METHOD_COLORS[model], label=model)
+            reached, color = np.array([of(o, name, model).mean(axis=0)[j] for name in names]), METHOD_COLORS[model]
+            panel.barh(places + (k - 0.5) * 0.38, reached, 0.34, color=color, label=model)
             if BOTH in names:
-                panel.axvline(reached[names.index(BOTH)], color=METHOD_COLORS[model], linewidth=1, linestyle=":")
+                panel.axvline(reached[names.index(BOTH)], color=color, linewidth=1, linestyle=":")
             # what is ruined would leave the rest unreadable
             panel.set_xlim(0.0, 3.0 * float(np.median(reached)))
         panel.set_yticks(places, names, fontsize=8)
-        panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+        panel.set_title(IN_UNITS[j], fontsize=10)
     axes[0].invert_yaxis()
     legend_below(figure, axes[0], columns=2)
     return figure
 
 
-def _both_needed(outcomes: Outcomes) -> Judgement:
-    both, positions, torques = (of(outcomes, name, NETWORK) for name in (BOTH, POSITIONS, TORQUES))
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "Joint positions and motor torques are important to the calibration",
+    "II-C, II-H",
+    "-",
+    f"the network's error with both is less, {CLEARLY}, than with either alone, on every joint; same direction: than "
+    "with positions alone on two joints, and than with torques alone on two",
+    "added to positions, torques help on joint 1 alone; torques without positions leave a model with several times the "
+    "error",
+)
+def _both_needed(o: Outcomes) -> Judgement:
+    both, positions, torques = (of(o, name, recordings.NETWORK) for name in (BOTH, POSITIONS, TORQUES))
     told = f"both, positions, torques: {by_joint(both, positions, torques)}"
     halves = less(both, torques), less(both, positions)  # what positions add, and what torques
     of_each = [f"{half.sum()} of {half.size}" for half in halves]
@@ -235,16 +193,19 @@ def _both_needed(outcomes: Outcomes) -> Judgement:
     return graded(all(half.all() for half in halves), all(half.mean() > 0.5 for half in halves), told)
 
 
-def _torques_on_joint_3(outcomes: Outcomes) -> Judgement:
-    torques, positions = (of(outcomes, name, NETWORK) for name in (TORQUES, POSITIONS))
-    ratio = by_joint(torques / positions, digits=2)
-    told = f"error with torques alone over that with positions alone: {ratio}"
-    return statement(less(torques, positions)[2:], less(positions, torques)[:2], told)
-
-
-def _nothing_else(outcomes: Outcomes) -> Judgement:
-    both = of(outcomes, BOTH, NETWORK)
-    ratios = {name: of(outcomes, f"+ {name}", NETWORK) / both for name in FURTHER}
+@CLAIMS(
+    "Nothing else in the robot's state is",
+    "II-H",
+    "-",
+    f"with any further group, on any joint, the network's error is at least {NO_HELP} times that with both, mean over "
+    "robots; same direction: for more than half",
+    "the pose holds sines and products of joint positions, which spare a model its curvature: the linear one gains as "
+    "well. Motor positions are joint positions mixed by the coupling: they give a linear model nothing, while the "
+    "network ends elsewhere, better on joint 3 and worse on joint 2",
+)
+def _nothing_else(o: Outcomes) -> Judgement:
+    both = of(o, BOTH, recordings.NETWORK)
+    ratios = {name: of(o, f"+ {name}", recordings.NETWORK) / both for name in FURTHER}
     told = []
     for j, joint in enumerate(JOINTS):
         name = min(ratios, key=lambda each: float(ratios[each][:, j].mean()))
@@ -254,49 +215,23 @@ def _nothing_else(outcomes: Outcomes) -> Judgement:
     )
 
 
-CLAIMS = (
-    Claim(
-        "Joint positions and motor torques are important to the calibration",
-        "II-C, II-H",
-        "-",
-        f"the network's error with both is less, {CLEARLY}, than with either alone, on every joint; same direction: "
-        "than with positions alone on two joints, and than with torques alone on two",
-        _both_needed,
-        why="added to positions, torques help on joint 1 alone; torques without positions leave a model with several "
-        "times the error",
-    ),
-    Claim(
-        "Nothing else in the robot's state is",
-        "II-H",
-        "-",
-        f"with any further group, on any joint, the network's error is at least {NO_HELP} times that with both, mean "
-        "over robots; same direction: for more than half",
-        _nothing_else,
-        why="the pose holds sines and products of joint positions, which spare a model its curvature: the linear one "
-        "gains as well. Motor positions are joint positions mixed by the coupling: they give a linear model nothing, "
-        "while the network ends elsewhere, better on joint 3 and worse on joint 2",
-    ),
-    Claim(
-        "Joint 3 is the only joint in which torques are more important than positions",
-        "III",
-        "-",
-        f"on joint 3 the network's error with torques alone is less, {CLEARLY}, than with positions alone; beside it, "
-        "on joints 1 and 2 that with positions is less; same direction cannot be without the former",
-        _torques_on_joint_3,
-        why="joint 3 of the simulated robot errs by what the poses of joints 1 and 2 do to its cables: with their "
-        "positions shuffled its error is several times as large, and with any torque shuffled hardly larger",
-    ),
+@CLAIMS(
+    "Joint 3 is the only joint in which torques are more important than positions",
+    "III",
+    "-",
+    f"on joint 3 the network's error with torques alone is less, {CLEARLY}, than with positions alone; beside it, on "
+    "joints 1 and 2 that with positions is less; same direction cannot be without the former",
+    "joint 3 of the simulated robot errs by what the poses of joints 1 and 2 do to its cables: with their positions "
+    "shuffled its error is several times as large, and with any torque shuffled hardly larger",
 )
+def _torques_on_joint_3(o: Outcomes) -> Judgement:
+    torques, positions = (of(o, name, recordings.NETWORK) for name in (TORQUES, POSITIONS))
+    ratio = by_joint(torques / positions, digits=2)
+    told = f"error with torques alone over that with positions alone: {ratio}"
+    return statement(less(torques, positions)[2:], less(positions, torques)[:2], told)
+
 
 EXPERIMENT = Experiment(
-    name="calibration-ablation",
-    paper="calibration",
-    place="II-C, II-H, reference 44",
-    title="Features left out and added",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=50.0,
-    claims=CLAIMS,
-    drawn=2,
-)
+    "calibration-ablation", "II-C, II-H, reference 44", "Features left out and added", __doc__,
+    cases, report, minutes=50.0, claims=CLAIMS, drawn=2,
+)  # fmt: skip

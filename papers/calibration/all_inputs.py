@@ -14,10 +14,11 @@ from catenary.calibration.neural import PAPER, PAPER_LARGER, NetworkSettings
 from catenary.calibration.predictors import Network, fit_polynomial
 from catenary.calibration.valid_range import standardisation
 from papers.calibration.networks import network_model, parameters
-from papers.calibration.recordings import JOINTS, SETS, fitted, rows_of, unguarded
+from papers.calibration.recordings import SETS, fitted, rows_of, unguarded
 from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
 from papers.calibration.six_hours import INPUTS, fit_options, joint_rmse, left_by, measured
 from papers.experiment import Outcomes, Result, run
+from papers.kit import JOINTS
 
 TOLERANCE = 1e-9  # of the largest singular value of the standardised inputs
 ALL = ("all", "stamped")  # columns of `six_hours`
@@ -105,13 +106,13 @@ def sizes() -> Result:
     }
 
 
-def by_set(outcomes: Outcomes, model: str, columns: str, sets: Sequence[str] = SETS) -> dict[str, Floats]:
+def by_set(o: Outcomes, model: str, columns: str, sets: Sequence[str] = SETS) -> dict[str, Floats]:
     """Return errors by training set, the mean of the hours by robot and joint, (robots, 3); without those not run."""
     if columns == "16" or model not in ("polynomial", LARGER):
-        found = measured(outcomes, "unloaded", model, sets, columns=columns)
+        found = measured(o, "unloaded", model, sets, columns=columns)
         return dict(zip(sets, found.mean(axis=2).swapaxes(0, 1), strict=False)) if found.size else {}
     rows: dict[str, list[Floats]] = {}
-    for result in outcomes.of(all_inputs, columns=columns):
+    for result in o.of(all_inputs, columns=columns):
         for name in sets:
             if name in result[model]:
                 rows.setdefault(name, []).append(np.mean(result[model][name], axis=0))

@@ -9,40 +9,26 @@ process commands and the step from the previous one.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.recording.logs import read_log
-from catenary.reports.page import Table
 from catenary.units import DISPLAY
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
 from papers.calibration.peers.rows import Peer, Rows, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
-from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import legend_below, panels
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import by_robot, cells, grid, table
 
 FOLDER = "dvrk_calibration_berkeley"
 # camera failures of sampled_train, as the recordings' README bounds them (deg, deg, mm, deg, deg, deg)
@@ -71,6 +57,16 @@ PEERS: Mapping[str, Callable[..., Peer]] = {
 }
 
 
+def log_of(recording: str, data: Path) -> MotionLog:
+    """Read a recording."""
+    return read_log(data / FOLDER / f"{recording}.npz")
+
+
+def limit_of(recording: str) -> tuple[float, ...] | None:
+    """Return the error limits of a recording [deg|mm]: one has camera failures."""
+    return RECORDINGS.get(recording)
+
+
 def variants(kind: str) -> dict[str, FitOptions]:
     """Return a kind of model without memory, with previous commands, and with play states; `best` has play states."""
     options = KINDS[kind]
@@ -84,7 +80,7 @@ def model_errors(recording: str, kind: str, seed: int, data: Path) -> Result:
 
     With them, of the kind `linear`, the raw positions and the fixed offset.
     """
-    log = read_log(data / FOLDER / f"{recording}.npz")
+    log = log_of(recording, data)
     found = {}
     for name, options in variants(kind).items():
         chosen = replace(options, seed=seed)
@@ -101,7 +97,7 @@ def model_errors(recording: str, kind: str, seed: int, data: Path) -> Result:
 @run(revision=1)
 def peer_errors(recording: str, peer: str, seed: int, quick: bool, data: Path) -> Result:
     """Fit a peer to the same rows and test it on the same; return its RMSE per joint [deg|mm]."""
-    log = read_log(data / FOLDER / f"{recording}.npz")
+    log = log_of(recording, data)
     rows = rows_of_log(log, ("q",))
     trained, tested = parted(rows, _limit(recording))
     short = {RECURRENT: {"iterations": 100}, PROCESS: {"carried": 100, "chosen": 50}, TWO_PHASE: {"trees": 5}}
@@ -136,58 +132,41 @@ def cases(scope: Scope) -> list[Case]:
     found = []
     for recording in recordings:
         for kind in ("linear",) if scope.quick else KINDS:
-            for seed in scope.network_seeds if kind.startswith("neural") else (0,):
-                found.append(model_errors.case(recording=recording, kind=kind, seed=seed))
-        for peer in PEERS:
-            for seed in scope.network_seeds:
-                found.append(peer_errors.case(recording=recording, peer=peer, seed=seed, quick=scope.quick))
+            seeds = scope.network_seeds if kind.startswith("neural") else (0,)
+            found += grid(model_errors, {"seed": seeds}, recording=recording, kind=kind)
+        found += grid(peer_errors, {"peer": PEERS, "seed": scope.network_seeds}, recording=recording, quick=scope.quick)
     return found
 
 
-def errors(outcomes: Outcomes, recording: str) -> dict[str, Floats]:
-    """Return the RMSE of every model on a recording, (trainings, 6), in the tables' order."""
-    found: dict[str, list[Sequence[float]]] = {}
-    for result in (*outcomes.of(model_errors, recording=recording), *outcomes.of(peer_errors, recording=recording)):
+def errors(o: Outcomes, recording: str, what: str = "rmse") -> dict[str, Floats]:
+    """Return the RMSE of every model on a recording, (trainings, 6), in the tables' order; or shares `outside`."""
+    found: dict[str, list[Any]] = {}
+    for result in (*o.of(model_errors, recording=recording), *o.of(peer_errors, recording=recording)):
         for name, entry in result.items():
-            found.setdefault(name, []).append(entry["rmse"])
+            found.setdefault(name, []).append(entry[what])
     first = [name for name in ("raw", "fixed offset") if name in found]
-    return {name: np.array(found[name]) for name in [*first, *(each for each in found if each not in first)]}
+    return {name: by_robot(found[name]) for name in dict.fromkeys([*first, *found])}
 
 
-def outside(outcomes: Outcomes, recording: str) -> dict[str, float]:
-    """Return the share of held-out rows that lie out of the range of each model of ours."""
-    found: dict[str, list[float]] = {}
-    for result in outcomes.of(model_errors, recording=recording):
-        for name, entry in result.items():
-            found.setdefault(name, []).append(entry["outside"])
-    return {name: float(np.mean(shares)) for name, shares in found.items()}
-
-
-def present(outcomes: Outcomes) -> list[str]:
+def present(o: Outcomes) -> list[str]:
     """Return the recordings that have results."""
-    return [name for name in RECORDINGS if outcomes.of(peer_errors, recording=name)]
+    return [name for name in RECORDINGS if o.of(peer_errors, recording=name)]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return a table of all models for each recording, and the picture of the wrist's errors."""
+    header = ["model", *(f"{j} {u}" for j, u in zip(JOINTS, UNITS, strict=True)), "outside range"]
     tables = []
-    for recording in present(outcomes):
-        shares = outside(outcomes, recording)
-        rows = [
-            [
-                name,
-                *(mean_and_spread(values[:, j]) for j in range(len(JOINTS))),
-                f"{100.0 * shares[name]:.1f} %" if name in shares else "-",
-            ]
-            for name, values in errors(outcomes, recording).items()
+    for recording in present(o):
+        shares = errors(o, recording, "outside")
+        ours = {name for result in o.of(model_errors, recording=recording) for name in result}
+        content = [
+            [name, *cells(values), f"{100.0 * shares[name].mean():.1f} %" if name in ours else "-"]
+            for name, values in errors(o, recording).items()
         ]
-        header = ["model", *(f"{j} {u}" for j, u in zip(JOINTS, UNITS, strict=True)), "outside range"]
-        tables.append(TitledTable(f"{recording}: RMSE on the last fifth", Table(header, rows)))
-    picture = TitledPicture(
-        "RMSE over the fixed offset's, geometric mean over recordings; bars from least to greatest recording",
-        _picture(outcomes),
-    )
-    return Report(tables, [picture] if tables else [])
+        tables.append(table(f"{recording}: RMSE on the last fifth", header, content))
+    caption = "RMSE over the fixed offset's, geometric mean over recordings; bars from least to greatest recording"
+    return Report(tables, [TitledPicture(caption, _picture(o))] if tables else [])
 
 
 SHOWN = {
@@ -201,18 +180,17 @@ SHOWN = {
 }
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, (panel,) = panels(1, 3.6)
-    found = [errors(outcomes, recording) for recording in present(outcomes)]
+    found = [errors(o, recording) for recording in present(o)]
     for k, (name, color) in enumerate(SHOWN.items()):
         shares = [each[name].mean(axis=0) / each["fixed offset"].mean(axis=0) for each in found if name in each]
-        if not shares:
-            continue
-        middle = np.exp(np.mean(np.log(shares), axis=0))
-        spread = np.abs(np.array([np.min(shares, axis=0), np.max(shares, axis=0)]) - middle)
-        places = np.arange(len(JOINTS)) + 0.12 * (k - (len(SHOWN) - 1) / 2)
-        panel.bar(places, 100.0 * middle, 0.11, color=color, label=name)
-        panel.errorbar(places, 100.0 * middle, 100.0 * spread, fmt="none", ecolor="#1c2430", elinewidth=0.8)
+        if shares:
+            middle = np.exp(np.mean(np.log(shares), axis=0))
+            spread = np.abs(np.array([np.min(shares, axis=0), np.max(shares, axis=0)]) - middle)
+            places = np.arange(len(JOINTS)) + 0.12 * (k - (len(SHOWN) - 1) / 2)
+            panel.bar(places, 100.0 * middle, 0.11, color=color, label=name)
+            panel.errorbar(places, 100.0 * middle, 100.0 * spread, fmt="none", ecolor="#1c2430", elinewidth=0.8)
     panel.axhline(100.0, color="#b8bfc9", linewidth=0.8)
     panel.set_xticks(range(len(JOINTS)), JOINTS)
     panel.set_ylabel("RMSE [% of fixed offset]")
@@ -221,15 +199,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
 
 
 EXPERIMENT = Experiment(
-    name="calibration-dvrk",
-    paper="calibration",
-    place="II-K, on a real arm",
-    title="Joint errors of a real dVRK arm, ours beside the methods that the paper names",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=21.0,
-    drawn=0,
-    simulated=False,
-    needs_data=True,
-)
+    "calibration-dvrk", "II-K, on a real arm",
+    "Joint errors of a real dVRK arm, ours beside the methods that the paper names", __doc__,
+    cases, report, minutes=21.0, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip

@@ -5,33 +5,18 @@ is a minute and a half from the beginning of its hour. The figure is an example:
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
-from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS, fitted, rows_of, unguarded
+from papers.calibration.recordings import BEST, NETWORK, fitted, rows_of, unguarded
 from papers.calibration.sessions import DENOMINATORS, HOUR, TEST_RATE, recorded
 from papers.calibration.six_hours import MODELS, OFFSET, fit_options, left_by
-from papers.experiment import (
-    NOMINAL,
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import METHOD_COLORS, panels
 from papers.gravity.raven_base import SHOWN
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import JOINTS, UNITS, table
 
 HOURS = (0, 2, 5)
 SECONDS = 90.0  # of a section
@@ -92,9 +77,9 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the sections' errors, their positions as the paper draws them, and what is left of the errors."""
-    (result,) = outcomes.of(sections)
+    (result,) = o.of(sections)
     names = [name for name in result["0"] if name not in ("time", TRUTH)]
     rows = []
     for name in names:
@@ -107,7 +92,7 @@ def report(outcomes: Outcomes) -> Report:
     for hour in HOURS:
         header += [f"hour {hour}, {joint} [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True)]
     return Report(
-        [TitledTable("RMSE of the sections that are drawn", Table(header, rows))],
+        [table("RMSE of the sections that are drawn", header, rows)],
         [
             TitledPicture("Calibrated positions beside the external encoders'", _picture(result, names, left=False)),
             TitledPicture("What is left of the error in the same sections", _picture(result, names, left=True)),
@@ -119,7 +104,7 @@ def _array(result: Result, hour: int, name: str) -> Floats:
     return np.array(result[str(hour)][name])
 
 
-def _picture(result: Result, names: Sequence[str], *, left: bool) -> "Figure":
+def _picture(result: Result, names: Sequence[str], *, left: bool) -> Any:
     """Draw positions, or true less calibrated positions, of joints by hours."""
     figure, axes = panels(3, 6.0, rows=3, sharex=True, sharey="row" if left else False)
     for place, panel in enumerate(axes):
@@ -145,13 +130,6 @@ def _picture(result: Result, names: Sequence[str], *, left: bool) -> "Figure":
 
 
 EXPERIMENT = Experiment(
-    name="calibration-figure-7",
-    paper="calibration",
-    place="figure 7",
-    title="Calibrated positions in hours 0, 2 and 5",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,
-    drawn=0,
-)
+    "calibration-figure-7", "figure 7", "Calibrated positions in hours 0, 2 and 5", __doc__,
+    cases, report, minutes=2.0, drawn=0,
+)  # fmt: skip

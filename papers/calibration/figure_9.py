@@ -14,12 +14,12 @@ One error is less than another where it is so by more than 5 % and by more than 
 That margin was added after a first run.
 """
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from papers.calibration import published
 from papers.calibration.homings import (
     BASELINE,
@@ -33,20 +33,11 @@ from papers.calibration.homings import (
     per_robot,
 )
 from papers.calibration.judging import CLEARLY, CONSIDERABLE, by_joint, less, statement
-from papers.calibration.recordings import JOINTS, TEST_SECONDS, UNITS
-from papers.claims import by_count, graded, mean_and_spread
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.calibration.recordings import TEST_SECONDS
+from papers.claims import Claims, by_count, graded
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledPicture
+from papers.figures import legend_below, panels
+from papers.kit import IN_UNITS, cells, grid, joint_tables, rows, told
 
 HOMINGS = 5
 # sparsities before the first test, and those after it where the training sees a homing
@@ -81,78 +72,59 @@ def cases(scope: Scope) -> list[Case]:
     combinations, homings, seconds = (
         ((((1.0,), (1.0,)),), 1, 30.0) if scope.quick else (COMBINATIONS, HOMINGS, TEST_SECONDS)
     )
-    return [
-        homing_errors.case(
-            seed=seed,
-            seen=seen,
-            networks=scope.network_seeds,
-            ours=() if scope.quick else (0,),
-            combinations=combinations,
-            homings=homings,
-            test_seconds=seconds,
-        )
-        for seed in scope.robots
-        for seen in (0, 1)
-    ]
+    return grid(
+        homing_errors, {"seed": scope.robots, "seen": (0, 1)}, networks=scope.network_seeds,
+        ours=() if scope.quick else (0,), combinations=combinations, homings=homings, test_seconds=seconds,
+    )  # fmt: skip
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return a table per joint, and the picture in the paper's form."""
-    shown = [(chain, method) for chain in CHAINS for method in METHODS_SHOWN]
-    shown = [each for each in shown if len(errors(outcomes, *each))]
-    tables = []
-    for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
-        rows = []
-        for chain, method in shown:
-            per_robot = errors(outcomes, chain, method)[..., j].mean(axis=1)
-            rows.append([chain, method, *(mean_and_spread(column) for column in per_robot.T)])
-        homings = range(errors(outcomes, *shown[0]).shape[2]) if shown else ()
-        header = ["training", "model", *(f"{k} homings" if k != 1 else "1 homing" for k in homings)]
-        tables.append(
-            TitledTable(f"{joint} [{unit}], RMSE, mean of combinations, spread over robots", Table(header, rows))
-        )
+    count = max(len(each) for result in o.of(homing_errors) for chain in result.values() for each in chain["outside"])
+
+    def content(j: int) -> list[list[str]]:
+        def row(chain: str, method: str) -> list[str]:
+            return [chain, method, *cells(per_robot(o, chain, method)[..., j])]
+
+        return rows(row, CHAINS, METHODS_SHOWN)
+
+    header = ["training", "model", *(f"{k} homings" if k != 1 else "1 homing" for k in range(count))]
     caption = (
         "RMSE after homings: mean over robots and combinations of sparsities; shades are the standard deviation over "
         "combinations. Crosses and dotted lines are the paper's"
     )
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+    tables = joint_tables("{}, RMSE, mean of combinations, spread over robots", header, content)
+    return Report(tables, [TitledPicture(caption, _picture(o))], _remarks(o))
 
 
-def _remarks(outcomes: Outcomes) -> list[str]:
+def _remarks(o: Outcomes) -> list[str]:
     told = []
     for chain in CHAINS:
-        shares = [result[chain]["outside"] for result in outcomes.of(homing_errors) if chain in result]
-        if shares:
-            listed = ", ".join(f"{100.0 * share:.0f} %" for share in np.mean(shares, axis=(0, 1)))
-            told.append(f"Rows outside the valid range of models of 16 inputs, {chain}: {listed}.")
-            far = np.mean([r[chain]["tool"] for r in outcomes.of(homing_errors) if chain in r], axis=(0, 1))
-            told.append(
+        if found := [result[chain] for result in o.of(homing_errors) if chain in result]:
+            outside, far = (np.mean([each[what] for each in found], axis=(0, 1)) for what in ("outside", "tool"))
+            listed = ", ".join(f"{100.0 * share:.0f} %" for share in outside)
+            told += [
+                f"Rows outside the valid range of models of 16 inputs, {chain}: {listed}.",
                 f"Farthest tool joint from where it stood in training, in standard deviations of that, {chain}: "
-                f"{', '.join(f'{each:.1f}' for each in far)}."
-            )
+                f"{', '.join(f'{each:.1f}' for each in far)}.",
+            ]
     return told
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 5.4, rows=2, sharex=True)
     for row, method in enumerate(MODELS):
         for j in range(3):
             panel = axes[3 * row + j]
-            for chain in CHAINS:
-                reached = errors(outcomes, chain, method)[..., j]
-                if not len(reached):
-                    continue
+            for chain in (each for each in CHAINS if any(each in result for result in o.of(homing_errors))):
+                reached = errors(o, chain, method)[..., j]
                 middle, spread = reached.mean(axis=(0, 1)), reached.std(axis=1).mean(axis=0)
-                homings = np.arange(len(middle))
-                panel.plot(homings, middle, "o-", color=COLORS[chain], label=f"here, {chain}", ms=3)
-                panel.fill_between(
-                    homings, middle - spread, middle + spread, color=COLORS[chain], alpha=0.18, linewidth=0
-                )
+                homings, color = np.arange(len(middle)), COLORS[chain]
+                panel.plot(homings, middle, "o-", color=color, label=f"here, {chain}", ms=3)
+                panel.fill_between(homings, middle - spread, middle + spread, color=color, alpha=0.18, linewidth=0)
             _published(panel, method, j)
             panel.set_ylim(bottom=0.0)
-            panel.set_title(f"{method}, {JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+            panel.set_title(f"{method}, {IN_UNITS[j]}", fontsize=10)
             if row == 1:
                 panel.set_xlabel("homings")
     legend_below(figure, *axes)
@@ -172,63 +144,109 @@ def _published(panel: Any, method: str, joint: int) -> None:
             panel.axhline(value, color="#1c2430", linestyle=":", linewidth=1)
 
 
-def _flat(outcomes: Outcomes, joint: int, *, outliers: int) -> Judgement:
-    holds, told = [], []
-    for method in MODELS:
-        for chain in (NONE, ONE):
-            found = per_robot(outcomes, chain, method)[..., joint]
-            order = np.argsort(found.mean(axis=0))
-            least, greatest = found[:, order[0]], found[:, order[-1 - outliers]]
-            holds.append(bool(greatest.mean() <= FLAT * least.mean()))
-            told.append(f"{method}, {chain} {mean_and_spread(least)} to {mean_and_spread(greatest)}")
-    return by_count(holds, "; ".join(told))
+def _flat(o: Outcomes, joint: int, *, outliers: int) -> Judgement:
+    holds, said = [], []
+    for method, chain in product(MODELS, (NONE, ONE)):
+        found = per_robot(o, chain, method)[..., joint]
+        order = np.argsort(found.mean(axis=0))
+        least, greatest = found[:, order[0]], found[:, order[-1 - outliers]]
+        holds.append(bool(greatest.mean() <= FLAT * least.mean()))
+        said.append(f"{method}, {chain} {least} to {greatest}")
+    return by_count(holds, "; ".join(said))
 
 
-def _joint_1(outcomes: Outcomes) -> Judgement:
-    return _flat(outcomes, 0, outliers=0)
+def _greatest(o: Outcomes, chain: str, method: str) -> Floats:
+    """Return joint 2's errors (robots,) after that homing after which their mean is the greatest."""
+    found = per_robot(o, chain, method)[:, 1:, 1]
+    return found[:, found.mean(axis=0).argmax()]
 
 
-def _joint_3(outcomes: Outcomes) -> Judgement:
-    return _flat(outcomes, 2, outliers=1)
+CLAIMS = Claims()
 
 
-def _joint_2(outcomes: Outcomes) -> Judgement:
-    ends = {method: per_robot(outcomes, NONE, method)[:, [0, -1], 1].T for method in MODELS}
-    told = "; ".join(
-        f"{method} {mean_and_spread(first)} to {mean_and_spread(last)}" for method, (first, last) in ends.items()
-    )
+@CLAIMS(
+    "Joint 1: no obvious drop in accuracy by homing, seen in training or not",
+    "II-I, figure 9",
+    "network 0.117-0.146 and 0.133-0.152, linear 0.155-0.207 and 0.163-0.218 deg",
+    f"greatest over least of the six at most {FLAT}, mean over robots, for both models and datasets; same direction: "
+    "for more than half",
+    TOOL,
+)
+def _joint_1(o: Outcomes) -> Judgement:
+    return _flat(o, 0, outliers=0)
+
+
+@CLAIMS(
+    "Joint 2: accuracy drops significantly over five homings that training did not see",
+    "II-I, figure 9",
+    "network 0.255 to 0.627, linear 0.317 to 0.712 deg",
+    f"error after five homings at least {WORSE} times that before, mean over robots, and more, {CLEARLY}, for both "
+    "models; same direction: the latter for both",
+    DRAWN_ANEW,
+)
+def _joint_2(o: Outcomes) -> Judgement:
+    ends = {method: per_robot(o, NONE, method)[:, [0, -1], 1].T for method in MODELS}
+    told = "; ".join(f"{method} {first} to {last}" for method, (first, last) in ends.items())
     worse = all(last.mean() >= WORSE * first.mean() for first, last in ends.values())
     risen = all(less(first, last) for first, last in ends.values())
     return graded(worse and risen, risen, told)
 
 
-def _greatest(outcomes: Outcomes, chain: str, method: str) -> Floats:
-    """Return joint 2's errors (robots,) after that homing after which their mean is the greatest."""
-    found = per_robot(outcomes, chain, method)[:, 1:, 1]
-    return np.asarray(found[:, found.mean(axis=0).argmax()])
-
-
-def _one_seen(outcomes: Outcomes) -> Judgement:
-    greatest = {m: [_greatest(outcomes, chain, m) for chain in (NONE, ONE)] for m in MODELS}
-    told = "; ".join(
-        f"{method} {mean_and_spread(none)}, {mean_and_spread(one)}" for method, (none, one) in greatest.items()
-    )
+@CLAIMS(
+    "Joint 2: one homing in the training data keeps errors lower",
+    "II-I, figure 9",
+    "greatest of five: network 0.627, 0.413; linear 0.712, 0.493 deg",
+    f"greatest error after a homing at most {BETTER} times that with none seen, mean over robots, and less, {CLEARLY}, "
+    "for both models; same direction: the latter for both",
+    "which robots are hit, and after which homing, is drawn anew every time: the greatest error is that of one or two "
+    f"robots of six, and seeing another homing says little about it; {AS_ON_JOINT_1}",
+)
+def _one_seen(o: Outcomes) -> Judgement:
+    greatest = {m: [_greatest(o, chain, m) for chain in (NONE, ONE)] for m in MODELS}
+    told = "; ".join(f"{method} {none}, {one}" for method, (none, one) in greatest.items())
     better = all(one.mean() <= BETTER * none.mean() for none, one in greatest.values())
     lower = all(less(one, none) for none, one in greatest.values())
     return graded(better and lower, lower, f"greatest of five with none seen, one seen: {told}")
 
 
-def _one_seen_within(outcomes: Outcomes) -> Judgement:
-    greatest = {method: _greatest(outcomes, ONE, method) for method in MODELS}
-    told = ", ".join(f"{method} {mean_and_spread(each)}" for method, each in greatest.items())
+@CLAIMS(
+    "Joint 2: with one homing seen, errors stay within 0.413 deg and 0.493 deg",
+    "II-I",
+    "network 0.413, linear 0.493 deg",
+    "greatest error of five, mean over robots, no larger for both models",
+    AS_ON_JOINT_1,
+)
+def _one_seen_within(o: Outcomes) -> Judgement:
+    greatest = {method: _greatest(o, ONE, method) for method in MODELS}
     holds = [each.mean() <= published.HOMINGS_J2_SEEN[method] for method, each in greatest.items()]
-    return by_count(holds, told)
+    return by_count(holds, told(greatest))
 
 
-def _joint_2_most(outcomes: Outcomes) -> Judgement:
+@CLAIMS(
+    "Joint 3: close accuracy whether homing was seen or not, but for an outlier",
+    "II-I, figure 9",
+    "0.113-0.202 mm",
+    f"without the greatest of six, greatest over least at most {FLAT}, mean over robots, for both models and datasets; "
+    "same direction: for more than half",
+    AS_ON_JOINT_1,
+)
+def _joint_3(o: Outcomes) -> Judgement:
+    return _flat(o, 2, outliers=1)
+
+
+@CLAIMS(
+    "Homing hurts joint 2 considerably, joints 1 and 3 not",
+    "II-I, III, figure 9",
+    "joint 2 by 2.2 to 2.5 times, joints 1 and 3 not obviously",
+    "of errors after homings over those of the same motions without, mean over homings, joint 2's is the greatest, and "
+    f"more by {100.0 * CONSIDERABLE:.0f} % and the spread over robots, for both models; beside it, those of joints 1 "
+    f"and 3 are less than {1.0 + CONSIDERABLE}; same direction cannot be for one model alone",
+    f"the network's joint 2 is hit on one robot or two of six, and hardly on the others; {AS_ON_JOINT_1}",
+)
+def _joint_2_most(o: Outcomes) -> Judgement:
     hurt, spared, told = [], [], []
     for method in MODELS:
-        homed, stayed = (per_robot(outcomes, chain, method)[:, 1:].mean(axis=1) for chain in (NONE, BASELINE))
+        homed, stayed = (per_robot(o, chain, method)[:, 1:].mean(axis=1) for chain in (NONE, BASELINE))
         grown = homed / stayed
         hurt.append(bool(less(stayed, homed, CONSIDERABLE)[1] and grown.mean(axis=0).argmax() == 1))
         spared += [ratio < 1.0 + CONSIDERABLE for ratio in grown.mean(axis=0)[[0, 2]]]
@@ -236,73 +254,7 @@ def _joint_2_most(outcomes: Outcomes) -> Judgement:
     return statement(hurt, spared, "error over that without homing: " + "; ".join(told))
 
 
-CLAIMS = (
-    Claim(
-        "Joint 1: no obvious drop in accuracy by homing, seen in training or not",
-        "II-I, figure 9",
-        "network 0.117-0.146 and 0.133-0.152, linear 0.155-0.207 and 0.163-0.218 deg",
-        f"greatest over least of the six at most {FLAT}, mean over robots, for both models and datasets; same "
-        "direction: for more than half",
-        _joint_1,
-        TOOL,
-    ),
-    Claim(
-        "Joint 2: accuracy drops significantly over five homings that training did not see",
-        "II-I, figure 9",
-        "network 0.255 to 0.627, linear 0.317 to 0.712 deg",
-        f"error after five homings at least {WORSE} times that before, mean over robots, and more, {CLEARLY}, for both "
-        "models; same direction: the latter for both",
-        _joint_2,
-        DRAWN_ANEW,
-    ),
-    Claim(
-        "Joint 2: one homing in the training data keeps errors lower",
-        "II-I, figure 9",
-        "greatest of five: network 0.627, 0.413; linear 0.712, 0.493 deg",
-        f"greatest error after a homing at most {BETTER} times that with none seen, mean over robots, and less, "
-        f"{CLEARLY}, for both models; same direction: the latter for both",
-        _one_seen,
-        why="which robots are hit, and after which homing, is drawn anew every time: the greatest error is that of one "
-        "or two robots of six, and seeing another homing says little about it; "
-        f"{AS_ON_JOINT_1}",
-    ),
-    Claim(
-        "Joint 2: with one homing seen, errors stay within 0.413 deg and 0.493 deg",
-        "II-I",
-        "network 0.413, linear 0.493 deg",
-        "greatest error of five, mean over robots, no larger for both models",
-        _one_seen_within,
-        AS_ON_JOINT_1,
-    ),
-    Claim(
-        "Joint 3: close accuracy whether homing was seen or not, but for an outlier",
-        "II-I, figure 9",
-        "0.113-0.202 mm",
-        f"without the greatest of six, greatest over least at most {FLAT}, mean over robots, for both models and "
-        "datasets; same direction: for more than half",
-        _joint_3,
-        AS_ON_JOINT_1,
-    ),
-    Claim(
-        "Homing hurts joint 2 considerably, joints 1 and 3 not",
-        "II-I, III, figure 9",
-        "joint 2 by 2.2 to 2.5 times, joints 1 and 3 not obviously",
-        "of errors after homings over those of the same motions without, mean over homings, joint 2's is the greatest, "
-        f"and more by {100.0 * CONSIDERABLE:.0f} % and the spread over robots, for both models; beside it, those of "
-        f"joints 1 and 3 are less than {1.0 + CONSIDERABLE}; same direction cannot be for one model alone",
-        _joint_2_most,
-        f"the network's joint 2 is hit on one robot or two of six, and hardly on the others; {AS_ON_JOINT_1}",
-    ),
-)
-
 EXPERIMENT = Experiment(
-    name="calibration-figure-9",
-    paper="calibration",
-    place="figure 9",
-    title="Calibration after homing again",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=50.0,
-    claims=CLAIMS,
-)
+    "calibration-figure-9", "figure 9", "Calibration after homing again", __doc__,
+    cases, report, minutes=50.0, claims=CLAIMS,
+)  # fmt: skip

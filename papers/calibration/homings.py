@@ -16,31 +16,20 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
-from papers.calibration.recordings import (
-    BEST,
-    METHODS,
-    NETWORK,
-    calibration_log,
-    draws,
-    fitted,
-    homed,
-    mean,
-    random_log,
-    rmse,
-    rows_of,
-    unguarded,
-)
+from papers.calibration import recordings
+from papers.claims import Missing
 from papers.experiment import Outcomes, Result, run
+from papers.kit import by_robot
 
 TESTS = 900  # number of the first test motion among a robot's draws
 Tests = dict[str, list[MotionLog]]  # by chain
 Between = Callable[[CablePlant], None]  # what is done to a robot between two test motions
-MODELS = (NETWORK, "linear")
+MODELS = (recordings.NETWORK, "linear")
 GUARDED = {name: f"{name}, valid range" for name in MODELS}
 BASELINE, NONE, ONE = "no homing", "none seen", "one seen"
 CHAINS = (BASELINE, NONE, ONE)
 POSITIONING = "linear, positioning joints"
-METHODS_SHOWN = (*MODELS, *GUARDED.values(), POSITIONING, BEST)
+METHODS_SHOWN = (*MODELS, *GUARDED.values(), POSITIONING, recordings.BEST)
 TOOLS = ("roll", "wrist", "jaw1", "jaw2")
 
 
@@ -70,7 +59,7 @@ def random_tests(
     for place, number in enumerate(numbers):
         if place:
             between(plant)
-        logs.append(random_log(plant, draws(seed, TESTS, number), seconds, columns=columns))
+        logs.append(recordings.random_log(plant, recordings.draws(seed, TESTS, number), seconds, columns=columns))
     return logs
 
 
@@ -99,7 +88,7 @@ def homing_errors(
         By chain of tests and method: for every combination, RMSE after 0, 1 ... homings on J1 [deg], J2 [deg], J3
         [mm]. `outside`: share of test rows beyond the network's valid range.
     """
-    plant = homed(seed)
+    plant = recordings.homed(seed)
     first = _part(plant, seed, 0, [before for before, _ in combinations])
     if seen:
         tests: Tests = {ONE: random_tests(plant, seed, [0], test_seconds, home_here)}
@@ -115,26 +104,34 @@ def homing_errors(
     for combination in combinations:
         train = [part[s] for part, used in zip((first, second), combination, strict=True) for s in used]
         for name in MODELS:
-            models = _trainings(train, METHODS[name], networks)
-            _add(reached, name, [unguarded(model) for model in models], tests)
+            models = _trainings(train, recordings.METHODS[name], networks)
+            _add(reached, name, [recordings.unguarded(model) for model in models], tests)
             _add(reached, GUARDED[name], models, tests)
         for chain, logs in tests.items():
             reached[chain]["outside"].append([outside(models[0], log) for log in logs])
             reached[chain]["tool"].append([tool_shift(train, log) for log in logs])
-        _add(reached, POSITIONING, [fitted(train, FitOptions(kind="linear", inputs=POSITIONING_INPUTS))], tests)
+        _add(
+            reached,
+            POSITIONING,
+            [recordings.fitted(train, FitOptions(kind="linear", inputs=POSITIONING_INPUTS))],
+            tests,
+        )
     if ours:
-        _add(reached, BEST, _trainings(train, METHODS[BEST], ours), tests)
+        _add(reached, recordings.BEST, _trainings(train, recordings.METHODS[recordings.BEST], ours), tests)
     return reached
 
 
 def _part(plant: CablePlant, seed: int | None, number: int, used: Sequence[Sequence[float]]) -> dict[float, MotionLog]:
     sparsities = sorted({sparsity for each in used for sparsity in each}, reverse=True)
-    return {s: calibration_log(plant, draws(seed, number, round(1 / s)), sparsities=(s,)) for s in sparsities}
+    return {
+        s: recordings.calibration_log(plant, recordings.draws(seed, number, round(1 / s)), sparsities=(s,))
+        for s in sparsities
+    }
 
 
 def _trainings(train: Sequence[MotionLog], options: FitOptions, networks: Sequence[int]) -> list[CalibrationModel]:
     seeds = networks if options.kind == "neural" else (0,)
-    return [fitted(train, replace(options, seed=network)) for network in seeds]
+    return [recordings.fitted(train, replace(options, seed=network)) for network in seeds]
 
 
 def _add(
@@ -143,14 +140,14 @@ def _add(
     for chain, logs in tests.items():
         of_tests = []
         for log in logs:
-            rows = rows_of(models[0], log)
-            of_tests.append(mean([rmse(model, rows) for model in models]))
+            rows = recordings.rows_of(models[0], log)
+            of_tests.append(recordings.mean([recordings.rmse(model, rows) for model in models]))
         reached[chain].setdefault(method, []).append(of_tests)
 
 
 def outside(model: CalibrationModel, log: MotionLog) -> float:
     """Return the share of a recording's rows outside a model's valid range."""
-    return evaluate(model, rows_of(model, log)).joints[0].outside_valid_range
+    return evaluate(model, recordings.rows_of(model, log)).joints[0].outside_valid_range
 
 
 def tool_shift(train: Sequence[MotionLog], test: MotionLog) -> float:
@@ -162,12 +159,18 @@ def tool_shift(train: Sequence[MotionLog], test: MotionLog) -> float:
     return float(max(shifts))
 
 
-def errors(outcomes: Outcomes, chain: str, method: str) -> Floats:
-    """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests; empty where none ran."""
-    found = [result[chain][method] for result in outcomes.of(homing_errors) if method in result.get(chain, {})]
-    return np.array(found) if found else np.zeros((0, 1, 1, 3))
+def errors(o: Outcomes, chain: str, method: str) -> Floats:
+    """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests.
+
+    Raises:
+        Missing: None ran.
+    """
+    found = [result[chain][method] for result in o.of(homing_errors) if method in result.get(chain, {})]
+    if not found:
+        raise Missing(f"{chain}, {method}")
+    return by_robot(found)
 
 
-def per_robot(outcomes: Outcomes, chain: str, method: str) -> Floats:
+def per_robot(o: Outcomes, chain: str, method: str) -> Floats:
     """Return RMSE (robots, 1 + homings, 3) of a method along a chain of tests, the mean over combinations."""
-    return np.asarray(errors(outcomes, chain, method).mean(axis=1))
+    return errors(o, chain, method).mean(axis=1)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from papers.calibration.recordings import JOINTS
-from papers.claims import NOT_MEASURED, graded, mean_and_spread
+from papers.claims import graded, mean_and_spread
 from papers.experiment import Judgement, Verdict
+from papers.kit import JOINTS, by_robot, told
 
 MARGIN = 0.05  # of the larger error
 CONSIDERABLE = 0.2  # of the larger error: what the paper calls considerably better
@@ -73,13 +73,10 @@ def near(
         share: Largest relative difference that counts as reproduced.
         direction: Statements that all hold where the numbers go the paper's way.
     """
-    if not reached:
-        return NOT_MEASURED
     close = all(
         abs(values.mean() - published[name]) <= share * abs(published[name]) for name, values in reached.items()
     )
-    told = ", ".join(f"{name} {mean_and_spread(values)}" for name, values in reached.items())
-    return graded(close, all(direction), told)
+    return graded(close, all(direction), told({name: by_robot(values) for name, values in reached.items()}))
 
 
 def by_joint(*samples: Floats, digits: int = 3, unit: str = "") -> str:

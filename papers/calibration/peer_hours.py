@@ -117,6 +117,6 @@ def peer_cases(scope: Scope) -> list[Case]:
     ]
 
 
-def peer_errors(outcomes: Outcomes, peer: str, kind: str = "errors") -> Floats:
+def peer_errors(o: Outcomes, peer: str, kind: str = "errors") -> Floats:
     """Return what was measured of a peer, (robots, hours, numbers); `kind` is "errors" or "tip"."""
-    return np.array([[hour[kind] for hour in result[peer]] for result in outcomes.of(peer_hours)])
+    return np.array([[hour[kind] for hour in result[peer]] for result in o.of(peer_hours)])

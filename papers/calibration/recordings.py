@@ -23,8 +23,6 @@ from catenary.trajectories.zigzag import Direction
 from catenary.workflows.project.calibrate import RAVEN_INPUTS
 from papers.calibration.inputs import SIXTEEN
 
-JOINTS = ("J1", "J2", "J3")
-UNITS = ("deg", "deg", "mm")
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)  # 1013 s, of table I
 TEST_SECONDS = 1200.0
 # training sets of II-F to II-H: every combination of sparsities no longer than the last, the shortest first

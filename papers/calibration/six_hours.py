@@ -186,7 +186,7 @@ def _few_models(condition: Condition, models: Sequence[str]) -> list[str]:
 
 
 def measured(
-    outcomes: Outcomes,
+    o: Outcomes,
     condition: Condition,
     model: str,
     sets: Sequence[str] = SETS,
@@ -198,7 +198,7 @@ def measured(
     """Return what was measured of a model, (robots, sets, hours, numbers); sets as far as every robot has them.
 
     Args:
-        outcomes: Of `six_hours`.
+        o: Of `six_hours`.
         condition: Its argument.
         model: Name, "raw" and "fixed offset" among them.
         sets: Training sets.
@@ -207,7 +207,7 @@ def measured(
         columns: Argument of the cases.
     """
     robots: dict[int | None, dict[str, list[list[float]]]] = {}
-    for told, result in outcomes.items(six_hours, condition=condition, target=target, columns=columns):
+    for told, result in o.items(six_hours, condition=condition, target=target, columns=columns):
         for name, hours in result.get(model, {}).items():
             robots.setdefault(told["seed"], {})[name] = [hour[kind] for hour in hours]
     known = [name for name in sets if robots and all(name in found for found in robots.values())]

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from catenary import MotionLog
-from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from papers.calibration.homings import outside
 from papers.calibration.recordings import (
@@ -31,7 +30,7 @@ from papers.calibration.recordings import (
     rows_of,
     unguarded,
 )
-from papers.experiment import Outcomes, Result, run
+from papers.experiment import Result, run
 
 RECORDINGS = {"1/2": 5, "1/3": 5, "1/4": 5, "1/5": 3, "1/6": 3}
 MODELS = (NETWORK, "polynomial", "linear")
@@ -118,42 +117,3 @@ def sparsity_errors(
 def _seconds(log: MotionLog) -> float:
     time = np.asarray(log.time)
     return float(time[-1] - time[0])
-
-
-def combinations(outcomes: Outcomes) -> dict[str, float]:
-    """Return how long every combination that has run takes to record [s], the shortest first."""
-    seconds: dict[str, list[float]] = {}
-    for told, result in outcomes.items(sparsity_errors):
-        seconds.setdefault(told["name"], []).append(result["seconds"])
-    return dict(sorted(((name, float(np.mean(each))) for name, each in seconds.items()), key=lambda one: one[1]))
-
-
-def repetitions(outcomes: Outcomes, name: str, method: str) -> Floats:
-    """Return the RMSE (robots, repetitions, 3) of a method trained with a combination."""
-    return np.array([result[method] for result in outcomes.of(sparsity_errors, name=name)])
-
-
-def middle(outcomes: Outcomes, name: str, method: str) -> Floats:
-    """Return the RMSE (3,) of a method trained with a combination, mean over robots and repetitions."""
-    return np.asarray(repetitions(outcomes, name, method).mean(axis=(0, 1)))
-
-
-def deviation(outcomes: Outcomes, name: str, method: str) -> Floats:
-    """Return the standard deviation (3,) over repetitions, mean over robots."""
-    return np.asarray(deviations(outcomes, name, method).mean(axis=0))
-
-
-def by_robot(outcomes: Outcomes, names: Sequence[str], method: str) -> Floats:
-    """Return the RMSE (robots, 3) of a method, mean over combinations and their repetitions."""
-    return np.asarray(np.mean([repetitions(outcomes, name, method).mean(axis=1) for name in names], axis=0))
-
-
-def deviations(outcomes: Outcomes, name: str, method: str) -> Floats:
-    """Return the standard deviation (robots, 3) over repetitions."""
-    return np.asarray(repetitions(outcomes, name, method).std(axis=1, ddof=1))
-
-
-def short_and_long(outcomes: Outcomes) -> tuple[list[str], list[str]]:
-    """Return the combinations below 500 s and those above 800 s, each the shortest first."""
-    seconds = combinations(outcomes)
-    return [n for n, time in seconds.items() if time < SHORT], [n for n, time in seconds.items() if time > LONG]

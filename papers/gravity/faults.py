@@ -14,7 +14,7 @@ sensors that fail: none of this is a claim of its own.
 from collections.abc import Sequence
 from copy import deepcopy
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from catenary.arrays import Floats
 from catenary.control.loop import Tick
 from catenary.control.loop_report import GravityReport, LoopReport
 from catenary.errors import SensorError
-from catenary.reports.page import Table
 from catenary.sensing.fallback import FALLBACKS
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import Mailbox
@@ -34,24 +33,10 @@ from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import with_approach
-from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, turned_base
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import grid, sample, table
 
 BASE_DEG = 20.0  # about Z0
 WARM, BEGIN, LASTS, SECONDS = 0.8, 0.5, 1.0, 2.0  # [s] sensor before the motion, fault in the motion, motion
@@ -154,11 +139,7 @@ def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot and fallback."""
     if scope.quick:
         return [break_sensor.case(seed=None, fallback="fade", kinds=["drop_out"])]
-    return [
-        break_sensor.case(seed=seed, fallback=fallback, kinds=FAULT_KINDS)
-        for seed in scope.robots
-        for fallback in FALLBACKS
-    ]
+    return grid(break_sensor, {"seed": scope.robots, "fallback": FALLBACKS}, kinds=FAULT_KINDS)
 
 
 def _gravity(report: LoopReport) -> GravityReport:
@@ -181,71 +162,51 @@ def _motion(seed: int, seconds: float) -> SmoothedPath:
     )
 
 
-def moved(outcomes: Outcomes, kind: str, fallback: str) -> Floats:
+def moved(o: Outcomes, kind: str, fallback: str) -> Floats:
     """Return how far a fault moved the joints under a fallback, (robots, 3) [deg, deg, mm]."""
-    found = outcomes.of(break_sensor, fallback=fallback)
-    return np.array([result[kind]["moved"] for result in found if kind in result]).reshape(-1, 3)
+    return sample(o, break_sensor, kind, "moved", fallback=fallback)
 
 
-def _shown(outcomes: Outcomes) -> tuple[list[str], list[str]]:
+def turned(o: Outcomes, kind: str, fallback: str) -> Floats:
+    """Return how far a fault moved joint 1 or 2, robot by robot [deg]."""
+    return moved(o, kind, fallback)[:, :2].max(axis=1)
+
+
+def _shown(o: Outcomes) -> tuple[list[str], list[str]]:
     """Return kinds and fallbacks of which there are results."""
-    names = [name for name in FALLBACKS if outcomes.of(break_sensor, fallback=name)]
-    kinds = [kind for kind in FAULT_KINDS if any(kind in one for one in outcomes.of(break_sensor))]
-    return kinds, names
+    names = [name for name in FALLBACKS if o.of(break_sensor, fallback=name)]
+    return [kind for kind in FAULT_KINDS if any(kind in one for one in o.of(break_sensor))], names
 
 
-def fault_table(outcomes: Outcomes) -> Table:
-    """Return for each fault how far it moved the arm under each fallback, and how it was named."""
-    kinds, fallbacks = _shown(outcomes)
-    rows = []
-    for kind in kinds:
-        of = [one[kind] for one in outcomes.of(break_sensor) if kind in one]
-        cells = []
-        for name in fallbacks:
-            off = moved(outcomes, kind, name)
-            stops = any(one["stopped"] for one in of if one["fallback"] == name)
-            told = f"{mean_and_spread(off[:, :2].max(axis=1))} deg, {mean_and_spread(off[:, 2])} mm"
-            cells.append(told + (", stopped" if stops else ""))
-        named = dict.fromkeys(name for one in of for name in one["faults"])
-        seen = max((one["statuses"] for one in of if not one["stopped"]), key=len, default=["stop"])
-        rows.append([kind, ", ".join(named) or "-", " ".join(seen), *cells])
-    return Table(["sensor", "named", "gravity was", *fallbacks], rows)
+def _fault_row(o: Outcomes, kind: str) -> list[str]:
+    """Return how a fault was named, and how far it moved the arm under each fallback."""
+    of = [one[kind] for one in o.of(break_sensor) if kind in one]
+    found = []
+    for name in _shown(o)[1]:
+        stops = any(one["stopped"] for one in of if one["fallback"] == name)
+        end = ", stopped" if stops else ""
+        found.append(f"{turned(o, kind, name)} deg, {moved(o, kind, name)[:, 2]} mm{end}")
+    named = dict.fromkeys(name for one in of for name in one["faults"])
+    seen = max((one["statuses"] for one in of if not one["stopped"]), key=len, default=["stop"])
+    return [kind, ", ".join(named) or "-", " ".join(seen), *found]
 
 
-def largest_table(outcomes: Outcomes) -> Table:
-    """Return for each fallback the fault that moved joint 1 or 2 most, and the next."""
-    kinds, fallbacks = _shown(outcomes)
-    rows = []
-    for name in fallbacks:
-        most = {kind: float(moved(outcomes, kind, name)[:, :2].max()) for kind in kinds}
-        order = sorted(kinds, key=most.__getitem__, reverse=True)
-        cells = [f"{most[kind]:.3f} deg, {kind}" for kind in order[:2]]
-        slid = max(float(moved(outcomes, kind, name)[:, 2].max()) for kind in kinds)
-        rows.append([name, *cells, *["-"] * (2 - len(cells)), f"{slid:.3f} mm"])
-    return Table(["fallback", "joint 1 or 2, at most", "next", "joint 3, at most"], rows)
+def _largest_row(o: Outcomes, name: str) -> list[str]:
+    """Return the fault that moved joint 1 or 2 most under a fallback, and the next."""
+    kinds, _ = _shown(o)
+    most = {kind: float(turned(o, kind, name).max()) for kind in kinds}
+    order = sorted(kinds, key=most.__getitem__, reverse=True)
+    first = [f"{most[kind]:.3f} deg, {kind}" for kind in order[:2]]
+    slid = max(float(moved(o, kind, name)[:, 2].max()) for kind in kinds)
+    return [name, *first, *["-"] * (2 - len(first)), f"{slid:.3f} mm"]
 
 
-def message_table(outcomes: Outcomes) -> Table:
-    """Return the message of each fault that was named."""
-    said = {
-        name: text
-        for result in outcomes.of(break_sensor)
-        for one in result.values()
-        for name, text in zip(one["faults"], one["messages"], strict=True)
-    }
-    return Table(["fault", "message"], [[name, text] for name, text in said.items()])
-
-
-def picture(outcomes: Outcomes) -> "Figure":
+def picture(o: Outcomes) -> Any:
     """Draw how far each fault moved joint 1 or 2, robot by robot, by fallback."""
-    kinds, fallbacks = _shown(outcomes)
+    kinds, fallbacks = _shown(o)
     drawn, (axes,) = panels(1, 0.28 * len(kinds) + 1.2)
     for k, name in enumerate(fallbacks):
-        points = [
-            (value, row + 0.18 * (k - 1.5))
-            for row, kind in enumerate(kinds)
-            for value in moved(outcomes, kind, name)[:, :2].max(axis=1)
-        ]
+        points = [(each, i + 0.18 * (k - 1.5)) for i, kind in enumerate(kinds) for each in turned(o, kind, name)]
         axes.plot(*zip(*points, strict=True), "o", ms=4, color=COLORS[name], label=name)
     axes.axvline(LIMIT_DEG, color="#b8c0cc", linewidth=1.0)
     axes.set_yticks(range(len(kinds)), kinds, fontsize=8)
@@ -256,42 +217,36 @@ def picture(outcomes: Outcomes) -> "Figure":
     return drawn
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the largest motions, all of them, what was said, and the picture."""
-    kinds, fallbacks = _shown(outcomes)
-    unnamed = [
-        kind for kind in kinds if not any(one[kind]["faults"] for one in outcomes.of(break_sensor) if kind in one)
+    kinds, names = _shown(o)
+    every = [one for result in o.of(break_sensor) for one in result.values()]
+    unnamed = [kind for kind in kinds if not any(one["faults"] for one in every if one["fault"] == kind)]
+    said = {name: text for one in every for name, text in zip(one["faults"], one["messages"], strict=True)}
+    worst = max(float(turned(o, kind, name).max()) for kind in kinds for name in names)
+    tables = [
+        table(
+            "Largest motion because of any fault, by fallback, of all robots",
+            "fallback | joint 1 or 2, at most | next | joint 3, at most",
+            [_largest_row(o, name) for name in names],
+        ),
+        table(
+            "Largest motion because of a fault, mean and spread over robots",
+            ["sensor", "named", "gravity was", *names],
+            [_fault_row(o, kind) for kind in kinds],
+        ),
+        table("What is said", "fault | message", list(said.items())),
     ]
-    worst = max(float(moved(outcomes, kind, name)[:, :2].max()) for kind in kinds for name in fallbacks)
-    over = "more" if worst > LIMIT_DEG else "less"
-    return Report(
-        [
-            TitledTable("Largest motion because of any fault, by fallback, of all robots", largest_table(outcomes)),
-            TitledTable("Largest motion because of a fault, mean and spread over robots", fault_table(outcomes)),
-            TitledTable("What is said", message_table(outcomes)),
-        ],
-        [
-            TitledPicture(
-                f"Motion because of a sensor's fault, by fallback; dots are robots, the line is {LIMIT_DEG:g} deg",
-                picture(outcomes),
-            )
-        ],
-        [
-            f"{len(kinds)} faults of {LASTS:g} s, under {len(fallbacks)} fallbacks. The largest motion of joint 1 or 2 "
-            f"is {worst:.3f} deg, {over} than {LIMIT_DEG:g} deg. "
-            f"Not named in the report: {', '.join(unnamed) or 'none'}."
-        ],
+    caption = f"Motion because of a sensor's fault, by fallback; dots are robots, the line is {LIMIT_DEG:g} deg"
+    remark = (
+        f"{len(kinds)} faults of {LASTS:g} s, under {len(names)} fallbacks. The largest motion of joint 1 or 2 is "
+        f"{worst:.3f} deg, {'more' if worst > LIMIT_DEG else 'less'} than {LIMIT_DEG:g} deg. Not named in the report: "
+        f"{', '.join(unnamed) or 'none'}."
     )
+    return Report(tables, [TitledPicture(caption, picture(o))], [remark])
 
 
 EXPERIMENT = Experiment(
-    name="gravity-faults",
-    paper="gravity",
-    place="beyond the paper",
-    title="Faults of the gravity sensor in mid-motion",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=3.0,
-    drawn=2,
-)
+    "gravity-faults", "beyond the paper", "Faults of the gravity sensor in mid-motion", __doc__,
+    cases, report, minutes=3.0, drawn=2,
+)  # fmt: skip

@@ -13,44 +13,17 @@ from an inertial unit. What swings up is counted by the argument principle, from
 makes stable down to a base without mass, which leaves the arm alone.
 """
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
-from papers.claims import graded
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.claims import Claims, graded
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import FOUR_COLORS, legend_below, panels
-from papers.gravity.coupling import (
-    GRID,
-    Sensing,
-    blind,
-    estimator,
-    held_sample,
-    joint_response,
-    largest_unstable_base,
-    loop,
-    raven_on,
-    smallest_base,
-)
+from papers.gravity import coupling
 from papers.gravity.raven_base import SHOWN
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import table
 
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # [Hz]
 BASE_HZ = (2.0, 5.0, 10.0, 20.0)
@@ -72,31 +45,43 @@ def responses(points: int) -> Result:
         `unstable`: smallest stable and largest unstable size by motion, natural frequency and way of knowing gravity;
         `own`: of the arm alone; `sustained`: what joints lack [Nm, Nm, N] and how far they go [deg, deg, mm].
     """
-    sensed, held = estimator(points=points), held_sample(100.0, 0.01)
-    sensing = (Sensing(blind, blind), Sensing(held, blind), Sensing(sensed.gravity, blind), sensed)
+    sensed, held = coupling.estimator(points=points), coupling.held_sample(100.0, 0.01)
+    sensing = (
+        coupling.Sensing(coupling.blind, coupling.blind),
+        coupling.Sensing(held, coupling.blind),
+        coupling.Sensing(sensed.gravity, coupling.blind),
+        sensed,
+    )
     ways = dict(zip(WAYS, sensing, strict=True))
-    turn, sway = raven_on("turn"), raven_on("x")
-    kept = GRID[(GRID >= 0.1) & (GRID <= 20.0)]
-    near = np.unique(np.concatenate([GRID[GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
+    turn, sway = coupling.raven_on("turn"), coupling.raven_on("x")
+    kept = coupling.GRID[(coupling.GRID >= 0.1) & (coupling.GRID <= 20.0)]
+    near = np.unique(np.concatenate([coupling.GRID[coupling.GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
     stable: dict[str, dict[str, list[float]]] = {}
     unstable: dict[str, dict[str, list[float]]] = {}
     for motion in MOTIONS:
-        arm = raven_on(motion)
-        stable[motion] = {name: [smallest_base(arm, way, hz) for hz in BASE_HZ] for name, way in ways.items()}
-        unstable[motion] = {name: [largest_unstable_base(arm, way, hz) for hz in BASE_HZ] for name, way in ways.items()}
+        arm = coupling.raven_on(motion)
+        stable[motion] = {name: [coupling.smallest_base(arm, way, hz) for hz in BASE_HZ] for name, way in ways.items()}
+        unstable[motion] = {
+            name: [coupling.largest_unstable_base(arm, way, hz) for hz in BASE_HZ] for name, way in ways.items()
+        }
     return {
-        "response": {name: np.abs(joint_response(turn, FREQUENCIES, way)[:, 0]).tolist() for name, way in ways.items()},
+        "response": {
+            name: np.abs(coupling.joint_response(turn, FREQUENCIES, way)[:, 0]).tolist() for name, way in ways.items()
+        },
         "curves": {
             "rocking_hz": _rounded(kept),
-            "joint": {name: _rounded(np.abs(joint_response(turn, kept, way)[:, 0])) for name, way in ways.items()},
+            "joint": {
+                name: _rounded(np.abs(coupling.joint_response(turn, kept, way)[:, 0])) for name, way in ways.items()
+            },
             "around_hz": _rounded(near),
             "around": {
-                name: _rounded(np.abs(loop(sway, near, way, DRAWN_HZ)) / DRAWN_KG) for name, way in ways.items()
+                name: _rounded(np.abs(coupling.loop(sway, near, way, DRAWN_HZ)) / DRAWN_KG)
+                for name, way in ways.items()
             },
         },
         "stable": stable,
         "unstable": unstable,
-        "own": {motion: raven_on(motion).own for motion in MOTIONS},
+        "own": {motion: coupling.raven_on(motion).own for motion in MOTIONS},
         "sustained": [
             {"acceleration": a, "lacking": (sway.h * a).tolist(), "off": (sway.h * a / sway.kp * SHOWN).tolist()}
             for a in ACCELERATIONS
@@ -113,11 +98,11 @@ def cases(scope: Scope) -> list[Case]:
     return [responses.case(points=6 if scope.quick else POINTS)]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return what joints feel of a base, which bases are stable, which swing up, and the picture."""
-    (found,) = outcomes.of(responses)
+    (found,) = o.of(responses)
     own = found["own"]
-    rows = [[f"{hz:g}", *(f"{found['response'][name][k]:.5f}" for name in WAYS)] for k, hz in enumerate(FREQUENCIES)]
+    felt = [[f"{hz:g}", *(f"{found['response'][name][k]:.5f}" for name in WAYS)] for k, hz in enumerate(FREQUENCIES)]
     pushed = [
         [
             f"{one['acceleration']:g}",
@@ -127,33 +112,32 @@ def report(outcomes: Outcomes) -> Report:
         ]
         for one in found["sustained"]
     ]
-    tables = {
-        "Joint 1's error per angle of a rocking base [rad/rad]": Table(["rocking [Hz]", *WAYS], rows),
-        "Smallest base that is stable by small gain": _sizes(found["stable"]),
-        "Largest base that swings up, by the count of unstable roots": _sizes(found["unstable"]),
-        "Sustained acceleration": Table(
-            ["along x [m/s2]", "lacking [Nm Nm N]", "tilt only: J1 J2 J3 off [deg deg mm]", "accelerometer"], pushed
+    tables = [
+        table("Joint 1's error per angle of a rocking base [rad/rad]", ["rocking [Hz]", *WAYS], felt),
+        table("Smallest base that is stable by small gain", ["base", *WAYS], _sizes(found["stable"])),
+        table(
+            "Largest base that swings up, by the count of unstable roots", ["base", *WAYS], _sizes(found["unstable"])
         ),
-    }
-    return Report(
-        [TitledTable(title, table) for title, table in tables.items()],
-        [
-            TitledPicture(
-                f"Left: from a rocking base to joint 1. Right: around the loop of a base of {DRAWN_KG:g} kg at "
-                f"{DRAWN_HZ:g} Hz, swaying along x; below 1 it is stable",
-                _picture(found["curves"]),
-            )
-        ],
-        [
-            f"The arm alone is {own['x']:.3g} kg, and {own['turn']:.2g} kg m2 about Z0: no base with arm has less. The "
-            f"column {NONE} of the smallest stable base is the arm's own reaction, which is physics and never "
-            "unstable: small gain is sufficient, not necessary."
-        ],
+        table(
+            "Sustained acceleration",
+            "along x [m/s2] | lacking [Nm Nm N] | tilt only: J1 J2 J3 off [deg deg mm] | accelerometer",
+            pushed,
+        ),
+    ]
+    caption = (
+        f"Left: from a rocking base to joint 1. Right: around the loop of a base of {DRAWN_KG:g} kg at {DRAWN_HZ:g} "
+        "Hz, swaying along x; below 1 it is stable"
     )
+    remark = (
+        f"The arm alone is {own['x']:.3g} kg, and {own['turn']:.2g} kg m2 about Z0: no base with arm has less. The "
+        f"column {NONE} of the smallest stable base is the arm's own reaction, which is physics and never unstable: "
+        "small gain is sufficient, not necessary."
+    )
+    return Report(tables, [TitledPicture(caption, _picture(found["curves"]))], [remark])
 
 
-def _sizes(sizes: Result) -> Table:
-    rows = [
+def _sizes(sizes: Result) -> list[list[str]]:
+    return [
         [
             f"{motion}, {hz:g} Hz",
             *(f"{sizes[motion][name][k]:.3g} {unit}" if sizes[motion][name][k] > 0.0 else "none" for name in WAYS),
@@ -161,10 +145,9 @@ def _sizes(sizes: Result) -> Table:
         for motion, unit in MOTIONS.items()
         for k, hz in enumerate(BASE_HZ)
     ]
-    return Table(["base", *WAYS], rows)
 
 
-def _picture(curves: Result) -> "Figure":
+def _picture(curves: Result) -> Any:
     drawn, (left, right) = panels(2, 3.8)
     for name, color in zip(WAYS, FOUR_COLORS, strict=True):
         # a held sample and the accelerometer through the estimator are nearly the same
@@ -183,45 +166,36 @@ def _picture(curves: Result) -> "Figure":
     return drawn
 
 
-def _instability(outcomes: Outcomes) -> Judgement:
-    found, *_ = outcomes.of(responses)
-    cases = [
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "A case exists in which perturbations of the base make an unstable feedback between robot and accelerometer",
+    "VII, future work",
+    "asked, not answered",
+    "the closed loop has unstable roots with an accelerometer alone, on a base that weighs more than nothing beside "
+    "the arm; same direction: only on a base without mass, or only with a gyroscope as well",
+    "With the accelerometer a heavier base is stable by small gain, or its phase leaves the roots on the left. The "
+    "gyroscope swings a light turning base up, as the estimator's lag at its natural frequency adds to the motion.",
+)
+def _instability(o: Outcomes) -> Judgement:
+    found, *_ = o.of(responses)
+    swinging = [
         (name, motion, hz, size, size > ALONE * found["own"][motion])
         for motion, by_way in found["unstable"].items()
         for name in (HELD, ACCELEROMETER, UNIT)
         for hz, size in zip(BASE_HZ, by_way[name], strict=True)
         if size > 0.0
     ]
-    told = "; ".join(
+    said = "; ".join(
         f"{name}: {motion}, {hz:g} Hz, up to {size:.2g} {MOTIONS[motion]}{'' if heavier else ', the arm alone'}"
-        for name, motion, hz, size, heavier in cases
+        for name, motion, hz, size, heavier in swinging
     )
-    heavy = any(heavier and name != UNIT for name, _, _, _, heavier in cases)
-    return graded(heavy, bool(cases), told or "no base swings up")
+    heavy = any(heavier and name != UNIT for name, _, _, _, heavier in swinging)
+    return graded(heavy, bool(swinging), said or "no base swings up")
 
-
-CLAIMS = (
-    Claim(
-        "A case exists in which perturbations of the base make an unstable feedback between robot and accelerometer",
-        "VII, future work",
-        "asked, not answered",
-        "the closed loop has unstable roots with an accelerometer alone, on a base that weighs more than nothing "
-        "beside the arm; same direction: only on a base without mass, or only with a gyroscope as well",
-        _instability,
-        "With the accelerometer a heavier base is stable by small gain, or its phase leaves the roots on the left. The "
-        "gyroscope swings a light turning base up, as the estimator's lag at its natural frequency adds to the motion.",
-    ),
-)
 
 EXPERIMENT = Experiment(
-    name="gravity-frequency",
-    paper="gravity",
-    place="future work",
-    title="From a base's motion to joint errors, and back",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=0.5,
-    claims=CLAIMS,
-    drawn=0,
-)
+    "gravity-frequency", "future work", "From a base's motion to joint errors, and back", __doc__,
+    cases, report, minutes=0.5, claims=CLAIMS, drawn=0,
+)  # fmt: skip

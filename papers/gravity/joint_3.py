@@ -9,37 +9,24 @@ damping relative to the reference there is none.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.pd import Damping
-from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
-from papers.figures import COLORS, LABELS, panels
+from papers.claims import Missing, mean_and_spread
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.figures import COLORS, LABELS, legend_above, panels
 from papers.gravity.raven_base import turned_base
 from papers.gravity.tracking import CONTROLLERS, run_controllers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import rows, sample, table
 
 BASE_DEG = 20.0
 FRICTION = ("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction")
 JOINT = 2
+DAMPINGS: tuple[Damping, ...] = get_args(Damping)
 
 
 class Variation(NamedTuple):
@@ -98,99 +85,76 @@ def errors(
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case per robot, variation and damping."""
-    variations, axes = (VARIATIONS[:1], ["z"]) if scope.quick else (VARIATIONS, ["x", "y", "z"])
-    dampings = ("absolute",) if scope.quick else get_args(Damping)
+    few = scope.quick
+    controllers, axes = (list(CONTROLLERS[::2]), ["z"]) if few else (list(CONTROLLERS), ["x", "y", "z"])
     return [
         errors.case(
-            seed=seed,
-            friction=variation.friction,
-            coupling=variation.coupling,
-            damping=damping,
-            controllers=list(CONTROLLERS[::2] if scope.quick else CONTROLLERS),
-            axes=axes,
+            seed=seed, friction=each.friction, coupling=each.coupling, damping=damping,
+            controllers=controllers, axes=axes,
         )
         for seed in scope.robots
-        for variation in variations
-        for damping in dampings
-    ]
+        for each in (VARIATIONS[:1] if few else VARIATIONS)
+        for damping in (("absolute",) if few else DAMPINGS)
+    ]  # fmt: skip
 
 
-def changes(
-    outcomes: Outcomes, controller: str, variation: Variation = VARIATIONS[0], damping: Damping = "absolute"
-) -> Floats:
-    """Return by how much a controller changes joint 3's error against PD [%], one for each robot."""
-    found = outcomes.of(errors, friction=variation.friction, coupling=variation.coupling, damping=damping)
-    return np.array([100.0 * (result[controller] / result["pd"] - 1.0) for result in found if controller in result])
+def of(o: Outcomes, name: str, variation: Variation, damping: Damping) -> Floats:
+    """Return joint 3's RMS error with a controller, robot by robot [mm]."""
+    return sample(o, errors, name, friction=variation.friction, coupling=variation.coupling, damping=damping)
 
 
-def report(outcomes: Outcomes) -> Report:
+def changes(o: Outcomes, name: str, variation: Variation, damping: Damping) -> Floats:
+    """Return by how much a controller changes joint 3's error against PD [%], robot by robot; empty where none ran."""
+    try:
+        return 100.0 * (of(o, name, variation, damping) / of(o, "pd", variation, damping) - 1.0)
+    except Missing:
+        return np.zeros(0)
+
+
+def report(o: Outcomes) -> Report:
     """Return joint 3's RMS error with PD alone, and by how much compensation changes it."""
-    rows = []
-    for damping in get_args(Damping):
-        for variation in VARIATIONS:
-            found = outcomes.of(errors, friction=variation.friction, coupling=variation.coupling, damping=damping)
-            if found:
-                compared = [mean_and_spread(changes(outcomes, name, variation, damping), 2) for name in COMPENSATED]
-                plain = mean_and_spread((result["pd"] for result in found), 4)
-                rows.append([f"{variation.name}, {damping} damping", plain, *compared])
-    if not rows:
-        return Report()
+
+    def row(damping: Damping, each: Variation) -> list[str]:
+        compared = [mean_and_spread(changes(o, name, each, damping), 2) for name in COMPENSATED]
+        return [f"{each.name}, {damping} damping", f"{of(o, 'pd', each, damping):.4f}", *compared]
+
     header = ["joint 3, damping", "PD [mm]", *(f"{LABELS[name]} against PD [%]" for name in COMPENSATED)]
+    tables = [table(f"RMS error of joint 3, base at {BASE_DEG:g} deg", header, rows(row, DAMPINGS, VARIATIONS))]
     caption = "Joint 3's RMS error against PD alone; bars are means, dots are robots"
-    return Report(
-        [TitledTable(f"RMS error of joint 3, base at {BASE_DEG:g} deg", Table(header, rows))],
-        [TitledPicture(caption, _picture(outcomes))],
-        _highest(outcomes),
-    )
+    return Report(tables, [TitledPicture(caption, _picture(o))], _highest(o))
 
 
-def _highest(outcomes: Outcomes) -> list[str]:
+def _highest(o: Outcomes) -> list[str]:
     """Say how far compensation raises joint 3's error at most, of all variations."""
-    remarks = []
-    for damping in get_args(Damping):
-        found = {
-            (variation.name, name): changes(outcomes, name, variation, damping)
-            for variation in VARIATIONS
-            for name in COMPENSATED
-        }
-        found = {key: values for key, values in found.items() if len(values)}
-        if found:
-            variation, name = max(found, key=lambda key: float(found[key].mean()))
-            values = found[variation, name]
-            remarks.append(f"{damping} damping {mean_and_spread(values, 2)} % ({variation}, {LABELS[name]})")
-    told = "; ".join(remarks)
-    return [f"Joint 3's error with compensation against PD alone, where it comes out highest: {told}."] if told else []
+    parts = []
+    for damping in DAMPINGS:
+        found = {(each.name, name): changes(o, name, each, damping) for each in VARIATIONS for name in COMPENSATED}
+        if there := [key for key, values in found.items() if len(values)]:
+            most = max(there, key=lambda key: float(found[key].mean()))
+            parts.append(f"{damping} damping {found[most]:.2f} % ({most[0]}, {LABELS[most[1]]})")
+    return [f"Joint 3's error with compensation against PD alone, where it comes out highest: {'; '.join(parts)}."]
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(2, 3.6)
-    for panel, damping in zip(axes, get_args(Damping), strict=True):
+    for panel, damping in zip(axes, DAMPINGS, strict=True):
         for k, name in enumerate(COMPENSATED):
             for i, variation in enumerate(VARIATIONS):
-                found = changes(outcomes, name, variation, damping)
+                found = changes(o, name, variation, damping)
                 if len(found):
-                    place = i + 0.4 * (k - 0.5)
-                    label = LABELS[name] if i == 0 else None
+                    place, label = i + 0.4 * (k - 0.5), LABELS[name] if i == 0 else None
                     panel.bar(place, found.mean(), 0.36, color=COLORS[name], label=label)
                     panel.plot(np.full(len(found), place), found, "o", color="white", mec="#1c2430", ms=3)
         panel.axhline(0.0, color="#1c2430", lw=0.8)
-        panel.set_xticks(
-            range(len(VARIATIONS)), [each.name for each in VARIATIONS], fontsize=8, rotation=20, ha="right"
-        )
+        names = [each.name for each in VARIATIONS]
+        panel.set_xticks(range(len(VARIATIONS)), names, fontsize=8, rotation=20, ha="right")
         panel.set_title(f"{damping} damping", fontsize=10)
     axes[0].set_ylabel("joint 3's error against PD [%]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9)
+    legend_above(figure, axes[0], columns=2)
     return figure
 
 
 EXPERIMENT = Experiment(
-    name="gravity-joint-3",
-    paper="gravity",
-    place="section V-B",
-    title="Joint 3 with other friction and coupling",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=6.0,
-    drawn=2,
-)
+    "gravity-joint-3", "section V-B", "Joint 3 with other friction and coupling", __doc__,
+    cases, report, minutes=6.0, drawn=2,
+)  # fmt: skip

@@ -15,42 +15,26 @@ minus reported positions, means of the last half second, RMS over the poses. Wha
 
 from collections.abc import Sequence
 from copy import deepcopy
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary import CablePlant
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from catenary.simulation.firmware import NOMINAL, grav_dir_of
 from catenary.trajectories.reference import Rest
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.trials import with_approach
-from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, turned_base
 from papers.gravity.static_poses import ANGLES_DEG, POSES_DEG, QUICK_POSES_DEG, SETTLE, WATCHED, pose, stand
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import IN_UNITS, grid, rows, sample, table
 
 PD, LEVEL, TOLD, SG, DG = "firmware", "own, level", "own, told", "PD+SG", "PD+DG"
 LAWS = (PD, LEVEL, TOLD, SG, DG)
 LAW_COLORS = dict(zip(LAWS, ("#1c2430", "#c9a227", "#8a5a9e", "#4b6b94", "#d9622b"), strict=True))
-JOINTS = (("J1", "deg"), ("J2", "deg"), ("J3", "mm"))
 
 
 @run(revision=1)
@@ -105,50 +89,38 @@ def _ours(name: str, plant: CablePlant, poses_deg: Sequence[float]) -> Floats:
 def cases(scope: Scope) -> list[Case]:
     """Return a case per robot and base."""
     angles, poses = (ANGLES_DEG[::5], QUICK_POSES_DEG) if scope.quick else (ANGLES_DEG, POSES_DEG)
-    return [held.case(seed=seed, angle_deg=angle, poses_deg=list(poses)) for seed in scope.robots for angle in angles]
+    return grid(held, {"seed": scope.robots, "angle_deg": angles}, poses_deg=list(poses))
 
 
-def report(outcomes: Outcomes) -> Report:
-    """Return the errors by base, joint and law."""
-    tables = [TitledTable("RMS error over the poses, mean and spread over robots", error_table(outcomes))]
+def report(o: Outcomes) -> Report:
+    """Return the errors by base, joint and law: a row per base and joint, a column per law."""
+    angles = sorted({told["angle_deg"] for told, _ in o.items(held)})
+
+    def row(angle: float, joint: int) -> list[str]:
+        errors = (sample(o, held, law, angle_deg=angle)[:, joint] for law in LAWS)
+        return [f"{angle} deg, {IN_UNITS[joint]}", *(f"{each}" for each in errors)]
+
+    title = "RMS error over the poses, mean and spread over robots"
     caption = "RMS error of joints 1 and 2 over the base's angle; every robot a line, the nominal one in bold"
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+    worst = {law: sample(o, held, law, angle_deg=angles[-1])[:, 0].mean() for law in LAWS}
+    remark = (
+        f"On a base turned by {angles[-1]} deg joint 1 is off by {worst[LEVEL]:.3f} deg with the robot's own "
+        f"compensation as it comes, by {worst[TOLD]:.3f} deg once it is told where gravity is, by {worst[DG]:.3f} deg "
+        "with PD+DG."
+    )
+    tables = [table(title, ["base, joint", *LAWS], rows(row, angles, range(3)))]
+    return Report(tables, [TitledPicture(caption, _picture(o, angles))], [remark])
 
 
-def error_table(outcomes: Outcomes) -> Table:
-    """Return a row per base and joint, a column per law."""
-    rows = []
-    for angle in _angles(outcomes):
-        results = outcomes.of(held, angle_deg=angle)
-        for joint, (name, unit) in enumerate(JOINTS):
-            cells = [mean_and_spread(result[law][joint] for result in results) for law in LAWS]
-            rows.append([f"{angle} deg, {name} [{unit}]", *cells])
-    return Table(["base, joint", *LAWS], rows)
-
-
-def _remarks(outcomes: Outcomes) -> list[str]:
-    angles = _angles(outcomes)
-    if not angles:
-        return []
-    worst = max(angles)
-    results = outcomes.of(held, angle_deg=worst)
-    told = {law: np.mean([result[law][0] for result in results]) for law in LAWS}
-    return [
-        f"On a base turned by {worst} deg joint 1 is off by {told[LEVEL]:.3f} deg with the robot's own compensation "
-        f"as it comes, by {told[TOLD]:.3f} deg once it is told where gravity is, by {told[DG]:.3f} deg with PD+DG."
-    ]
-
-
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes, angles: Sequence[float]) -> Any:
     figure, both = panels(2, 3.4)
-    angles = _angles(outcomes)
-    seeds = list(dict.fromkeys(told["seed"] for told, _ in outcomes.items(held)))
+    seeds = list(dict.fromkeys(told["seed"] for told, _ in o.items(held)))
     for joint, axes in enumerate(both):
         for law in LAWS:
             for k, seed in enumerate(seeds):
-                found = {told["angle_deg"]: result[law][joint] for told, result in outcomes.items(held, seed=seed)}
-                values = [found.get(angle, np.nan) for angle in angles]
+                found = {told["angle_deg"]: result[law][joint] for told, result in o.items(held, seed=seed)}
                 style = {"linewidth": 2.0, "label": law} if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
+                values = [found.get(angle, np.nan) for angle in angles]
                 axes.plot(angles, values, "o-", color=LAW_COLORS[law], markersize=3, **style)
         axes.set_title(f"joint {joint + 1}", fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
@@ -158,17 +130,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
     return figure
 
 
-def _angles(outcomes: Outcomes) -> list[float]:
-    return sorted({told["angle_deg"] for told, _ in outcomes.items(held)})
-
-
 EXPERIMENT = Experiment(
-    name="gravity-own-compensation",
-    paper="gravity",
-    place="beyond",
-    title="The robot's own gravity compensation, PD+SG and PD+DG",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=4.0,
-)
+    "gravity-own-compensation", "beyond", "The robot's own gravity compensation, PD+SG and PD+DG", __doc__,
+    cases, report, minutes=4.0,
+)  # fmt: skip

@@ -19,23 +19,21 @@ accelerometer an inertial unit, whose rates tell the torque of turning; three ro
 """
 
 from copy import deepcopy
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary import CablePlant, Reference, gravity_torque, load_robot, mass_matrix
 from catenary.arrays import Floats
 from catenary.control.loop import GravitySource
-from catenary.reports.page import Table
 from catenary.spatial import LEVEL
 from catenary.workflows.gravity.controllers import make_hold
 from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
 from catenary.workflows.gravity.trials import hold
-from papers.claims import by_count, mean_and_spread
+from papers.claims import Claims, by_count
 from papers.experiment import (
     Case,
-    Claim,
     Experiment,
     Judgement,
     Outcomes,
@@ -45,15 +43,12 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
-    after_headline,
     run,
 )
-from papers.figures import COLORS, panels
+from papers.figures import COLORS, legend_above, panels
 from papers.gravity.raven_base import SHOWN, rocking_base, turned_base
 from papers.gravity.tracking import gravity_source
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import IN_UNITS, UNITS, by_robot, cells, filled, grid, rows, sample, table
 
 ANGLES_DEG = (-150, -90, -45, -25, -20, -15, -10, -5, 0, 5, 10, 15, 20, 25, 45, 90, 135, 180)
 CONTROLLERS = ("dg", "sg")
@@ -69,7 +64,6 @@ FEW_ROBOTS = 3  # that are rocked
 ROCKED_BY = {"dg-imu": "inertial unit", "dg": "accelerometer", "sg": "level base"}
 HELD = 1.0  # [deg, deg, mm] that an eye would not call drift
 FEW_DEG = 10  # "more than a few degrees"
-UNITS = ("deg", "deg", "mm")
 SEEN = 1e-6  # [deg] drift below it has no place on a logarithm's axis
 
 
@@ -165,160 +159,134 @@ def _left_alone(angle_deg: float, start: Floats, push: Floats, seconds: float) -
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case per robot and base, and per base those of the links without friction."""
-    angles, seconds = (
-        ((25,), (0.5, 0.2, 0.2, 0.5))
-        if scope.quick
-        else (ANGLES_DEG, (SECONDS, RIGID_SECONDS, NEUTRAL_SECONDS, ROCKED_SECONDS))
-    )
+    if scope.quick:
+        angles, seconds, rates = (25,), (0.5, 0.2, 0.2, 0.5), ROCKED_HZ[1:]
+    else:
+        angles, seconds, rates = ANGLES_DEG, (SECONDS, RIGID_SECONDS, NEUTRAL_SECONDS, ROCKED_SECONDS), ROCKED_HZ
     return [
-        *(on_cables.case(seed=seed, angle_deg=angle, seconds=seconds[0]) for seed in scope.robots for angle in angles),
-        *(as_rigid_bodies.case(angle_deg=angle, seconds=seconds[1]) for angle in angles),
-        *(neutral.case(angle_deg=angle, seconds=seconds[2]) for angle in angles),
-        *(
-            rocked.case(seed=seed, hz=hz, seconds=seconds[3])
-            for seed in scope.robots[:FEW_ROBOTS]
-            for hz in ((1.0,) if scope.quick else ROCKED_HZ)
+        *grid(on_cables, {"seed": scope.robots, "angle_deg": angles}, seconds=seconds[0]),
+        *grid(as_rigid_bodies, {"angle_deg": angles}, seconds=seconds[1]),
+        *grid(neutral, {"angle_deg": angles}, seconds=seconds[2]),
+        *grid(rocked, {"seed": scope.robots[:FEW_ROBOTS], "hz": rates}, seconds=seconds[3]),
+    ]
+
+
+def drifts(o: Outcomes, function: Run, controller: str) -> dict[float, Floats]:
+    """Return the largest drift by base [deg], each (robots, 3) [deg, deg, mm]."""
+    angles = sorted({told["angle_deg"] for told, _ in o.items(function)})
+    return {angle: sample(o, function, controller, angle_deg=angle) for angle in angles}
+
+
+def report(o: Outcomes) -> Report:
+    """Return drift by base with and without friction, how neutral the equilibria are, and drift on a rocking base."""
+    neutral_rows = [
+        [f"{told['angle_deg']}", f"{result['distance']:.1e}", f"{100.0 * result['energy']:.2f}"]
+        for told, result in sorted(o.items(neutral), key=lambda item: item[0]["angle_deg"])
+    ]
+
+    def row(hz: float, name: str) -> list[str]:
+        drift = sample(o, rocked, name, hz=hz)
+        return [f"{hz:g} Hz", ROCKED_BY[name], *cells(drift, 1 if name == "sg" else 3)]
+
+    tables = [
+        _drift_table(o, on_cables, f"Simulated RAVEN-II, largest drift in {SECONDS:g} s"),
+        _drift_table(o, as_rigid_bodies, f"Its links without friction, largest drift in {RIGID_SECONDS:g} s"),
+        table(
+            f"Displaced by {DISPLACED:g} rad and m, and pushed: without friction, {NEUTRAL_SECONDS:g} s",
+            "base [deg] | went on, over its displacement | kinetic energy kept [%]",
+            neutral_rows,
+        ),
+        table(
+            f"Simulated RAVEN-II on the rocking base, largest drift in {ROCKED_SECONDS:g} s",
+            ["rocked at", "gravity by", *IN_UNITS],
+            rows(row, ROCKED_HZ, ROCKED_BY),
         ),
     ]
-
-
-def drifts(outcomes: Outcomes, function: Run, controller: str) -> dict[float, Floats]:
-    """Return the largest drift by base [deg], each (robots, 3) [deg, deg, mm]."""
-    angles = sorted({told["angle_deg"] for told, _ in outcomes.items(function)})
-    return {
-        angle: np.array([result[controller] for result in outcomes.of(function, angle_deg=angle)]) for angle in angles
-    }
-
-
-def report(outcomes: Outcomes) -> Report:
-    """Return drift by base with and without friction, and how neutral the equilibria are."""
-    tables = [
-        TitledTable(title, _drift_table(outcomes, function))
-        for title, function in (
-            (f"Simulated RAVEN-II, largest drift in {SECONDS:g} s", on_cables),
-            (f"Its links without friction, largest drift in {RIGID_SECONDS:g} s", as_rigid_bodies),
-        )
-        if outcomes.of(function)
-    ]
-    equilibria = sorted(outcomes.items(neutral), key=lambda item: item[0]["angle_deg"])
-    if equilibria:
-        rows = [
-            [f"{told['angle_deg']}", f"{result['distance']:.1e}", f"{100.0 * result['energy']:.2f}"]
-            for told, result in equilibria
-        ]
-        header = ["base [deg]", "went on, over its displacement", "kinetic energy kept [%]"]
-        title = f"Displaced by {DISPLACED:g} rad and m, and pushed: without friction, {NEUTRAL_SECONDS:g} s"
-        tables.append(TitledTable(title, Table(header, rows)))
-    if outcomes.of(rocked):
-        tables.append(
-            TitledTable(
-                f"Simulated RAVEN-II on the rocking base, largest drift in {ROCKED_SECONDS:g} s", _rocked(outcomes)
-            )
-        )
     caption = "Largest drift of joint 1 by gravity compensation alone; less than 1e-6 deg is drawn there"
-    return Report(tables, [TitledPicture(caption, _picture(outcomes))])
+    return Report(filled(tables), [TitledPicture(caption, _picture(o))])
 
 
-def _drift_table(outcomes: Outcomes, function: Run) -> Table:
-    dg, sg = (drifts(outcomes, function, name) for name in CONTROLLERS)
-    rows = []
-    for angle in dg:
-        missing = outcomes.of(function, angle_deg=angle)[0]["missing"]
-        rows.append(
-            [f"{angle}"]
-            + [mean_and_spread(dg[angle][:, joint]) for joint in range(3)]
-            + [mean_and_spread(sg[angle][:, joint], 1) for joint in range(3)]
-            + [" ".join(f"{torque:+.2f}" for torque in missing)]
-        )
-    units = ("J1 [deg]", "J2 [deg]", "J3 [mm]")
-    return Table(
-        ["base [deg]", *(f"{name.upper()}, {unit}" for name in CONTROLLERS for unit in units), "SG lacks [Nm Nm N]"],
-        rows,
-    )
+def _drift_table(o: Outcomes, function: Run, title: str) -> TitledTable:
+    dg, sg = (drifts(o, function, name) for name in CONTROLLERS)
+    content = [
+        [
+            *(f"{angle}", *cells(dg[angle]), *cells(sg[angle], 1)),
+            " ".join(f"{torque:+.2f}" for torque in o.of(function, angle_deg=angle)[0]["missing"]),
+        ]
+        for angle in dg
+    ]
+    columns = [f"{name.upper()}, {unit}" for name in CONTROLLERS for unit in IN_UNITS]
+    return table(title, ["base [deg]", *columns, "SG lacks [Nm Nm N]"], content)
 
 
-def _rocked(outcomes: Outcomes) -> Table:
-    rows = []
-    for hz in sorted({told["hz"] for told, _ in outcomes.items(rocked)}):
-        for name, words in ROCKED_BY.items():
-            drift = np.array([result[name] for result in outcomes.of(rocked, hz=hz)])
-            cells = [mean_and_spread(column, 1 if name == "sg" else 3) for column in drift.T]
-            rows.append([f"{hz:g} Hz", words, *cells])
-    return Table(["rocked at", "gravity by", *(f"J{j + 1} [{unit}]" for j, unit in enumerate(UNITS))], rows)
-
-
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, both = panels(2, 3.6)
     titles = ("simulated RAVEN-II, every robot", "its links, no friction")
     for axes, function, title in zip(both, (on_cables, as_rigid_bodies), titles, strict=True):
         for name in CONTROLLERS:
-            found = drifts(outcomes, function, name)
+            found = drifts(o, function, name)
             for k, drift in enumerate(np.array([each[:, 0] for each in found.values()]).T):
-                style = (
-                    {"linewidth": 2.0, "label": f"{name.upper()} alone"} if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
-                )
+                bold = {"linewidth": 2.0, "label": f"{name.upper()} alone"}
+                style = bold if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
                 axes.semilogy(list(found), np.maximum(drift, SEEN), "o-", ms=3, color=COLORS[name], **style)
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
     both[0].set_ylabel("largest drift of joint 1 [deg]")
-    figure.legend(*both[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9)
+    legend_above(figure, both[0], columns=2)
     return figure
 
 
-def _sensed_holds(outcomes: Outcomes) -> Judgement:
-    found = drifts(outcomes, on_cables, "dg")
-    largest = np.max(list(found.values()), axis=0)  # of each robot's joints over all bases, (robots, 3)
-    told = ", ".join(f"J{joint + 1} {mean_and_spread(largest[:, joint])} {unit}" for joint, unit in enumerate(UNITS))
-    measured = f"each robot's largest drift at any angle: {told}; at most {largest[:, 0].max():.2f} deg"
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "DG alone holds any pose at every orientation of the base, upside down too",
+    "V-A",
+    "held, no number",
+    f"every joint of every robot stays within {HELD:g} deg and mm for {SECONDS:g} s at every angle; same direction: at "
+    "more than half of the angles",
+)
+def _sensed_holds(o: Outcomes) -> Judgement:
+    found = drifts(o, on_cables, "dg")
+    largest = by_robot(np.max(list(found.values()), axis=0))  # of each robot's joints over all bases, (robots, 3)
+    said = ", ".join(f"J{joint + 1} {largest[:, joint]} {unit}" for joint, unit in enumerate(UNITS))
+    measured = f"each robot's largest drift at any angle: {said}; at most {largest[:, 0].max():.2f} deg"
     return by_count([drift.max() < HELD for drift in found.values()], measured)
 
 
-def _nominal_falls(outcomes: Outcomes) -> Judgement:
-    found = drifts(outcomes, on_cables, "sg")
+@CLAIMS(
+    "SG alone holds only at or near horizontal",
+    "V-A",
+    "drifts when tipped by more than a few degrees",
+    f"on a level base as DG; at every angle from {FEW_DEG} deg to either side some joint of every robot drifts by more "
+    f"than {HELD:g} deg or mm; same direction: at more than half of these angles",
+    "Where some robots stay, friction holds what SG lacks (last column of the first table); the same links without "
+    "friction fall there (second table).",
+)
+def _nominal_falls(o: Outcomes) -> Judgement:
+    found = drifts(o, on_cables, "sg")
     level = [drift.max() < HELD for angle, drift in found.items() if angle == 0]
     # each robot's largest drift of a joint [deg|mm]
-    tilted = {angle: drift.max(axis=1) for angle, drift in found.items() if abs(angle) >= FEW_DEG}
+    tilted = {angle: by_robot(drift.max(axis=1)) for angle, drift in found.items() if abs(angle) >= FEW_DEG}
     fell = {angle: drift > HELD for angle, drift in tilted.items()}
-    told = [
-        f"at {angle} deg {mean_and_spread(tilted[angle], 1)} (deg or mm), {int(which.sum())} of {len(which)} robots"
+    said = [
+        f"at {angle} deg {tilted[angle]:.1f} (deg or mm), {int(which.sum())} of {len(which)} robots"
         for angle, which in fell.items()
         if not which.all()
     ]
     least = [drift.min() for angle, drift in tilted.items() if fell[angle].all()]
     if least:
-        told.insert(0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least")
-    return by_count([*level, *(which.all() for which in fell.values())], "; ".join(told))
+        said.insert(0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least")
+    return by_count([*level, *(which.all() for which in fell.values())], "; ".join(said))
 
-
-CLAIMS = (
-    Claim(
-        "DG alone holds any pose at every orientation of the base, upside down too",
-        "V-A",
-        "held, no number",
-        f"every joint of every robot stays within {HELD:g} deg and mm for {SECONDS:g} s at every angle; same "
-        "direction: at more than half of the angles",
-        _sensed_holds,
-    ),
-    Claim(
-        "SG alone holds only at or near horizontal",
-        "V-A",
-        "drifts when tipped by more than a few degrees",
-        f"on a level base as DG; at every angle from {FEW_DEG} deg to either side some joint of every robot drifts by "
-        f"more than {HELD:g} deg or mm; same direction: at more than half of these angles",
-        _nominal_falls,
-        "Where some robots stay, friction holds what SG lacks (last column of the first table); the same links without "
-        "friction fall there (second table).",
-    ),
-)
 
 EXPERIMENT = Experiment(
-    name="gravity-passive",
-    paper="gravity",
-    place="section V-A",
-    title="Passive hold by gravity compensation alone",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
+    "gravity-passive",
+    "section V-A",
+    "Passive hold by gravity compensation alone",
+    __doc__,
+    cases,
+    report,
     minutes=34.0,
     claims=CLAIMS,
 )

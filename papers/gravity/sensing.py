@@ -1,4 +1,6 @@
-"""What the holding torque of a RAVEN-II on a rocking base still lacks, for each way to know gravity.
+"""Gravity by sensor on a rocking base, by arithmetic.
+
+What the holding torque of a RAVEN-II on a rocking base still lacks, for each way to know gravity.
 
 The base rocks between 10 and 20 degrees at 1 Hz, as in figure 10 of Lewis and Hannaford 2014, 0.32 m from its axis.
 Three poses. Joint positions are ideal unless said otherwise; errors of positions are those of the joint-calibration
@@ -10,7 +12,7 @@ gravity-adaptive.
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +20,6 @@ from scipy.spatial.transform import Rotation
 
 from catenary import BaseMotion, RobotModel, inverse_dynamics, load_robot
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
@@ -27,25 +28,11 @@ from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL
 from papers.calibration.published import TABLE_1
-from papers.claims import by_count
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    run,
-)
+from papers.claims import Claims, by_count
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
 from papers.gravity.raven_base import ASIDE, SHOWN, ideal_sensor, rocking_base
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import table
 
 # joint 1's axis, Z0, in the base frame: the paper tilts its base about it
 ROCKING = rocking_base(lever=ASIDE)
@@ -168,26 +155,23 @@ def lacking_torque(noise_seed: int, quick: bool = False) -> Result:
 
 def cases(scope: Scope) -> list[Case]:
     """Return the one case: the model is the nominal robot's."""
-    if scope.quick:
-        return [lacking_torque.case(noise_seed=0, quick=True)]
-    return [lacking_torque.case(noise_seed=0)]
+    quick = {"quick": True} if scope.quick else {}
+    return [lacking_torque.case(noise_seed=0, **quick)]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the table and its picture."""
-    (found,) = outcomes.of(lacking_torque)
-    rows = [[source, *(f"{value:.2f}" for value in values)] for source, values in found.items()]
-    table = Table(["gravity by", "all [%]", "J1", "J2", "J3"], rows)
+    (found,) = o.of(lacking_torque)
+    content = [[source, *(f"{value:.2f}" for value in values)] for source, values in found.items()]
     return Report(
-        [TitledTable("What the holding torque lacks, RMS over its RMS", table)],
+        [table("What the holding torque lacks, RMS over its RMS", "gravity by | all [%] | J1 | J2 | J3", content)],
         [TitledPicture("What the holding torque on a rocking base lacks, all joints", _picture(found))],
     )
 
 
-def _picture(found: Result) -> "Figure":
+def _picture(found: Result) -> Any:
     figure, (axes,) = panels(1, 0.3 * len(found) + 0.9)
-    names = list(found)
-    axes.barh(names, [found[name][0] for name in names], color="#d9622b")
+    axes.barh(list(found), [values[0] for values in found.values()], color="#d9622b")
     axes.set_xscale("log")
     axes.invert_yaxis()
     axes.tick_params(axis="y", labelsize=8)
@@ -195,52 +179,41 @@ def _picture(found: Result) -> "Figure":
     return figure
 
 
-def _orientation_then_accelerometer(outcomes: Outcomes) -> Judgement:
-    return _falls(outcomes, (LEVEL_BASE, ATTITUDE, ACCELEROMETER))
-
-
-def _magnitude(outcomes: Outcomes) -> Judgement:
-    return _falls(outcomes, (ATTITUDE, ACCELEROMETER))
-
-
-def _falls(outcomes: Outcomes, names: Sequence[str]) -> Judgement:
+def _falls(o: Outcomes, names: Sequence[str]) -> Judgement:
     """Judge whether every joint lacks less from one source to the next."""
-    found, *_ = outcomes.of(lacking_torque)
-    told = "; ".join(f"J{joint} {' > '.join(f'{found[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3))
+    found, *_ = o.of(lacking_torque)
+    said = "; ".join(f"J{joint} {' > '.join(f'{found[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3))
     steps = list(itertools.pairwise(names))
-    return by_count([found[a][joint] > found[b][joint] for joint in (1, 2, 3) for a, b in steps], told)
+    return by_count([found[a][joint] > found[b][joint] for joint in (1, 2, 3) for a, b in steps], said)
 
 
-CLAIMS = (
-    Claim(
-        "The holding torque on a moving base lacks less with an orientation sensor, and less again with an "
-        "accelerometer",
-        "beside II-C, of its reference [8]",
-        "tracking greatly improved, further improved; no number",
-        "each joint's holding torque lacks less with the true attitude than with level gravity, and less again with "
-        "an accelerometer; same direction: more than half of the six comparisons",
-        _orientation_then_accelerometer,
-    ),
-    Claim(
-        "In the holding torque changes in the magnitude of acceleration are compensated, beside those of gravity's "
-        "direction",
-        "beside VI",
-        "tracking performance increased; no number",
-        "each joint's holding torque lacks less with the accelerometer than with the true attitude; same direction: "
-        "two of three joints",
-        _magnitude,
-    ),
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "The holding torque on a moving base lacks less with an orientation sensor, and less again with an accelerometer",
+    "beside II-C, of its reference [8]",
+    "tracking greatly improved, further improved; no number",
+    "each joint's holding torque lacks less with the true attitude than with level gravity, and less again with an "
+    "accelerometer; same direction: more than half of the six comparisons",
 )
+def _orientation_then_accelerometer(o: Outcomes) -> Judgement:
+    return _falls(o, (LEVEL_BASE, ATTITUDE, ACCELEROMETER))
+
+
+@CLAIMS(
+    "In the holding torque changes in the magnitude of acceleration are compensated, beside those of gravity's "
+    "direction",
+    "beside VI",
+    "tracking performance increased; no number",
+    "each joint's holding torque lacks less with the accelerometer than with the true attitude; same direction: two of "
+    "three joints",
+)
+def _magnitude(o: Outcomes) -> Judgement:
+    return _falls(o, (ATTITUDE, ACCELEROMETER))
+
 
 EXPERIMENT = Experiment(
-    name="gravity-sensing",
-    paper="gravity",
-    place="beside figure 10",
-    title="What the holding torque on a rocking base lacks, by sensor",
-    about=(__doc__ or "").strip(),
-    cases=cases,
-    report=report,
-    minutes=0.3,
-    claims=CLAIMS,
-    drawn=0,
-)
+    "gravity-sensing", "beside figure 10", "What the holding torque on a rocking base lacks, by sensor", __doc__,
+    cases, report, minutes=0.3, claims=CLAIMS, drawn=0,
+)  # fmt: skip

@@ -35,6 +35,7 @@ from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Case, Outcomes, Result, Scope, run
 from papers.gravity.raven_base import SHOWN, turned_base
 from papers.gravity.tracking import gravity_source
+from papers.kit import grid
 
 Approach = Literal["placed", "driven"]
 DRIVEN: Approach = "driven"
@@ -148,22 +149,17 @@ def cases(scope: Scope) -> list[Case]:
     """Return a case per robot, base and way of coming to the poses."""
     approaches = (DRIVEN,) if scope.quick else APPROACHES
     angles, poses = (QUICK_ANGLES_DEG, QUICK_POSES_DEG) if scope.quick else (ANGLES_DEG, POSES_DEG)
-    return [
-        static.case(seed=seed, angle_deg=angle, approach=approach, poses_deg=list(poses))
-        for seed in scope.robots
-        for approach in approaches
-        for angle in angles
-    ]
+    return grid(static, {"seed": scope.robots, "approach": approaches, "angle_deg": angles}, poses_deg=list(poses))
 
 
-def angles_of(outcomes: Outcomes) -> list[float]:
+def angles_of(o: Outcomes) -> list[float]:
     """Return the bases that were run [deg]."""
-    return sorted({told["angle_deg"] for told, _ in outcomes.items(static)})
+    return sorted({told["angle_deg"] for told, _ in o.items(static)})
 
 
-def approaches_of(outcomes: Outcomes) -> list[Approach]:
+def approaches_of(o: Outcomes) -> list[Approach]:
     """Return the ways of coming to the poses that were run."""
-    run_so = {told["approach"] for told, _ in outcomes.items(static)}
+    run_so = {told["approach"] for told, _ in o.items(static)}
     return [approach for approach in APPROACHES if approach in run_so]
 
 

@@ -7,24 +7,13 @@ described in `events.py`: a step of joint 1's reference on a tilted base, a base
 Errors are desired minus reported position; changes are against just before the event.
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from catenary.reports.page import Table
 from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import COLORS, LABELS, panels
 from papers.gravity.events import (
     ACCELERATION,
@@ -37,9 +26,7 @@ from papers.gravity.events import (
     homed,
     respond,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from papers.kit import filled, grid, rows, sample, table
 
 CONTROLLERS = ("pd", "sg", "dg", "attitude")
 TITLES: dict[Event, str] = {
@@ -61,62 +48,40 @@ def responses(*, seed: int | None, event: Event) -> Result:
 def cases(scope: Scope) -> list[Case]:
     """Return a case per robot and event."""
     events: tuple[Event, ...] = ("tilt",) if scope.quick else EVENTS
-    return [responses.case(seed=seed, event=event) for seed in scope.robots for event in events]
+    return grid(responses, {"seed": scope.robots, "event": events})
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return how joint 1 follows the step of its reference, and what its base's motion does to it."""
-    steps, bases = _step_table(outcomes), _base_table(outcomes)
+
+    def row(event: Event, name: str, numbers: Sequence[str]) -> list[str]:
+        return [mean_and_spread(each) for each in (sample(o, responses, name, n, event=event) for n in numbers)]
+
+    def step(name: str) -> list[str]:
+        return [LABELS[name], *row("reference", name, ("before", "rise_time", "overshoot", "last_error"))]
+
+    def of_base(event: Event, name: str) -> list[str]:
+        return [f"{TITLES[event]}, {LABELS[name]}", *row(event, name, ("before", "largest", "final"))]
+
     tables = [
-        TitledTable(f"Step of joint 1's reference by {STEP_DEG:g} deg, base at {STEP_BASE_DEG:g} deg", steps),
-        TitledTable(
+        table(
+            f"Step of joint 1's reference by {STEP_DEG:g} deg, base at {STEP_BASE_DEG:g} deg",
+            "controller | error before [deg] | 10 to 90 % [s] | overshoot [deg] | error at the end [deg]",
+            rows(step, CONTROLLERS),
+        ),
+        table(
             f"Joint 1 while its base turns from 0 to {TILT_DEG:g} deg in {TILT_SECONDS:g} s, or accelerates by "
             f"{ACCELERATION:g} m/s2 along x",
-            bases,
+            "event, controller | error before [deg] | largest change [deg] | final change [deg]",
+            rows(of_base, EVENTS[1:], CONTROLLERS),
         ),
     ]
     caption = "Joint 1, nominal robot: its motion in the step, its error where the base moves"
-    return Report([each for each in tables if each.table.rows], [TitledPicture(caption, _picture(outcomes))])
+    return Report(filled(tables), [TitledPicture(caption, _picture(o))])
 
 
-def _step_table(outcomes: Outcomes) -> Table:
-    results = outcomes.of(responses, event="reference")
-    rows = [
-        [
-            LABELS[name],
-            *(
-                mean_and_spread(result[name][number] for result in results)
-                for number in ("before", "rise_time", "overshoot", "last_error")
-            ),
-        ]
-        for name in CONTROLLERS
-        if results and name in results[0]
-    ]
-    header = ["controller", "error before [deg]", "10 to 90 % [s]", "overshoot [deg]", "error at the end [deg]"]
-    return Table(header, rows)
-
-
-def _base_table(outcomes: Outcomes) -> Table:
-    rows = []
-    for event in EVENTS[1:]:
-        results = outcomes.of(responses, event=event)
-        rows += [
-            [
-                f"{TITLES[event]}, {LABELS[name]}",
-                *(
-                    mean_and_spread(result[name][number] for result in results)
-                    for number in ("before", "largest", "final")
-                ),
-            ]
-            for name in CONTROLLERS
-            if results and name in results[0]
-        ]
-    header = ["event, controller", "error before [deg]", "largest change [deg]", "final change [deg]"]
-    return Table(header, rows)
-
-
-def _picture(outcomes: Outcomes) -> "Figure":
-    found = {event: results[0] for event in EVENTS if (results := outcomes.of(responses, event=event))}
+def _picture(o: Outcomes) -> Any:
+    found = {event: results[0] for event in EVENTS if (results := o.of(responses, event=event))}
     figure, parts = panels(max(len(found), 1), 3.6)
     labelled: dict[str, Any] = {}
     for axes, (event, by_name) in zip(parts, found.items(), strict=False):
@@ -132,24 +97,11 @@ def _picture(outcomes: Outcomes) -> "Figure":
         axes.set_title(TITLES[event], fontsize=10)
         axes.set_ylabel("joint 1 moved [deg]" if event == "reference" else "error of joint 1 [deg]")
         axes.set_xlabel("time since it began [s]")
-    figure.legend(
-        labelled.values(),
-        labelled.keys(),
-        frameon=False,
-        fontsize=8,
-        ncols=max(len(labelled), 1),
-        loc="outside lower center",
-    )
+    form = {"frameon": False, "fontsize": 8, "ncols": max(len(labelled), 1), "loc": "outside lower center"}
+    figure.legend(labelled.values(), labelled.keys(), **form)
     return figure
 
 
 EXPERIMENT = Experiment(
-    name="gravity-steps",
-    paper="gravity",
-    place="section VII",
-    title="Steps of the reference and of the base",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=6.0,
+    "gravity-steps", "section VII", "Steps of the reference and of the base", __doc__, cases, report, minutes=6.0
 )

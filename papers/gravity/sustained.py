@@ -19,37 +19,22 @@ nothing of it.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from catenary import CablePlant, gravity_torque, load_robot
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.spatial import LEVEL
 from catenary.transmission.cable_coupling import winding_of
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Plain,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-    run,
-)
+from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledPicture, run
 from papers.figures import FOUR_COLORS, LABELS, panels
 from papers.gravity.events import ACCELERATION, ALONG, ONSET, CuedBase, respond
+from papers.kit import table
 from papers.plant.targets import joint_1_friction
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CONTROLLERS = ("sg", "pd")
 SLOW = 2.0  # [s] an onset that the arm follows without swinging
@@ -168,52 +153,38 @@ def cases(scope: Scope) -> list[Case]:
     return [accelerated.case(robot=robot, onset=onset, controllers=list(controllers)) for robot, onset in runs]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the expected and the simulated change of joint 1's error, and both over delta g / kp."""
-    rows = [
+    content = [
         [
-            f"{_named(told)}, {LABELS[name]}",
-            f"{change['expected']:+.4f}",
-            f"± {change['band']:.4f}",
-            f"{change['simulated']:+.4f}",
-            f"{change['expected'] / change['ideal']:.3f}",
-            f"{change['simulated'] / change['ideal']:.3f}",
+            *(f"{_named(told)}, {LABELS[name]}", f"{each['expected']:+.4f}", f"± {each['band']:.4f}"),
+            f"{each['simulated']:+.4f}",
+            *(f"{each[what] / each['ideal']:.3f}" for what in ("expected", "simulated")),
         ]
-        for told, result in outcomes.items(accelerated)
-        for name, change in result.items()
+        for told, result in o.items(accelerated)
+        for name, each in result.items()
     ]
-    if not rows:
-        return Report()
-    header = [
-        "robot, controller",
-        "expected [deg]",
-        "friction [deg]",
-        "simulated [deg]",
-        "expected / ideal",
-        "simulated / ideal",
-    ]
-    one = next(iter(outcomes.of(accelerated)[0].values()))
-    torque = missing()
-    remarks = [
-        f"While the base accelerates and the controller is not told, the joints lack {torque[0]:.3f} Nm, "
-        f"{torque[1]:.3f} Nm and {torque[2]:.3f} N; over kp, ideal, joint 1 changes by {one['ideal']:+.4f} deg. Of the "
-        f"torque asked of joint 1 it gets {drive_gain(load_cable_arm())[0, 0]:.3f}."
-    ]
-    caption = f"Base accelerating at {ACCELERATION:g} m/s2 along x; change of joint 1's error, {LABELS[CONTROLLERS[0]]}"
-    return Report(
-        [TitledTable("Change of joint 1's error", Table(header, rows))],
-        [TitledPicture(caption, _picture(outcomes))],
-        remarks,
+    header = (
+        "robot, controller | expected [deg] | friction [deg] | simulated [deg] | expected / ideal | simulated / ideal"
     )
+    torque, ideal = missing(), next(iter(o.of(accelerated)[0].values()))["ideal"]
+    remark = (
+        f"While the base accelerates and the controller is not told, the joints lack {torque[0]:.3f} Nm, "
+        f"{torque[1]:.3f} Nm and {torque[2]:.3f} N; over kp, ideal, joint 1 changes by {ideal:+.4f} deg. Of the torque "
+        f"asked of joint 1 it gets {drive_gain(load_cable_arm())[0, 0]:.3f}."
+    )
+    caption = f"Base accelerating at {ACCELERATION:g} m/s2 along x; change of joint 1's error, {LABELS[CONTROLLERS[0]]}"
+    tables = [table("Change of joint 1's error", header, content)]
+    return Report(tables, [TitledPicture(caption, _picture(o))], [remark])
 
 
 def _named(told: dict[str, Plain]) -> str:
     return str(told["robot"]) + (f", in {told['onset']:g} s" if told["onset"] != ONSET else "")
 
 
-def _picture(outcomes: Outcomes) -> "Figure":
+def _picture(o: Outcomes) -> Any:
     figure, (axes,) = panels(1, 3.8)
-    found = [(told, result[CONTROLLERS[0]]) for told, result in outcomes.items(accelerated)]
+    found = [(told, result[CONTROLLERS[0]]) for told, result in o.items(accelerated)]
     for (told, change), color in zip(found, FOUR_COLORS, strict=False):
         axes.plot(change["time"], change["change"], color=color, label=_named(told))
     first = found[0][1]
@@ -226,13 +197,6 @@ def _picture(outcomes: Outcomes) -> "Figure":
 
 
 EXPERIMENT = Experiment(
-    name="gravity-sustained",
-    paper="gravity",
-    place="section VII",
-    title="Sustained acceleration of the base",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,
-    drawn=0,
-)
+    "gravity-sustained", "section VII", "Sustained acceleration of the base", __doc__,
+    cases, report, minutes=2.0, drawn=0,
+)  # fmt: skip

@@ -2,7 +2,7 @@
 
 In three steps, each nearly independent of the next: friction to joint 1's share of PD torque in the static gravity
 test; ratios, coupling, run-out, hysteresis and stiffness to nine errors of table I; rates of set to the six-hour drift.
-Targets and bounds: plant_targets.py. Run it with `make refit`; it rewrites simulation/data/raven2.toml, prints what was
+Targets and bounds: targets.py. Run it with `make refit`; it rewrites simulation/data/raven2.toml, prints what was
 reached. Every target, fitted or only checked, is shown by `python -m papers plant-targets` afterwards.
 """
 
@@ -15,6 +15,7 @@ from scipy.optimize import lsq_linear
 
 from catenary.arrays import Floats
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
+from papers.kit import told
 from papers.plant.evaluation import mean_errors, six_hours
 from papers.plant.pd_share import pd_share
 from papers.plant.targets import DRIFT, FITTED, FREE, FRICTION, LAST_HOUR, PD_SHARE, PRIOR, TARGETS, Free, with_factors

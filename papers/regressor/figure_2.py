@@ -17,20 +17,10 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.reports.page import Table
 from catenary.robots.catalog import load_robot, robot_names
-from papers.claims import NOT_MEASURED, by_count
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.claims import NOT_MEASURED, Claims, by_count
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, TitledTable
+from papers.figures import panels
+from papers.kit import table
 from papers.regressor.decomposition import NO_EFFECT, ZERO, decomposition
 from papers.regressor.evaluation_time import evaluation
 from papers.regressor.published import COMPACT, FULL_BLOCK, PARAMETERS, PLACES
@@ -52,37 +42,37 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
-def of(outcomes: Outcomes, robot: str) -> Result | None:
+def of(o: Outcomes, robot: str) -> Result | None:
     """Return a robot's result, None where it is missing."""
-    found = outcomes.of(decomposition, robot=robot)
+    found = o.of(decomposition, robot=robot)
     return found[0] if found else None
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return the planar arm's steps as the paper prints them, and every robot's counts."""
     tables = []
-    if planar := of(outcomes, PLANAR):
+    if planar := of(o, PLANAR):
         tables = [
             TitledTable("The planar arm: block row of joint k in the full Z, in units of g", _blocks(planar)),
             TitledTable("Its 36 parameters: what is deleted, what is merged", _steps(planar)),
             TitledTable("Its compact form: columns of Z and parameters, g = g_c Z s", _compact(planar)),
         ]
-    tables.append(TitledTable("Every robot of the catalogue", _counts(outcomes)))
-    if timed := list(outcomes.items(evaluation)):
+    tables.append(TitledTable("Every robot of the catalogue", _counts(o)))
+    if timed := list(o.items(evaluation)):
         rows = [
             [told["robot"], *(f"{result[key]:.2f}" for key in ("full_us", "compact_us", "ratio"))]
             for told, result in timed
         ]
         header = ["robot", "full Z [us]", "compact Z [us]", "full over compact"]
         title = "Time of an evaluation, both forms compiled alike, median, on the machine that it ran on"
-        tables.append(TitledTable(title, Table(header, rows)))
+        tables.append(table(title, header, rows))
     pictures = [
         TitledPicture(
             f"{robot}: the entries of Z before and after; a colour is a merged parameter, grey what is deleted",
             _picture(result),
         )
         for robot in DRAWN
-        if (result := of(outcomes, robot))
+        if (result := of(o, robot))
     ]
     return Report(tables, pictures)
 
@@ -115,9 +105,9 @@ def _compact(planar: Result) -> Table:
     )
 
 
-def _counts(outcomes: Outcomes) -> Table:
+def _counts(o: Outcomes) -> Table:
     rows = []
-    for told, result in outcomes.items(decomposition):
+    for told, result in o.items(decomposition):
         groups = result["groups"]
         merged = sum(group > 0 for group in groups)
         rows.append(
@@ -135,8 +125,6 @@ def _counts(outcomes: Outcomes) -> Table:
 
 
 def _picture(result: Result) -> Any:
-    from papers.figures import panels
-
     before, after = patterns(result)
     rows = before.shape[0]
     figure, axes = panels(
@@ -191,8 +179,33 @@ def patterns(result: Result) -> tuple[Floats, Floats]:
     return before, after.astype(float)
 
 
-def _is_compact(outcomes: Outcomes) -> Judgement:
-    planar = of(outcomes, PLANAR)
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "The full Z and s of the planar arm",
+    "figure 2",
+    "Z_k: 1 0 0 c1 -s1 0 c12 -s12 0 c123 -s123 0; s1 once, s2 twice, s3 three times",
+    "every entry of the three block rows as printed, and each parameter where the figure has it",
+)
+def _is_full(o: Outcomes) -> Judgement:
+    planar = of(o, PLANAR)
+    if planar is None:
+        return NOT_MEASURED
+    same = [tuple(block) == FULL_BLOCK for block in planar["blocks"]]
+    places = {number: tuple(k for k, group in enumerate(planar["groups"]) if group == number) for number in (1, 2, 3)}
+    told = f"blocks {' '.join(planar['blocks'][0])}; s1, s2, s3 at {', '.join(str(p) for p in places.values())}"
+    return by_count([*same, tuple(places.values()) == PLACES], told)
+
+
+@CLAIMS(
+    "Its compact form",
+    "figure 2, section II-C",
+    "g = g_c Z s with Z = [c1 c12 c123; 0 c12 c123; 0 0 c123], s = [l1 (m2+m3)+lg1 m1; l2 m3+lg2 m2; lg3 m3]",
+    "every entry and every parameter as printed",
+)
+def _is_compact(o: Outcomes) -> Judgement:
+    planar = of(o, PLANAR)
     if planar is None:
         return NOT_MEASURED
     entries = [tuple(row) for row in planar["entries"]] == list(COMPACT)
@@ -202,34 +215,43 @@ def _is_compact(outcomes: Outcomes) -> Judgement:
     )
 
 
-def _is_full(outcomes: Outcomes) -> Judgement:
-    planar = of(outcomes, PLANAR)
-    if planar is None:
-        return NOT_MEASURED
-    same = [tuple(block) == FULL_BLOCK for block in planar["blocks"]]
-    places = {number: tuple(k for k, group in enumerate(planar["groups"]) if group == number) for number in (1, 2, 3)}
-    told = f"blocks {' '.join(planar['blocks'][0])}; s1, s2, s3 at {', '.join(str(p) for p in places.values())}"
-    return by_count([*same, tuple(places.values()) == PLACES], told)
-
-
-def _size(outcomes: Outcomes) -> Judgement:
+@CLAIMS(
+    "The full regressor is n x 3n(n+1)",
+    "section II-A",
+    "n x 3n(n+1)",
+    "for every robot of the catalogue whose joints all turn, n the joints of its tree",
+)
+def _size(o: Outcomes) -> Judgement:
     of_turning = [
         (told["robot"], result["shape"][1], result["joints"])
-        for told, result in outcomes.items(decomposition)
+        for told, result in o.items(decomposition)
         if result["prismatic"] == 0
     ]
     told = ", ".join(f"{robot} {width}" for robot, width, _ in of_turning)
     return by_count([width == 3 * n * (n + 1) for _, width, n in of_turning], f"columns: {told}")
 
 
-def _any_robot(outcomes: Outcomes) -> Judgement:
-    worst = [result["largest_difference_Nm"] for result in outcomes.of(decomposition)]
+@CLAIMS(
+    "The generalised form holds regardless of dimension and structure of the robot",
+    "abstract, section II-B",
+    "any robot of revolute joints, multi-arms included",
+    "full and compact form give the same torques to 1e-9 Nm, for every robot of the catalogue",
+)
+def _any_robot(o: Outcomes) -> Judgement:
+    worst = [result["largest_difference_Nm"] for result in o.of(decomposition)]
     return by_count([each < SAME for each in worst], f"at most {max(worst, default=0.0):.0e} Nm")
 
 
-def _faster(outcomes: Outcomes) -> Judgement:
-    widths = [(result["shape"][1], len(result["parameters"])) for result in outcomes.of(decomposition)]
-    ratios = {told["robot"]: result["ratio"] for told, result in outcomes.items(evaluation)}
+@CLAIMS(
+    "Deleting and merging reduces the computation time",
+    "section II-C",
+    "36 columns to 3; of time no number",
+    "the full Z takes longer to evaluate than the compact one, both compiled alike, medians in one process, for every "
+    "robot of the catalogue whose joints all turn; same direction: for more than half of them",
+)
+def _faster(o: Outcomes) -> Judgement:
+    widths = [(result["shape"][1], len(result["parameters"])) for result in o.of(decomposition)]
+    ratios = {told["robot"]: result["ratio"] for told, result in o.items(evaluation)}
     shares = [after / before for before, after in widths]
     told = (
         f"full over compact: {', '.join(f'{robot} {ratio:.1f}' for robot, ratio in ratios.items())}; of the columns "
@@ -238,54 +260,7 @@ def _faster(outcomes: Outcomes) -> Judgement:
     return by_count([ratio > 1.0 for ratio in ratios.values()], told)
 
 
-CLAIMS = (
-    Claim(
-        "The full Z and s of the planar arm",
-        "figure 2",
-        "Z_k: 1 0 0 c1 -s1 0 c12 -s12 0 c123 -s123 0; s1 once, s2 twice, s3 three times",
-        "every entry of the three block rows as printed, and each parameter where the figure has it",
-        _is_full,
-    ),
-    Claim(
-        "Its compact form",
-        "figure 2, section II-C",
-        "g = g_c Z s with Z = [c1 c12 c123; 0 c12 c123; 0 0 c123], s = [l1 (m2+m3)+lg1 m1; l2 m3+lg2 m2; lg3 m3]",
-        "every entry and every parameter as printed",
-        _is_compact,
-    ),
-    Claim(
-        "The full regressor is n x 3n(n+1)",
-        "section II-A",
-        "n x 3n(n+1)",
-        "for every robot of the catalogue whose joints all turn, n the joints of its tree",
-        _size,
-    ),
-    Claim(
-        "The generalised form holds regardless of dimension and structure of the robot",
-        "abstract, section II-B",
-        "any robot of revolute joints, multi-arms included",
-        "full and compact form give the same torques to 1e-9 Nm, for every robot of the catalogue",
-        _any_robot,
-    ),
-    Claim(
-        "Deleting and merging reduces the computation time",
-        "section II-C",
-        "36 columns to 3; of time no number",
-        "the full Z takes longer to evaluate than the compact one, both compiled alike, medians in one process, for "
-        "every robot of the catalogue whose joints all turn; same direction: for more than half of them",
-        _faster,
-    ),
-)
-
 EXPERIMENT = Experiment(
-    name="regressor-figure-2",
-    paper="regressor",
-    place="figure 2",
-    title="From the full gravity regressor to the compact one",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=4.0,
-    claims=CLAIMS,
-    drawn=0,
-)
+    "regressor-figure-2", "figure 2", "From the full gravity regressor to the compact one", __doc__,
+    cases, report, minutes=4.0, claims=CLAIMS, drawn=0,
+)  # fmt: skip

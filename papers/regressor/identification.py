@@ -17,19 +17,10 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from papers.claims import mean_and_spread
-from papers.experiment import (
-    Case,
-    Experiment,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture
+from papers.figures import legend_below, panels
+from papers.kit import table
 from papers.regressor.raven_identification import BELIEF, ON, POSITIONS, TRUE, identified
 
 AXES = ("J1 [Nm]", "J2 [Nm]", "J3 [N]")
@@ -52,9 +43,9 @@ def _cells(values: Floats, digits: int) -> list[str]:
     return [mean_and_spread(column, digits) for column in values.T]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return torque errors on another base, what poses tell, and PD+DG with what was found."""
-    results = outcomes.of(identified)
+    results = o.of(identified)
     errors = [
         [source, at, *_cells(_of(results, "error_Nm_Nm_N", f"{source}, {at}"), 3)]
         for source in SOURCES
@@ -77,16 +68,12 @@ def report(outcomes: Outcomes) -> Report:
         for source in SOURCES
     ]
     tables = [
-        TitledTable(
-            "Gravity torque at poses on another base, RMS error", Table(["parameters", "positions", *AXES], errors)
-        ),
-        TitledTable("What the poses tell", Table(["fit", "rank", "base parameters"], ranks)),
-        TitledTable(
+        table("Gravity torque at poses on another base, RMS error", ["parameters", "positions", *AXES], errors),
+        table("What the poses tell", ["fit", "rank", "base parameters"], ranks),
+        table(
             "PD+DG at static poses on that base, reported positions",
-            Table(
-                ["parameters", *(f"PD share J{j} [%]" for j in (1, 2, 3)), "error J1 [deg]", "J2 [deg]", "J3 [mm]"],
-                held,
-            ),
+            ["parameters", *(f"PD share J{j} [%]" for j in (1, 2, 3)), "error J1 [deg]", "J2 [deg]", "J3 [mm]"],
+            held,
         ),
     ]
     remarks = [str(one["identify_Nm_Nm_N"]) for one in results if isinstance(one["identify_Nm_Nm_N"], str)]
@@ -105,8 +92,6 @@ def report(outcomes: Outcomes) -> Report:
 
 
 def _picture(results: Sequence[Result]) -> Any:
-    from papers.figures import legend_below, panels
-
     figure, axes = panels(3, 3.0)
     places = np.arange(len(POSITIONS))
     for j, panel in enumerate(axes):
@@ -120,12 +105,7 @@ def _picture(results: Sequence[Result]) -> Any:
 
 
 EXPERIMENT = Experiment(
-    name="regressor-identification",
-    paper="regressor",
-    place="beyond the paper",
-    title="Gravity parameters of a RAVEN-II from poses that it holds",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=13.0,
-)
+    "regressor-identification", "beyond the paper",
+    "Gravity parameters of a RAVEN-II from poses that it holds", __doc__,
+    cases, report, minutes=13.0,
+)  # fmt: skip

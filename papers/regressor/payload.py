@@ -21,20 +21,9 @@ from typing import Any
 import numpy as np
 
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, by_count
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Plain,
-    Report,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.claims import NOT_MEASURED, Claims, by_count
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Scope, TitledPicture, TitledTable
+from papers.figures import legend_below, panels
 from papers.regressor.unknown_payload import LOOKED_AT, payload_trials
 
 # noise over what is told, and whether the loads' sizes are
@@ -62,10 +51,10 @@ def cases(scope: Scope) -> Sequence[Case]:
     ]
 
 
-def trials_of(outcomes: Outcomes, condition: tuple[float, bool]) -> list[Plain]:
+def trials_of(o: Outcomes, condition: tuple[float, bool]) -> list[Plain]:
     """Return all trials under a condition."""
     ratio, told = condition
-    found = outcomes.of(payload_trials, noise_ratio=ratio, told_sizes=told)
+    found = o.of(payload_trials, noise_ratio=ratio, told_sizes=told)
     return [one for result in found for one in result["trials"]]
 
 
@@ -79,18 +68,18 @@ def noticed(seen: Plain) -> bool:
     return bool(seen["no_load"] < NOTICED)
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return detection, links and masses by poses, by link and by mass, and how right stated probabilities are."""
     tables, remarks = [], []
     for condition, words in CONDITIONS.items():
-        trials = trials_of(outcomes, condition)
+        trials = trials_of(o, condition)
         if trials:
             tables += [
                 TitledTable(f"By poses with the load, {words}", _by_poses(trials)),
                 TitledTable(f"Stated probability against share of right ones, {words}", _reliability(trials)),
             ]
             remarks += overconfident(trials, words)
-    usual = trials_of(outcomes, USUAL)
+    usual = trials_of(o, USUAL)
     if usual:
         tables += [
             TitledTable(f"By link, after {LOOKED_AT[-1]} poses, {CONDITIONS[USUAL]}", _by_link(usual)),
@@ -102,7 +91,7 @@ def report(outcomes: Outcomes) -> Report:
             TitledPicture(
                 "Left: stated probability of the likeliest link against how often it is right. Right: loads noticed, "
                 "and on the right link, by poses",
-                _picture(outcomes),
+                _picture(o),
             )
         ],
         remarks,
@@ -193,13 +182,11 @@ def _reliability(trials: Sequence[Plain]) -> Table:
     )
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, panels
-
+def _picture(o: Outcomes) -> Any:
     figure, (left, right) = panels(2, 3.8)
     left.plot([0, 100], [0, 100], color="#b8bfc9", linewidth=1.0)
     for (condition, words), color in zip(CONDITIONS.items(), COLORS, strict=True):
-        trials = trials_of(outcomes, condition)
+        trials = trials_of(o, condition)
         if not trials:
             continue
         points = np.array(reliability(trials)).reshape(-1, 3)
@@ -224,52 +211,43 @@ def _picture(outcomes: Outcomes) -> Any:
     return figure
 
 
-def _sure(outcomes: Outcomes) -> Judgement:
-    bins = reliability(trials_of(outcomes, USUAL))
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "A stated probability of a link can be believed",
+    "beyond the paper",
+    "as stated",
+    "in every bin of stated probabilities the share of right ones is not below the stated mean by more than two "
+    "standard errors of a share, all arms and poses together, with the default size of loads; same direction: in more "
+    "than half of the bins",
+    "Sizes of loads are drawn otherwise than the estimator expects them to be, moments above all; a light load is "
+    "noticed late, when some of it has been taken for the arm; and statements on one load after one, two, five ... "
+    "poses go together, so that the standard errors are rather larger. With noise larger than what is told no "
+    "probability can be believed (table).",
+)
+def _sure(o: Outcomes) -> Judgement:
+    bins = reliability(trials_of(o, USUAL))
     told = ", ".join(f"{100 * p:.1f} % right {100 * right:.1f} %" for p, right, _ in bins)
     return by_count([as_stated(*one) for one in bins], f"stated {told}")
 
 
-def _listed(outcomes: Outcomes) -> Judgement:
-    said = statements(trials_of(outcomes, USUAL))
+@CLAIMS(
+    "The link that carries the load is among the likely ones",
+    "beyond the paper",
+    "stated 95 %",
+    "in 95 % of the lists within two standard errors of a share, all arms and poses together, with the default size of "
+    "loads",
+)
+def _listed(o: Outcomes) -> Judgement:
+    said = statements(trials_of(o, USUAL))
     if len(said) < FEWEST:
         return NOT_MEASURED
     share = float(np.mean([one["among_likely"] for one in said]))
     return by_count([as_stated(HOLD, share, len(said))], f"in {100 * share:.1f} % of {len(said)} lists")
 
 
-CLAIMS = (
-    Claim(
-        "A stated probability of a link can be believed",
-        "beyond the paper",
-        "as stated",
-        "in every bin of stated probabilities the share of right ones is not below the stated mean by more than two "
-        "standard errors of a share, all arms and poses together, with the default size of loads; same direction: in "
-        "more than half of the bins",
-        _sure,
-        "Sizes of loads are drawn otherwise than the estimator expects them to be, moments above all; a light load is "
-        "noticed late, when some of it has been taken for the arm; and statements on one load after one, two, five ... "
-        "poses go together, so that the standard errors are rather larger. With noise larger than what is told no "
-        "probability can be believed (table).",
-    ),
-    Claim(
-        "The link that carries the load is among the likely ones",
-        "beyond the paper",
-        "stated 95 %",
-        "in 95 % of the lists within two standard errors of a share, all arms and poses together, with the default "
-        "size of loads",
-        _listed,
-    ),
-)
-
 EXPERIMENT = Experiment(
-    name="regressor-payload",
-    paper="beyond",
-    place="beyond the gravity-regressor paper",
-    title="An unknown load on any link, at any time",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,
-    claims=CLAIMS,
-)
+    "regressor-payload", "beyond the gravity-regressor paper", "An unknown load on any link, at any time", __doc__,
+    cases, report, of="beyond", minutes=2.0, claims=CLAIMS,
+)  # fmt: skip

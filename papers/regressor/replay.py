@@ -17,21 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from catenary.reports.page import Table
-from papers.claims import by_count
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    after_headline,
-)
+from papers.claims import Claims, by_count
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture
+from papers.figures import legend_below, panels
+from papers.kit import table
 from papers.regressor.recorded_arms import RECORDINGS, replay
 
 METHODS = ("none", "law", "least squares", "batch, gravity", "batch, full dynamics")
@@ -54,17 +43,17 @@ def cases(scope: Scope) -> Sequence[Case]:
     return [replay.case(recording=name, rows=None) for name in names]
 
 
-def of(outcomes: Outcomes, recording: str) -> Result | None:
+def of(o: Outcomes, recording: str) -> Result | None:
     """Return what a recording showed, None where it is missing."""
-    found = outcomes.of(replay, recording=recording)
+    found = o.of(replay, recording=recording)
     return found[0] if found else None
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return errors of the later part by recording and method, and torques over time."""
     tables, pictures, remarks = [], [], []
     for recording in RECORDINGS:
-        result = of(outcomes, recording)
+        result = of(o, recording)
         if result is None:
             remarks.append(f"{recording}: no such recording here.")
             continue
@@ -76,7 +65,7 @@ def report(outcomes: Outcomes) -> Report:
         ]
         whole, until = result["rows"]
         title = f"{recording.removesuffix('.npz')}: RMS error on rows {until} to {whole}, none of them learnt from"
-        tables.append(TitledTable(title, Table(header, rows)))
+        tables.append(table(title, header, rows))
         if recording in SHOWN:
             caption = f"{recording.removesuffix('.npz')}: measured and predicted torque; shaded: learnt from"
             pictures.append(TitledPicture(caption, _picture(result, SHOWN[recording])))
@@ -88,8 +77,6 @@ def _axis(result: Result, k: int) -> str:
 
 
 def _picture(result: Result, axes_shown: Sequence[int]) -> Any:
-    from papers.figures import legend_below, panels
-
     figure, axes = panels(1, 2.3 * len(axes_shown), rows=len(axes_shown), sharex=True)
     for panel, k in zip(axes, axes_shown, strict=True):
         panel.axvspan(result["row"][0], result["rows"][1], color="#eef1f5", zorder=0)
@@ -107,11 +94,11 @@ def _picture(result: Result, axes_shown: Sequence[int]) -> Any:
     return figure
 
 
-def _left(outcomes: Outcomes, recordings: Sequence[str], axes: Sequence[int]) -> tuple[list[float], list[str]]:
+def _left(o: Outcomes, recordings: Sequence[str], axes: Sequence[int]) -> tuple[list[float], list[str]]:
     """Return which share of the torque the law leaves on axes of the later part, and the same in words."""
     shares, told = [], []
     for recording in recordings:
-        if (result := of(outcomes, recording)) is not None:
+        if (result := of(o, recording)) is not None:
             rms = result["rms_Nm_or_N"]
             for k in axes:
                 shares.append(rms["law"][k] / rms["none"][k])
@@ -120,51 +107,39 @@ def _left(outcomes: Outcomes, recordings: Sequence[str], axes: Sequence[int]) ->
     return shares, told
 
 
-def _at_rest(outcomes: Outcomes) -> Judgement:
-    shares, told = _left(outcomes, STATIC, LOADED_AXES)
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "Once estimated, the parameters give the gravitational force",
+    "abstract, section III",
+    "in simulation, no numbers",
+    "on poses at rest of a real arm that come later, the law leaves less than half of the torque on the axes that "
+    "gravity loads, J2 and J3, in both recordings",
+    "The law fits the pose at hand, by the smallest change of parameters, and lets go of what other poses told; how "
+    "well it does in others is left to where it stood last. Least squares on the same rows, which add the poses up, "
+    "leave far less in both recordings (tables); so the parameters are there to be found.",
+)
+def _at_rest(o: Outcomes) -> Judgement:
+    shares, told = _left(o, STATIC, LOADED_AXES)
     return by_count([share < HALF for share in shares], "left: " + ", ".join(told))
 
 
-def _moving(outcomes: Outcomes) -> Judgement:
-    shares, told = _left(outcomes, MOVING, (0, 1, 2))
+@CLAIMS(
+    "Estimation should be performed under the quasi-static state",
+    "section III",
+    "no numbers",
+    "on recordings that never rest, the law without its gate leaves at least half of the torque on axes 1 to 3",
+    "On the slave's first axis gravity is most of the torque: a batch identification of gravity alone leaves little of "
+    "it (tables). So the law learns something there although the arm moves; on other axes it may leave more torque "
+    "than there is without it.",
+)
+def _moving(o: Outcomes) -> Judgement:
+    shares, told = _left(o, MOVING, (0, 1, 2))
     return by_count([share >= HALF for share in shares], "left: " + ", ".join(told))
 
 
-CLAIMS = (
-    Claim(
-        "Once estimated, the parameters give the gravitational force",
-        "abstract, section III",
-        "in simulation, no numbers",
-        "on poses at rest of a real arm that come later, the law leaves less than half of the torque on the axes that "
-        "gravity loads, J2 and J3, in both recordings",
-        _at_rest,
-        why="The law fits the pose at hand, by the smallest change of parameters, and lets go of what other poses "
-        "told; how well it does in others is left to where it stood last. Least squares on the same rows, which add "
-        "the poses up, leave far less in both recordings (tables); so the parameters are there to be found.",
-    ),
-    Claim(
-        "Estimation should be performed under the quasi-static state",
-        "section III",
-        "no numbers",
-        "on recordings that never rest, the law without its gate leaves at least half of the torque on axes 1 to 3",
-        _moving,
-        why="On the slave's first axis gravity is most of the torque: a batch identification of gravity alone leaves "
-        "little of it (tables). So the law learns something there although the arm moves; on other axes it may leave "
-        "more torque than there is without it.",
-    ),
-)
-
 EXPERIMENT = Experiment(
-    name="regressor-replay",
-    paper="regressor",
-    place="beyond the paper",
-    title="The on-line law on recorded motions",
-    about=after_headline(__doc__),
-    cases=cases,
-    report=report,
-    minutes=2.0,
-    claims=CLAIMS,
-    drawn=0,
-    simulated=False,
-    needs_data=True,
-)
+    "regressor-replay", "beyond the paper", "The on-line law on recorded motions", __doc__,
+    cases, report, minutes=2.0, claims=CLAIMS, drawn=0, simulated=False, needs_data=True,
+)  # fmt: skip

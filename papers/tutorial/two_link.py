@@ -1,4 +1,6 @@
-"""The two-link arm of docs/tutorial-two-link.md under PD control, with and without each term of the model.
+"""The tutorial on mass and gravity, run.
+
+The two-link arm of docs/tutorial-two-link.md under PD control, with and without each term of the model.
 
 T. DeWolf, "Robot control part 3: accounting for mass and gravity": u = M(q) qdd_des + g(q), qdd_des by PD in joint
 space. All controllers have the same natural frequency, 5 Hz, and damping ratio, 0.7, on an ideal arm without friction
@@ -25,23 +27,12 @@ from catenary import (
 from catenary.arrays import Floats
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, gains_from_mass
 from catenary.control.pd import Controller
-from catenary.reports.page import Table
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
-from papers.claims import by_count
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    run,
-)
+from papers.claims import Claims, by_count
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
+from papers.figures import panels
+from papers.kit import table
 
 TICK = 1e-3  # [s] over which a torque is held, as a 1 kHz loop holds it
 START, GOAL = np.deg2rad([-60.0, 30.0]), np.deg2rad([50.0, 100.0])
@@ -138,25 +129,23 @@ def cases(scope: Scope) -> Sequence[Case]:
     ]
 
 
-def report(outcomes: Outcomes) -> Report:
+def report(o: Outcomes) -> Report:
     """Return errors by controller and speed, and those of the fast motion over time."""
     tables = []
     for name, speed in SPEEDS.items():
         rows = []
-        for told, result in outcomes.items(errors_of, speed=speed):
+        for told, result in o.items(errors_of, speed=speed):
             cells = [f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key]]
             rows.append([told["controller"], *cells])
         if rows:
             header = ["controller", "largest error q0 [deg]", "q1 [deg]", "at rest q0 [deg]", "q1 [deg]"]
-            tables.append(TitledTable(f"The {name} motion, up to {speed * FASTEST:g} rad/s", Table(header, rows)))
-    return Report(tables, [TitledPicture("Errors of both joints over the fast motion", _picture(outcomes))])
+            tables.append(table(f"The {name} motion, up to {speed * FASTEST:g} rad/s", header, rows))
+    return Report(tables, [TitledPicture("Errors of both joints over the fast motion", _picture(o))])
 
 
-def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import panels
-
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(2, 3.6)
-    for told, result in outcomes.items(errors_of, speed=1.0):
+    for told, result in o.items(errors_of, speed=1.0):
         name = told["controller"]
         for panel, error in zip(axes, result["error_deg"], strict=True):
             panel.plot(result["time_s"], error, color=COLORS[NAMES.index(name)], linewidth=1.4, label=name)
@@ -168,13 +157,22 @@ def _picture(outcomes: Outcomes) -> Any:
     return figure
 
 
-def _reached(outcomes: Outcomes, controller: str, key: str) -> Floats:
+def _reached(o: Outcomes, controller: str, key: str) -> Floats:
     """Return errors (speeds, 2) [deg]."""
-    return np.array([result[key] for result in outcomes.of(errors_of, controller=controller)])
+    return np.array([result[key] for result in o.of(errors_of, controller=controller)])
 
 
-def _gravity(outcomes: Outcomes) -> Judgement:
-    left = {name: _reached(outcomes, name, "at_rest_deg") for name in NAMES}
+CLAIMS = Claims()
+
+
+@CLAIMS(
+    "Gravity is cancelled by g(q)",
+    "Accounting for gravity",
+    "no numbers",
+    "with it the arm rests within 0.01 deg of where it should, without it beyond 0.1 deg",
+)
+def _gravity(o: Outcomes) -> Judgement:
+    left = {name: _reached(o, name, "at_rest_deg") for name in NAMES}
     told = ", ".join(f"{name} {values.max():.3f}" for name, values in left.items())
     holds = [
         float(values.max()) < 0.01 if "gravity" in name else float(values.max()) > 0.1 for name, values in left.items()
@@ -182,8 +180,18 @@ def _gravity(outcomes: Outcomes) -> Judgement:
     return by_count(holds, f"deg at rest: {told}")
 
 
-def _inertia(outcomes: Outcomes) -> Judgement:
-    without, with_it = (_reached(outcomes, name, "largest_deg") for name in ("PD, gravity", FULL))
+@CLAIMS(
+    "With the effects of inertia cancelled, joints can be controlled independently",
+    "Making a PD controller in joint space",
+    "no numbers",
+    "both joints' largest error is smaller with M(q) than without, gravity cancelled in both, in the fast motion and "
+    "at a third of its speed",
+    "What M leaves are the Coriolis and centrifugal terms, which grow with the square of the speed: with them the "
+    "error all but vanishes (last row of each table). PD alone has gains for the arm stretched out, where its inertia "
+    "is largest; folded, the arm is stiffer than needed, and PD does not look bad.",
+)
+def _inertia(o: Outcomes) -> Judgement:
+    without, with_it = (_reached(o, name, "largest_deg") for name in ("PD, gravity", FULL))
     told = "; ".join(
         f"{speed}: q{j} {without[k, j]:.2f} to {with_it[k, j]:.2f} deg"
         for k, speed in enumerate(SPEEDS)
@@ -192,51 +200,21 @@ def _inertia(outcomes: Outcomes) -> Judgement:
     return by_count((with_it < without).ravel(), told)
 
 
-def _coriolis(outcomes: Outcomes) -> Judgement:
-    left = _reached(outcomes, FULL, "largest_deg")
+@CLAIMS(
+    "Without the Coriolis terms you will be fine most of the time",
+    "closing section",
+    "no numbers",
+    "at most 1 deg on both joints in both motions; same direction: in more than half of the four",
+    f"This arm swings at up to {FASTEST:g} rad/s, and the loop is {FREQUENCY_HZ:g} Hz stiff: the error that the "
+    "velocity terms make is their acceleration over the square of that frequency, whatever the loop's rate.",
+)
+def _coriolis(o: Outcomes) -> Judgement:
+    left = _reached(o, FULL, "largest_deg")
     told = "; ".join(f"{speed}: {left[k, 0]:.2f}, {left[k, 1]:.2f} deg" for k, speed in enumerate(SPEEDS))
     return by_count((left < 1.0).ravel(), told)
 
 
-CLAIMS = (
-    Claim(
-        "Gravity is cancelled by g(q)",
-        "Accounting for gravity",
-        "no numbers",
-        "with it the arm rests within 0.01 deg of where it should, without it beyond 0.1 deg",
-        _gravity,
-    ),
-    Claim(
-        "With the effects of inertia cancelled, joints can be controlled independently",
-        "Making a PD controller in joint space",
-        "no numbers",
-        "both joints' largest error is smaller with M(q) than without, gravity cancelled in both, in the fast motion "
-        "and at a third of its speed",
-        _inertia,
-        why="What M leaves are the Coriolis and centrifugal terms, which grow with the square of the speed: with them "
-        "the error all but vanishes (last row of each table). PD alone has gains for the arm stretched out, where "
-        "its inertia is largest; folded, the arm is stiffer than needed, and PD does not look bad.",
-    ),
-    Claim(
-        "Without the Coriolis terms you will be fine most of the time",
-        "closing section",
-        "no numbers",
-        "at most 1 deg on both joints in both motions; same direction: in more than half of the four",
-        _coriolis,
-        why=f"This arm swings at up to {FASTEST:g} rad/s, and the loop is {FREQUENCY_HZ:g} Hz stiff: the error that "
-        "the velocity terms make is their acceleration over the square of that frequency, whatever the loop's rate.",
-    ),
-)
-
 EXPERIMENT = Experiment(
-    name="tutorial-two-link",
-    paper="tutorial",
-    place="the whole of it",
-    title="Mass and gravity of a two-link arm",
-    about=(__doc__ or "").strip(),
-    cases=cases,
-    report=report,
-    minutes=1.0,
-    claims=CLAIMS,
-    drawn=0,
-)
+    "tutorial-two-link", "the whole of it", "Mass and gravity of a two-link arm", __doc__,
+    cases, report, minutes=1.0, claims=CLAIMS, drawn=0,
+)  # fmt: skip

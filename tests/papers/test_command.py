@@ -10,23 +10,12 @@ from typing import Any
 import pytest
 
 from catenary import __version__
-from catenary.reports.page import Table
 from papers import __main__ as command
 from papers import catalog, runner, sweep
-from papers.experiment import (
-    Case,
-    Claim,
-    Experiment,
-    Judgement,
-    Outcomes,
-    Report,
-    Result,
-    Scope,
-    TitledPicture,
-    TitledTable,
-    run,
-)
+from papers.claims import Claims, graded
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
+from papers.kit import table
 from papers.results_files import RAW
 from papers.store import Finished, Store
 
@@ -46,21 +35,21 @@ def report(outcomes: Outcomes) -> Report:
     figure, (axes,) = panels(1, 2.0)
     axes.plot([result["square"] for result in outcomes.of(squared)])
     rows = [[str(told["number"]), str(result["square"])] for told, result in outcomes.items(squared)]
-    return Report([TitledTable("Squares", Table(["number", "square"], rows))], [TitledPicture("A curve", figure)])
+    return Report([table("Squares", "number | square", rows)], [TitledPicture("A curve", figure)])
+
+
+CLAIMS = Claims()
+
+
+@CLAIMS("They grow", "I", "1 < 4", "each larger", fitted=True)
+def grow(outcomes: Outcomes) -> Judgement:
+    return graded(True, True, "0 < 1")
 
 
 SQUARES = Experiment(
-    name="beyond-squares",
-    paper="beyond",
-    place="nowhere",
-    title="Squares",
-    about="Numbers times themselves.",
-    cases=cases,
-    report=report,
-    minutes=0.1,
-    claims=[Claim("They grow", "I", "1 < 4", "each larger", lambda _: Judgement("reproduced", "0 < 1"), fitted=True)],
-    drawn=2,
-)
+    "beyond-squares", "nowhere", "Squares", "Squares.\n\nNumbers times themselves.",
+    cases, report, minutes=0.1, claims=CLAIMS, drawn=2,
+)  # fmt: skip
 
 
 def ran(out: Path, *words: str, code: int = 0) -> dict[str, Any]:

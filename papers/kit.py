@@ -1,0 +1,105 @@
+"""What experiments are written with: cases by a grid, samples over robots, and tables that skip what has not run."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.reports.page import Table
+from papers.claims import Missing, mean_and_spread
+from papers.experiment import Case, Outcomes, Plain, Run, TitledTable
+
+JOINTS = ("J1", "J2", "J3")
+UNITS = ("deg", "deg", "mm")
+IN_UNITS = ("J1 [deg]", "J2 [deg]", "J3 [mm]")
+
+
+class Sample(np.ndarray):
+    """Numbers by robot, (robots,) or (robots, 3): f"{x:.2f}" tells mean and spread, of the latter joint by joint."""
+
+    def __format__(self, spec: str) -> str:
+        """Return "mean ± spread" in a format such as ".2f"; one number as Python does."""
+        digits = int(spec[1:-1]) if spec else 3
+        if self.ndim == 2:
+            return ", ".join(f"{j} {cell}" for j, cell in zip(JOINTS, cells(self, digits), strict=True))
+        return mean_and_spread(self, digits) if self.ndim else format(float(self), spec)
+
+
+def by_robot(values: Any) -> Floats:
+    """Return numbers whose first axis is the robot, as a sample."""
+    return np.asarray(values, dtype=float).view(Sample)
+
+
+def sample(outcomes: Outcomes, run: Run, /, *path: str | int, **where: Plain) -> Floats:
+    """Return what a function's cases with these arguments have at a path of their results, robot by robot.
+
+    Results that lack the first step of the path are left out.
+
+    Raises:
+        Missing: No case has it.
+    """
+    found: list[Any] = [one for one in outcomes.of(run, **where) if not path or path[0] in one]
+    for part in path:
+        found = [one[part] for one in found]
+    if not found:
+        raise Missing(f"{run.name} {where}")
+    return by_robot(found)
+
+
+def grid(run: Run, axes: Mapping[str, Iterable[Plain]], /, **fixed: Plain) -> list[Case]:
+    """Return a case for every combination along axes, the last one fastest."""
+    return [run.case(**dict(zip(axes, each, strict=True)), **fixed) for each in product(*axes.values())]
+
+
+def cells(values: Floats, digits: int = 3) -> list[str]:
+    """Return mean and spread over robots of every column of numbers (robots, columns)."""
+    return [mean_and_spread(column, digits) for column in values.T]
+
+
+def rows(row: Callable[..., Sequence[Any]], *axes: Iterable[Any]) -> list[list[str]]:
+    """Return a row for every combination that has run; a sample in it is told to three digits."""
+    return list(_rows(row, axes))
+
+
+def _rows(row: Callable[..., Sequence[Any]], axes: Sequence[Iterable[Any]]) -> Iterator[list[str]]:
+    for each in product(*axes):
+        try:
+            yield [f"{cell}" for cell in row(*each)]
+        except Missing:
+            continue
+
+
+def table(title: str, header: str | Sequence[str], content: Sequence[Sequence[str]]) -> TitledTable:
+    """Return a table; its header may be a line, columns by bars."""
+    return TitledTable(title, Table(header.split(" | ") if isinstance(header, str) else header, content))
+
+
+def joint_tables(
+    title: str, header: str | Sequence[str], content: Callable[[int], Sequence[Sequence[str]]]
+) -> list[TitledTable]:
+    """Return a table for every joint of those that have rows; the title holds {} for the joint."""
+    return filled(table(title.format(joint), header, content(j)) for j, joint in enumerate(IN_UNITS))
+
+
+def filled(tables: Iterable[TitledTable]) -> list[TitledTable]:
+    """Return those tables that have rows."""
+    return [each for each in tables if each.table.rows]
+
+
+def told(values: Mapping[Any, Any], form: str = ".3f", unit: str = "", *, between: str = ", ") -> str:
+    """Return named samples as text: "a 1.0 ± 0.1, b ..."."""
+    return between.join(f"{name} {value:{form}}{unit}" for name, value in values.items())
+
+
+def unless_missing(tell: Callable[[Outcomes], str]) -> Callable[[Outcomes], list[str]]:
+    """Let a function that tells something of outcomes return it in a list, empty where cases have not run."""
+
+    def remarks(outcomes: Outcomes) -> list[str]:
+        try:
+            return [tell(outcomes)]
+        except Missing:
+            return []
+
+    return remarks
