@@ -30,7 +30,7 @@ _Row = Annotated[tuple[float, ...], Field(min_length=4, max_length=4)]
 _Matrix = Annotated[tuple[_Row, ...], Field(min_length=4, max_length=4)]
 
 
-class _KinematicJoint(Recorded):
+class _DvrkJoint(Recorded):
     """A row of the table: lengths in m, angles in rad."""
 
     name: str = ""
@@ -51,7 +51,7 @@ class _KinematicJoint(Recorded):
 class _Table(Recorded):
     convention: Literal["modified", "standard"] | None = None
     joints: Annotated[
-        tuple[_KinematicJoint, ...],
+        tuple[_DvrkJoint, ...],
         Field(min_length=1, max_length=64, validation_alias=AliasChoices("joints", "links")),
     ]
 
@@ -160,7 +160,7 @@ def _beside(path: Path, named: str) -> Path:
     raise FileFormatError(f"{path}: names {cut(named)}: expected it beside it, or below a folder that it lies in")
 
 
-def _link(name: str, joint: _KinematicJoint) -> dict[str, Any]:
+def _link(name: str, joint: _DvrkJoint) -> dict[str, Any]:
     turns = joint.type == "revolute"
     own: dict[str, Any] = {} if joint.ftmax is None else {"effort_nm" if turns else "effort_n": joint.ftmax}
     if joint.qmin is not None and joint.qmax is not None:
