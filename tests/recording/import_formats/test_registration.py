@@ -151,11 +151,9 @@ def test_a_tracker_of_a_fifth_of_a_millimetre_registers_within_a_tenth_and_a_twe
 @pytest.mark.parametrize(
     ("robot", "how"),
     [
-        ("raven2", {}),
+        ("raven2", {"late": 0.02}),
         ("dvrk_psm", {"single": True}),
-        ("ur5e", {}),
-        ("raven2", {"slack": 0.005}),  # errors of joints that lag are alike for seconds
-        ("dvrk_psm", {"slack": 0.005, "late": 0.02}),
+        ("ur5e", {"slack": 0.005}),  # errors of joints that lag are alike for seconds
     ],
 )
 def test_the_stated_error_holds_the_true_one_in_nineteen_of_twenty_recordings(robot: str, how: dict[str, Any]) -> None:
@@ -207,12 +205,12 @@ def test_poses_that_leave_a_direction_open_are_refused_with_the_motion_that_sett
     robot: str, moving: tuple[int, ...], what: str, expected: str, *, single: bool
 ) -> None:
     scene = Scene.of(robot, moving=moving, single=single)
-    with pytest.raises(InputError, match=f"the poses leave open the ({what}).*{expected}.*or give T_base_tracker"):
+    with pytest.raises(InputError, match=f"the poses leave open (the )?({what}).*{expected}.*or give T_base_tracker"):
         scene.register()
 
 
 def test_the_motion_that_it_asks_for_settles_it() -> None:
-    with pytest.raises(InputError, match="move elbow by 29 deg to either side .it moved 0 deg in all. too, or"):
+    with pytest.raises(InputError, match=r"move elbow by 29 deg to either side \(it moved 0 deg in all\) too, or"):
         Scene.of("raven2", moving=(0, 2)).register()
     assert Scene.of("raven2", moving=(0, 1, 2)).register().poses == 200
 
