@@ -11,10 +11,11 @@ import numpy as np
 
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats, frozen
-from catenary.raven2 import transmission
+from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.firmware import FOUND
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
+from catenary.transmission.cable_coupling import joints_of
 from catenary.workflows.robot.motion import move_to
 from papers.calibration.recordings import START, draws, homed
 from papers.experiment import Result, run
@@ -74,7 +75,8 @@ def shift_of(firmware: Firmware, offsets: Floats) -> Floats:
 
     Its zero is anywhere: only differences between registrations of one robot, switched on once, have a meaning.
     """
-    return transmission.shift_of(offsets, firmware.ratio[:N], firmware.coupling)
+    winding = -offsets / COUNTS_PER_RADIAN / firmware.ratio[:N]
+    return np.stack(joints_of(firmware.coupling, (winding[..., 0], winding[..., 1], winding[..., 2])), axis=-1)
 
 
 def registration(plant: CablePlant) -> Floats:

@@ -1,18 +1,13 @@
-"""A RAVEN-II's nominal transmission, and the registration of its joints that a homing writes down.
-
-Encoders sit on the motors and count on through a homing; only the offsets change that are taken off their counts. So
-two registrations of one robot can be compared, for as long as it is not switched off.
-"""
+"""A RAVEN-II's nominal transmission, and the columns in which a homing writes its encoders' offsets down."""
 
 import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
 from catenary.raven2.topics import JOINTS
-from catenary.transmission.cable_coupling import joint_forces, joints_of
+from catenary.transmission.cable_coupling import joint_forces
 
 # motor turning per joint motion [rad/rad], [rad/rad], [rad/m] [raven2 source: transmission ratios]
 RATIO: Mapping[str, float] = {"shoulder": 136.1963, "elbow": 121.5221, "insertion": 2158.590}
@@ -35,22 +30,3 @@ def joint_torques(tau: Floats) -> Floats:
     torques: Floats = tau * _TORQUE_RATIO
     torques[: len(CALIBRATED)] = joint_forces(COUPLING, (torques[0], torques[1], torques[2]))
     return torques
-
-
-def shift_of(offsets: ArrayLike, ratio: ArrayLike | None = None, coupling: ArrayLike = COUPLING) -> Floats:
-    """Return by how much encoder offsets shift the positioning joints that a robot reports.
-
-    Its zero is anywhere: only differences between registrations of one robot, switched on once, have a meaning.
-
-    Args:
-        offsets: (..., 3) [counts].
-        ratio: (3,) motor turning per joint motion; the nominal robot's when None.
-        coupling: (3,) of the cables, see transmission/cable_coupling.py.
-
-    Returns:
-        (..., 3) [rad, rad, m].
-    """
-    turns = np.array(list(RATIO.values())) if ratio is None else np.asarray(ratio, dtype=float)
-    winding = -np.asarray(offsets, dtype=float) / COUNTS_PER_RADIAN / turns
-    joints = joints_of(np.asarray(coupling), (winding[..., 0], winding[..., 1], winding[..., 2]))
-    return np.stack(joints, axis=-1)

@@ -51,8 +51,7 @@ class _DvrkJoint(Recorded):
 class _Table(Recorded):
     convention: Literal["modified", "standard"] | None = None
     joints: Annotated[
-        tuple[_DvrkJoint, ...],
-        Field(min_length=1, max_length=64, validation_alias=AliasChoices("joints", "links")),
+        tuple[_DvrkJoint, ...], Field(min_length=1, max_length=64, validation_alias=AliasChoices("joints", "links"))
     ]
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.recording.import_formats.registration import Registration, Tracked, register
+from catenary.recording.import_formats.registration import TrackedPoses, TrackerRegistration, register
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, rotation_from_rpy, rotation_vector
@@ -32,7 +32,7 @@ class Scene:
     model: RobotModel
     chosen: list[int]
     frame: str | None
-    seen: Tracked
+    seen: TrackedPoses
     offsets: Floats  # (n,)
 
     @classmethod
@@ -67,13 +67,13 @@ class Scene:
         turned = Rotation.from_rotvec(np.deg2rad(noise_deg) * rng.normal(size=(rows, 3))).as_matrix()
         position = marker.position + 1e-3 * noise_mm * rng.normal(size=(rows, 3))
         return cls(
-            model, chosen, frame, Tracked(position, None if single else marker.rotation @ turned, q, qd), offsets
+            model, chosen, frame, TrackedPoses(position, None if single else marker.rotation @ turned, q, qd), offsets
         )
 
-    def register(self, **given: Any) -> Registration:
+    def register(self, **given: Any) -> TrackerRegistration:
         return register(self.model, self.seen, self.chosen, frame=self.frame, **given)
 
-    def errors(self, made: Registration) -> tuple[list[float], list[float]]:
+    def errors(self, made: TrackerRegistration) -> tuple[list[float], list[float]]:
         """Errors [m, rad, ...] and the half-widths that were stated, beside zeros that no motion tells.
 
         The first joint's is a turn of the base, the last one's of the marker, by forward kinematics alone.
@@ -151,11 +151,9 @@ def test_a_tracker_of_a_fifth_of_a_millimetre_registers_within_a_tenth_and_a_twe
 @pytest.mark.parametrize(
     ("robot", "how"),
     [
-        ("raven2", {}),
+        ("raven2", {"late": 0.02}),
         ("dvrk_psm", {"single": True}),
-        ("ur5e", {}),
-        ("raven2", {"slack": 0.005}),  # errors of joints that lag are alike for seconds
-        ("dvrk_psm", {"slack": 0.005, "late": 0.02}),
+        ("ur5e", {"slack": 0.005}),  # errors of joints that lag are alike for seconds
     ],
 )
 def test_the_stated_error_holds_the_true_one_in_nineteen_of_twenty_recordings(robot: str, how: dict[str, Any]) -> None:
@@ -207,12 +205,12 @@ def test_poses_that_leave_a_direction_open_are_refused_with_the_motion_that_sett
     robot: str, moving: tuple[int, ...], what: str, expected: str, *, single: bool
 ) -> None:
     scene = Scene.of(robot, moving=moving, single=single)
-    with pytest.raises(InputError, match=f"the poses leave open the ({what}).*{expected}.*or give T_base_tracker"):
+    with pytest.raises(InputError, match=f"the poses leave open (the )?({what}).*{expected}.*or give T_base_tracker"):
         scene.register()
 
 
 def test_the_motion_that_it_asks_for_settles_it() -> None:
-    with pytest.raises(InputError, match=r"move elbow by 29 deg to either side .it moved 0 deg in all. too, or"):
+    with pytest.raises(InputError, match=r"move elbow by 29 deg to either side \(it moved 0 deg in all\) too, or"):
         Scene.of("raven2", moving=(0, 2)).register()
     assert Scene.of("raven2", moving=(0, 1, 2)).register().poses == 200
 

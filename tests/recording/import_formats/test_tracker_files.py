@@ -35,23 +35,23 @@ def write(path: Path, lines: list[str]) -> Path:
 def motive(path: Path, version: str, unit: str, *, turns: str = "Quaternion") -> Path:
     """Motive's export of a body, one of its markers and one that has no name, as its versions write it."""
     labelled = version == "1.25"
-    words = [("Type", "Name", "ID", "Parent"), ("", "", "", None)][not labelled]
+    words = ("Type", "Name", "ID", "Parent") if labelled else ("", "", "", "")
     body, marker, stray = ["Rigid Body"] * 8, ["Rigid Body Marker"] * 3, ["Marker"] * 3
     names = ["tool"] * 8 + ["tool:Marker1"] * 3 + ["Unlabeled 12"] * 3
     rows = [
         ["", words[0], *body, *marker, *stray],
         ["", words[1], *names],
         ["", words[2], *['"1:2"'] * 14],
-        *([["", words[3], *[""] * 14]] if labelled else []),
+        *[["", words[3], *[""] * 14]] * labelled,
         ["", "", *["Rotation"] * 4, *["Position"] * 3, "Mean Marker Error", *["Position"] * 6],
         ["Frame", "Time (Seconds)", *"XYZW", *"XYZ", "", *"XYZ", *"XYZ"],
     ]
     settings = f"Format Version,{version},Take Name,a,Capture Frame Rate,20.0,Rotation Type,{turns},Length Units,{unit}"
     lines = [settings, "", *(",".join(map(str, row)) for row in rows)]
     for i in range(ROWS):
-        cells = [*Q[i], *UNIT[unit] * P[i], 0.0002, *UNIT[unit] * (P[i] + 0.01), "", "", ""]
-        cells = [""] * 14 if i in LOST else cells
-        lines.append(",".join([str(i), f"{T[i]:.6f}", *(f"{c:.9f}" if c != "" else "" for c in cells)]))
+        numbers = [*Q[i], *UNIT[unit] * P[i], 0.0002, *UNIT[unit] * (P[i] + 0.01)]
+        cells = [""] * 14 if i in LOST else [*(f"{number:.9f}" for number in numbers), "", "", ""]
+        lines.append(",".join([str(i), f"{T[i]:.6f}", *cells]))
     return write(path, lines)
 
 
@@ -100,7 +100,8 @@ def bag(path: Path, kind: Kind) -> Path:
             messages.append((t, topic, pose(seen, (w, x, y, z))))
         for arm in ("/PSM1", "/arm"):
             messages.append((t, f"{arm}/measured_js", joint_state(("a", "b"), (np.sin(t), np.cos(t)))))
-    return write_bag(path, kind, {topic: JOINT_STATE if "js" in topic else POSE for _, topic, _ in messages}, messages)
+    made: Path = write_bag(path, kind, {one[1]: JOINT_STATE if "js" in one[1] else POSE for one in messages}, messages)
+    return made
 
 
 def transforms(path: Path, kind: Kind) -> Path:
@@ -122,18 +123,29 @@ def transforms(path: Path, kind: Kind) -> Path:
 
         return message
 
-    return write_bag(path, kind, {"/tf": "tf2_msgs/msg/TFMessage"}, [(t, "/tf", make(i)) for i, t in enumerate(T)])
+    messages = [(t, "/tf", make(i)) for i, t in enumerate(T)]
+    written: Path = write_bag(path, kind, {"/tf": "tf2_msgs/msg/TFMessage"}, messages)
+    return written
 
 
 def columns(*names: str, **more: Any) -> dict[str, Any]:
     return {"columns": list(names), **more}
 
 
+def _motive(version: str, unit: str) -> Callable[[Path], Made]:
+    return lambda d: (motive(d / "take.csv", version, unit), columns("tool"), '["tool"]')
+
+
+def _atracsys(kind: Kind) -> Callable[[Path], Made]:
+    reference = "/atracsys/probe/measured_cp.pose"
+    return lambda d: (bag(d / "lab", kind), columns(reference), f'["{reference}"]')
+
+
 GALLERY: dict[str, Callable[[Path], Made]] = {
-    **{
-        f"Motive {version} {unit}": lambda d, v=version, u=unit: (motive(d / "take.csv", v, u), columns("tool"), '["tool"]')
-        for version, unit in (("1.21", "Meters"), ("1.23", "Millimeters"), ("1.24", "Centimeters"), ("1.25", "Meters"))
-    },
+    "Motive 1.21 m": _motive("1.21", "Meters"),
+    "Motive 1.23 mm": _motive("1.23", "Millimeters"),
+    "Motive 1.24 cm": _motive("1.24", "Centimeters"),
+    "Motive 1.25 m": _motive("1.25", "Meters"),
     "NDI": lambda d: (ndi(d / "polaris.csv", timed=True), columns("probe"), '["probe"]'),
     "NDI by frames": lambda d: (ndi(d / "polaris.csv", timed=False), columns("probe"), '["probe"]'),
     "TUM": lambda d: (
@@ -166,12 +178,7 @@ GALLERY: dict[str, Callable[[Path], Made]] = {
         columns("x", "y", "z", "yaw", "pitch", "roll", orientation="ZYX"),
         "of another order",
     ),
-    **{
-        f"Atracsys {kind}": lambda d, k=kind: (
-            bag(d / "lab", k), columns("/atracsys/probe/measured_cp.pose"), '["/atracsys/probe/measured_cp.pose"]'
-        )
-        for kind in KINDS
-    },
+    **{f"Atracsys {kind}": _atracsys(kind) for kind in KINDS},
 }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,21 +16,15 @@ PARTS = (("position", "orientation"), ("translation", "rotation"))
 _POINTS = ("position", "translation", "point")
 _TRACKERS = re.compile(r"marker|track|ndi|polaris|aurora|atracsys|optitrack|motive|vicon|mocap|rigid", re.IGNORECASE)
 _ARM = re.compile(r"/(PSM|MTM|ECM|SUJ)\w*|/arm\d", re.IGNORECASE)  # of the dVRK and the RAVEN-II
-_UNIT = r"(?:[ _]?[\[(]?(?:mm|cm|m|deg|rad)[\])]?)?\Z"
-_STEM = r"(?P<stem>(?:.*[ ._/:])?)"
-_TABLES = {  # what the names of a table's columns end in
-    "position": re.compile(_STEM + r"(?:t|p|pos(?:ition)?[ ._]?)?(?P<axis>[xyz])" + _UNIT, re.IGNORECASE),
-    "quaternion": re.compile(
-        _STEM + r"(?:q|quat(?:ernion)?[ ._]|rot(?:ation)?[ ._])(?P<axis>[wxyz0])" + _UNIT, re.IGNORECASE
-    ),
-    "angles": re.compile(_STEM + r"(?P<axis>r[xyz]|roll|pitch|yaw)" + _UNIT, re.IGNORECASE),
-}
-_ORIENTATIONS = (  # how a mapping calls the angles of these names, and what may be wrong about it
-    ("x y z w", "xyzw", ""),
-    ("w x y z", "wxyz", ""),
-    ("0 x y z", "wxyz", ""),
+_UNIT = re.compile(r"[ _]?[\[(]?\b(mm|cm|m|deg|rad)[\])]?\Z")  # behind the name of a table's column
+_POSITIONS = ("x y z", "tx ty tz", "px py pz", "pos_x pos_y pos_z")
+_TURNS = (  # names of a table's columns, how a mapping calls them, and what may be wrong about that
+    ("qx qy qz qw", "xyzw", ""),
+    ("qw qx qy qz", "wxyz", ""),
+    ("q0 qx qy qz", "wxyz", ""),
     ("rx ry rz", "vector", "axis times angle, as a UR says its tool, or angles about axes"),
     ("roll pitch yaw", "xyz", "turns about fixed axes, roll first, as ROS has them, or of another order"),
+    ("", "xyzw", ""),
 )
 
 
@@ -68,48 +63,34 @@ def _moves(values: NDArray[Any]) -> bool:
 
 def _by_parts(stream: Stream) -> list[PoseColumns]:
     """Return poses such as pose.position.x ... pose.orientation.w, and points alone."""
-    front, found = "" if stream.type == "table" else f"{stream.name}.", dict[str, PoseColumns]()
-    for position, orientation in PARTS:
-        for name in stream.columns:
-            base, dot, end = name.rpartition(f".{orientation}.")
-            if dot and end == "w":
-                taken = [f"{base}.{position}.{axis}" for axis in "xyz"] + [
-                    f"{base}.{orientation}.{axis}" for axis in "xyzw"
-                ]
-                found[base] = PoseColumns((f"{front}{base}",), tuple(taken))
-    for part in _POINTS:
-        for name in stream.columns:
-            base, dot, end = f".{name}".rpartition(f".{part}.")
-            if dot and end == "x" and base[1:] not in found:
-                whole = f"{base}.{part}".removeprefix(".")
-                found[whole] = PoseColumns((f"{front}{whole}",), tuple(f"{whole}.{axis}" for axis in "xyz"))
-    return [one for one in found.values() if set(one.taken) <= set(stream.columns)]
+    front, found = "" if stream.type == "table" else f"{stream.name}.", list[PoseColumns]()
+    for name in [name for name in stream.columns if name.endswith(".x")]:
+        point = name.removesuffix(".x")
+        base, _, part = f".{point}".rpartition(".")
+        if part not in _POINTS:
+            continue
+        positions, turn = tuple(f"{point}.{axis}" for axis in "xyz"), f"{base[1:]}.{dict(PARTS).get(part)}".lstrip(".")
+        turns = tuple(f"{turn}.{axis}" for axis in "xyzw")
+        if turns[-1] in stream.columns:
+            found.append(PoseColumns((f"{front}{base[1:]}".rstrip("."),), positions + turns))
+        elif set(positions) <= set(stream.columns):
+            found.append(PoseColumns((f"{front}{point}",), positions))
+    return found
 
 
 def _by_names(stream: Stream) -> list[PoseColumns]:
     """Return poses of a table such as tx ty tz qx qy qz qw; positions alone where the name is a tracker's."""
     names = tuple(stream.columns)
     if len(names) == 8 and is_nameless(stream):  # TUM's trajectories: time, position, quaternion
-        quaternions = np.array([stream.columns[name] for name in names[4:]], dtype=np.float64)
-        lengths = np.linalg.norm(quaternions, axis=0)
-        if (np.abs(lengths[np.isfinite(lengths)] - 1.0) < 1e-2).all():
+        lengths = np.linalg.norm([stream.columns[name] for name in names[4:]], axis=0)
+        if np.nanmax(np.abs(lengths - 1.0)) < 1e-2:
             return [PoseColumns(names[1:], names[1:])]
-    parts: dict[str, dict[str, dict[str, str]]] = {}
-    for name in names:
-        for kind, pattern in _TABLES.items():
-            match = pattern.match(name)
-            if match:
-                parts.setdefault(match["stem"], {}).setdefault(kind, {})[match["axis"].lower()] = name
-                break
-    found = []
-    for stem, kinds in parts.items():
-        position = kinds.get("position", {})
-        if set(position) != set("xyz"):
-            continue
-        turns = {**kinds.get("quaternion", {}), **kinds.get("angles", {})}
-        known = [one for one in _ORIENTATIONS if set(one[0].split()) == set(turns)]
-        if known or _TRACKERS.search(f"{stream.name} {stem}"):
-            axes, orientation, doubt = known[0] if known else ("", "xyzw", "")
-            columns = tuple([position[axis] for axis in "xyz"] + [turns[axis] for axis in axes.split()])
-            found.append(PoseColumns(columns, columns, orientation, doubt))
+    bare, found = {_UNIT.sub("", name.lower()): name for name in names}, list[PoseColumns]()
+    for position, (turns, orientation, doubt) in product(_POSITIONS, _TURNS):
+        words = f"{position} {turns}".split()
+        for stem in [name.removesuffix(words[0]) for name in bare if re.search(rf"(\A|[ ._/:]){words[0]}\Z", name)]:
+            columns = tuple(bare[stem + word] for word in words if stem + word in bare)
+            new = not any(set(columns) & set(one.taken) for one in found)
+            if len(columns) == len(words) and new and (turns or _TRACKERS.search(f"{stream.name} {stem}")):
+                found.append(PoseColumns(columns, columns, orientation, doubt))
     return found

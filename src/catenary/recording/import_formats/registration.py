@@ -35,9 +35,15 @@ STRUCTURAL = 1e-9  # of the largest eigenvalue: what no motion of the robot show
 _LOOKS, _TRIED, _COARSE = 4_000, 6, 300  # directions of a tracker, those followed up, and with how many poses
 _MEDIAN = 1.538  # of the length of three normal numbers of standard deviation 1
 _OFFSETS = 12  # the first of them among the parameters
+_PARTS = (
+    "T_base_tracker turned about",
+    "T_base_tracker moved along",
+    "the marker turned about",
+    "the marker moved along",
+)
 
 
-class Tracked(NamedTuple):
+class TrackedPoses(NamedTuple):
     """Poses of a marker, and what the robot reported at their stamps."""
 
     position: Floats  # (M, 3) in the tracker's frame [m]
@@ -45,14 +51,14 @@ class Tracked(NamedTuple):
     q: Floats  # (M, n) [rad or m]
     qd: Floats  # (M, n) [rad/s or m/s]
 
-    def part(self, rows: NDArray[np.generic]) -> "Tracked":
+    def part(self, rows: NDArray[np.generic]) -> "TrackedPoses":
         """Return some of them."""
         rotation = None if self.rotation is None else self.rotation[rows]
-        return Tracked(self.position[rows], rotation, self.q[rows], self.qd[rows])
+        return TrackedPoses(self.position[rows], rotation, self.q[rows], self.qd[rows])
 
-    def evenly(self, most: int) -> "Tracked":
+    def evenly(self, most: int) -> "TrackedPoses":
         """Return as many at most, evenly over all."""
-        return self.part(np.unique(np.linspace(0, len(self.q) - 1, min(most, len(self.q))).round().astype(np.int64)))
+        return self.part(np.arange(len(self.q))[:: -(-len(self.q) // most)])
 
 
 class Estimate(NamedTuple):
@@ -65,7 +71,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Registration:
+class TrackerRegistration:
     """What was found, and half-widths that hold 95 % of its errors: 0 of what was given or held."""
 
     found: Estimate
@@ -84,47 +90,52 @@ class Registration:
         """Return it in words; transforms as a mapping has them."""
         found, shown = self.found, [DISPLAY[unit] for unit in units]
 
-        def sizes(lengths: Floats) -> str:
-            parts = zip(("mm", "deg"), (1e3, np.rad2deg(1.0)), lengths, strict=False)
+        def sizes(error: Floats) -> str:
+            parts = zip(("mm", "deg"), (1e3, np.rad2deg(1.0)), error, strict=False)
             return " and ".join(f"{scale * size:.2g} {unit}" for unit, scale, size in parts if size > 0.0)
 
-        def transform(name: str, pose: Pose, error: Floats, where: str) -> list[str]:
-            at, turn = np.round(pose.position, 6), np.round(quaternion_from_rotation(pose.rotation), 7)
-            text = f"{name} = {{ position_m = {at.tolist()}, quaternion_wxyz = {turn.tolist()} }}"
-            return [f"{text}  # 95 %: within {sizes(error)}{where}"] * bool(error.any())
-
+        said = [
+            f"registered by {self.poses} poses, {sizes(self.left)} rms per axis from the fit, {self.outliers} outliers"
+        ]
+        middle = f" at {np.round(self.middle, 3).tolist()} m"
+        for name, pose, error, where in (
+            ("T_base_tracker", found.base, self.base_error, middle),
+            ("T_marker_frame", found.marker.inverse(), self.marker_error, ""),
+        ):
+            at, turn = (
+                np.round(pose.position, 6).tolist(),
+                np.round(quaternion_from_rotation(pose.rotation), 7).tolist(),
+            )
+            text = f"{name} = {{ position_m = {at}, quaternion_wxyz = {turn} }}  # 95 %: within {sizes(error)}{where}"
+            said += [text] * bool(error.any())
         rows = list(zip(names, shown, found.offsets, self.offset_error, self.joint_error, self.is_told, strict=True))
         zeros = [f"{n} {s * x:.3g} +- {s * e:.2g} {unit}" for n, (unit, s), x, e, _, told in rows if told and e > 0.0]
-        untold = ", ".join(name for name, *_, told in rows if not told)
-        lag = f"{1e3 * abs(found.late):.0f} +- {1e3 * self.late_error:.1g} ms"
-        return [
-            f"registered by {self.poses} poses, {sizes(self.left)} rms per axis from the fit, {self.outliers} outliers",
-            *transform("T_base_tracker", found.base, self.base_error, f" at {np.round(self.middle, 3).tolist()} m"),
-            *transform("T_marker_frame", found.marker.inverse(), self.marker_error, ""),
-            *[f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros),
-            *[
-                f"no motion tells the zero of {untold} from how the tracker stands and the marker sits: it was taken "
-                "as reported, their q_encoder is right but for a constant, and a fit learns no constant error of "
-                "theirs; T_base_tracker (first joint) or T_marker_frame (last) measured otherwise tells it"
-            ] * bool(untold),
-            "what the registration may put q_encoder off by, 95 %: "
-            + ", ".join(f"{name} {s * e:.2g} {unit}" for name, (unit, s), _, _, e, _ in rows),
-            *[
-                f"the robot's reports fit the poses best as {lag} {'old' if found.late > 0.0 else 'early'}: a clock's "
-                "delay, or slack of the joints; the transforms allow for it, rows were not moved"
-            ] * (abs(found.late) > max(2.0 * self.late_error, 2e-3)),
-        ]  # fmt: skip
+        said += [f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros)
+        said += [
+            f"no motion tells the zero of {', '.join(name for name, *_, told in rows if not told)} from how the "
+            "tracker stands and the marker sits: it was taken as reported, their q_encoder is right but for a constant "
+            "and a fit learns no constant error of theirs; T_base_tracker (first joint) or T_marker_frame (last) "
+            "measured otherwise tells it"
+        ] * (not self.is_told.all())
+        errors = ", ".join(f"{name} {s * e:.2g} {unit}" for name, (unit, s), _, _, e, _ in rows)
+        said.append(f"what the registration may put q_encoder off by, 95 %: {errors}")
+        said += [
+            f"the robot's reports fit the poses best as {1e3 * abs(found.late):.0f} +- {1e3 * self.late_error:.1g} ms "
+            f"{'old' if found.late > 0.0 else 'early'}: a clock's delay, or slack of the joints; the transforms allow "
+            "for it, rows were not moved"
+        ] * (abs(found.late) > max(2.0 * self.late_error, 2e-3))
+        return said
 
 
 def register(
     model: RobotModel,
-    tracked: Tracked,
+    tracked: TrackedPoses,
     chosen: Sequence[int],
     *,
     frame: str | None = None,
     base: Pose | None = None,
     marker: Pose | None = None,
-) -> Registration:
+) -> TrackerRegistration:
     """Find the transforms that are not given, and the chosen joints' offsets.
 
     Args:
@@ -140,46 +151,32 @@ def register(
             would settle it.
     """
     numbers = np.hstack([a.reshape(len(tracked.q), -1) for a in tracked if a is not None])
-    whole = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1)))
-    if len(whole.q) < FEWEST_POSES:
-        raise InputError(f"registration: {len(whole.q)} poses with joints, expected {FEWEST_POSES} at least")
-    problem = _problem(model, whole.evenly(MOST_POSES), chosen, frame, base, marker)
-    coarse = replace(problem, tracked=problem.tracked.evenly(_COARSE))
-    starts = [coarse.settled(start)[0] for start in coarse.starts(base, marker)]
+    seen = tracked.part(np.asarray(np.isfinite(numbers).all(axis=1))).evenly(MOST_POSES)
+    if len(seen.q) < FEWEST_POSES:
+        raise InputError(f"registration: {len(seen.q)} poses with joints, expected {FEWEST_POSES} at least")
+    middle = np.median(seen.position, axis=0)
+    reach = max(float(np.median(np.linalg.norm(seen.position - middle, axis=1))), 0.02)
+    speed = float(np.abs(Configuration(model, seen.q).jacobian(frame)[:, :3] @ seen.qd[:, :, None]).max())
+    turns = np.full(3, 1.0 / reach)
+    joints = [1.0 if model.joint_units[j] == "m" else 1.0 / reach for j in chosen]
+    units = np.concatenate([turns, np.ones(3), turns, np.ones(3), joints, [1.0 / max(speed, 1e-6)]])
+    free = [base is None] * 6 + [marker is None and seen.rotation is not None] * 3 + [marker is None] * 3
+    basis = np.eye(len(units))[:, [*free, *[True] * len(joints), speed > 1e-6]]
+    every = _Problem(model, seen, list(chosen), frame, middle, reach, units, basis, USUAL)
+    coarse = replace(every, tracked=seen.evenly(_COARSE), noise=np.array([0.1 * reach, 0.1]))
+    starts = [coarse.solved(start, robust=True, steps=20) for start in coarse.starts(base, marker)]
     found = min(starts, key=lambda at: float(np.log(np.median(coarse.lengths(at), axis=0)).sum()))
-    held, is_told = problem.without_what_no_motion_tells(found)
-    found, noise = held.settled(
-        found._replace(offsets=np.where(held.basis[_OFFSETS:-1].any(axis=1), found.offsets, 0.0))
-    )
+    held, is_told = every.without_what_no_motion_tells(coarse.solved(found, robust=True))
+    found = found._replace(offsets=np.zeros(len(joints)))
     for _ in range(3):
-        near = np.asarray((held.lengths(found) < FAR * noise[: 1 + (tracked.rotation is not None)]).all(axis=1))
-        kept = replace(held, tracked=problem.tracked.part(near), noise=noise)
+        found = replace(held, noise=held.noise_of(found)).solved(found, robust=True)
+    for _ in range(3):
+        noise = held.noise_of(found)
+        near = np.asarray((held.lengths(found) < FAR * noise[: 1 + (seen.rotation is not None)]).all(axis=1))
+        kept = replace(held, tracked=seen.part(near), noise=noise)
         found = kept.solved(found, robust=False)
-        noise = kept.noise_of(found)
     kept.refuse_what_is_open(found)
     return kept.with_errors(found, is_told, outliers=int((~near).sum()))
-
-
-def _problem(
-    model: RobotModel,
-    tracked: Tracked,
-    chosen: Sequence[int],
-    frame: str | None,
-    base: Pose | None,
-    marker: Pose | None,
-) -> "_Problem":
-    """Return the least squares problem, with the middle and the reach of the marker's motion."""
-    middle = np.median(tracked.position, axis=0)
-    reach = max(float(np.median(np.linalg.norm(tracked.position - middle, axis=1))), 0.02)
-    moved = Configuration(model, tracked.q).jacobian(frame)[:, :3] @ tracked.qd[:, :, None]
-    speed, k = float(np.sqrt((moved**2).sum(axis=1).mean())), len(chosen)
-    lengths = np.ones(13 + k)  # of a parameter, at which it moves the marker by a metre
-    lengths[[0, 1, 2, 6, 7, 8]], lengths[-1] = 1.0 / reach, 1.0 / max(speed, 1e-6)
-    lengths[_OFFSETS:-1] = np.where([model.joint_units[j] == "m" for j in chosen], 1.0, 1.0 / reach)
-    free = np.ones(13 + k, dtype=bool)
-    free[:6], free[6:9], free[9:12] = base is None, marker is None and tracked.rotation is not None, marker is None
-    free[-1] = speed > 1e-6
-    return _Problem(model, tracked, list(chosen), frame, middle, reach, lengths, np.eye(13 + k)[:, free], USUAL)
 
 
 @dataclass(frozen=True)
@@ -191,7 +188,7 @@ class _Problem:
     """
 
     model: RobotModel
-    tracked: Tracked
+    tracked: TrackedPoses
     chosen: list[int]
     frame: str | None
     middle: Floats  # (3,) of the motion, in the tracker's frame [m]
@@ -248,44 +245,33 @@ class _Problem:
         usual = np.median(self.lengths(at), axis=0) / _MEDIAN
         return np.asarray(np.maximum(FINEST, np.append(usual, 1.0)[:2]), dtype=np.float64)
 
-    def settled(self, at: Estimate) -> tuple[Estimate, Floats]:
-        """Return the fit that outliers do not move, and the noise about it."""
-        noise = np.array([0.1 * self.reach, 0.1])
-        for _ in range(3):
-            at = replace(self, noise=noise).solved(at, robust=True)
-            noise = self.noise_of(at)
-        return at, noise
-
-    def solved(self, at: Estimate, *, robust: bool) -> Estimate:
+    def solved(self, at: Estimate, *, robust: bool, steps: int = 200) -> Estimate:
         """Return the least squares fit, by Levenberg and Marquardt; robust by Cauchy's weights."""
-
-        def cost_of(r: Floats) -> float:
-            square = (r**2).sum(axis=1)
-            return float(np.log1p(square / 9.0).sum() if robust else square.sum())
-
-        damping = 1e-3
+        damping, cost = 1e-3, np.inf
         r, J = self.scaled(at)
-        cost = cost_of(r)
-        for _ in range(200):
-            weight = 1.0 / np.sqrt(1.0 + (r**2).sum(axis=1) / 9.0) if robust else np.ones(len(r))
+        for _ in range(steps):
+            square = (r**2).sum(axis=1) / 9.0
+            weight = np.sqrt(1.0 / (1.0 + square) if robust else np.ones(len(r)))
+            cost = float(np.log1p(square).sum() if robust else square.sum())
             A = (J * weight[:, None, None]).reshape(-1, J.shape[2])
             H, g = A.T @ A, A.T @ (r * weight[:, None]).ravel()
-            lift = damping * np.diag(H) + 1e-12 * np.trace(H)
-            trial = self.moved(at, np.asarray(np.linalg.solve(H + np.diag(lift), -g)))
+            lift = np.diag(damping * np.diag(H) + 1e-12 * np.trace(H))
+            trial = self.moved(at, np.asarray(np.linalg.solve(H + lift, -g)))
             r_there, J_there = self.scaled(trial)
-            before, new = cost, cost_of(r_there)
-            if new < cost:
-                at, r, J, cost, damping = trial, r_there, J_there, new, damping / 10.0
-            if damping > 1e6 or 0.0 <= before - new < 1e-9 * before:
+            there = (r_there**2).sum(axis=1) / 9.0
+            gain = cost - float(np.log1p(there).sum() if robust else there.sum())
+            if gain > 0.0:
+                at, r, J, damping = trial, r_there, J_there, damping / 10.0
+            if damping > 1e6 or 0.0 <= gain < 1e-9 * cost:
                 break
-            damping *= 1.0 if new < before else 10.0
+            damping *= 1.0 if gain > 0.0 else 10.0
         return at
 
     def starts(self, base: Pose | None, marker: Pose | None) -> list[Estimate]:
         """Return estimates to begin from: of 4,000 directions that the tracker may look from, a few that fit best.
 
-        With the turn of X known its place and the marker's are linear, and what these leave of the equations is
-        quadratic in the nine elements of the turn.
+        With the turn of X known its place and the marker's are linear, and what these leave of the equations of the
+        positions is quadratic in the nine elements of the turn.
         """
         from scipy.spatial.transform import Rotation
 
@@ -296,32 +282,25 @@ class _Problem:
         columns = [np.broadcast_to(np.eye(3), (M, 3, 3))] * (base is None) + [-frame.rotation] * (marker is None)
         A = np.concatenate(columns, axis=2).reshape(3 * M, -1)
         of_turn = np.einsum("ab,ic->iabc", np.eye(3), t.position).reshape(3 * M, 9)
-        U, sizes, _ = np.linalg.svd(A, full_matrices=False)
-        U = U[:, sizes > 1e-6 * sizes[0]]
-        rest, b = of_turn - U @ (U.T @ of_turn), known - U @ (U.T @ known)
+        left_by = np.eye(3 * M) - A @ np.linalg.pinv(A, rcond=1e-6)
         drawn = Rotation.from_quat(np.random.default_rng(0).normal(size=(_LOOKS, 4))).as_matrix()
         looks = drawn if base is None else X.rotation[None]
         flat = looks.reshape(-1, 9)
+        rest, b = left_by @ of_turn, left_by @ known
         cost = ((flat @ (rest.T @ rest)) * flat).sum(axis=1) - 2.0 * flat @ (rest.T @ b)
-        turns = np.broadcast_to(Z.rotation, looks.shape)  # mean of the marker's turn in the frame
-        if t.rotation is not None and marker is None:
-            products = np.einsum("iba,icd->adbc", frame.rotation, t.rotation) / M
-            turns = np.einsum("adbc,kbc->kad", products, looks)
-            cost = cost - 2.0 / 3.0 * M * self.reach**2 * (turns**2).sum(axis=(1, 2))
-        places = list[int]()
+        found: list[Estimate] = []
         for place in np.argsort(cost).tolist():
-            if all(np.trace(looks[place].T @ looks[other]) < 2.4 for other in places):  # 0.8 rad apart
-                places.append(place)
-            if len(places) == _TRIED:
+            look = looks[place]
+            if all(np.trace(look.T @ other.base.rotation) < 2.4 for other in found):  # 0.8 rad apart
+                x, turn = np.linalg.lstsq(A, known - of_turn @ flat[place], rcond=1e-6)[0], Z.rotation
+                if marker is None and t.rotation is not None:
+                    turns = np.swapaxes(frame.rotation, 1, 2) @ look @ t.rotation
+                    turn = Rotation.from_matrix(turns).mean().as_matrix()
+                at = Pose(look, x[:3] if base is None else X.position)
+                z = Pose(turn, x[-3:] if marker is None else Z.position)
+                found.append(Estimate(at, z, np.zeros(len(self.chosen))))
+            if len(found) == _TRIED:
                 break
-        found = []
-        for place in places:
-            x = np.linalg.lstsq(A, known - of_turn @ flat[place], rcond=1e-6)[0]
-            left, _, right = np.linalg.svd(turns[place])
-            turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-            at = Pose(looks[place], x[:3] if base is None else X.position)
-            z = Pose(turn, x[-3:] if marker is None else Z.position)
-            found.append(Estimate(at, z, np.zeros(len(self.chosen))))
         return found
 
     def information(self, at: Estimate, q: Floats | None = None) -> Floats:
@@ -332,7 +311,7 @@ class _Problem:
             moved[:, self.chosen] += at.offsets
             seen = at.base.inverse() @ Configuration(self.model, moved).pose(self.frame) @ at.marker
             rotation = None if self.tracked.rotation is None else seen.rotation
-            one = replace(one, tracked=Tracked(seen.position, rotation, q, np.zeros_like(q)))
+            one = replace(one, tracked=TrackedPoses(seen.position, rotation, q, np.zeros_like(q)))
         J = one.scaled(at)[1].reshape(-1, self.basis.shape[1])
         return np.asarray(J.T @ J / len(one.tracked.q))
 
@@ -348,7 +327,7 @@ class _Problem:
         """Hold offsets that no motion of the robot tells from the transforms, and say which are told, (k,)."""
         from scipy.linalg import qr
 
-        timeless = replace(self, basis=self.basis[:, ~self.basis[-1].astype(bool)])
+        timeless = replace(self, basis=self.basis[:, self.basis[-1] == 0.0])
         every = range(len(self.chosen))
         q = self.at_random(every, 3.0 * self.units[_OFFSETS:-1] * self.reach, 300, np.random.default_rng(0))
 
@@ -361,37 +340,26 @@ class _Problem:
         held = _OFFSETS + order[: int((np.abs(np.diag(R)) > 1e-3).sum())]
         left = replace(timeless, basis=timeless.basis[:, ~timeless.basis[held].any(axis=0)])
         lost = blind(left)  # such as the height of a planar arm
-        free = self.basis[:, ~self.basis[held].any(axis=0)]
-        axes, sizes, _ = np.linalg.svd(free - lost @ (lost.T @ free), full_matrices=False)
-        return replace(self, basis=axes[:, sizes > 0.5]), np.asarray(np.linalg.norm(in_offsets, axis=1) < 1e-3)
+        axes, sizes, _ = np.linalg.svd(left.basis - lost @ (lost.T @ left.basis), full_matrices=False)
+        basis = np.hstack([axes[:, sizes > 0.5], self.basis[:, self.basis[-1] != 0.0]])
+        return replace(self, basis=basis), np.asarray(np.linalg.norm(in_offsets, axis=1) < 1e-3)
 
     def refuse_what_is_open(self, at: Estimate) -> None:
         """Refuse poses that leave a direction open which other motions of the robot would tell; name these."""
         open_at = (1.96 / (OPEN * self.reach)) ** 2 / BLOCKS
-        timeless = replace(self, basis=self.basis[:, np.abs(self.basis[-1]) < 0.5])
+        timeless = replace(self, basis=self.basis[:, self.basis[-1] == 0.0])
         sizes, axes = np.linalg.eigh(timeless.information(at))
         if sizes[0] > open_at:
             return
         names, rng = [self.model.joint_names[j] for j in self.chosen], np.random.default_rng(0)
         by = np.array([SETTLES[self.model.joint_units[j]] for j in self.chosen])
-        sets = [joints for size in (1, 2, 3) for joints in combinations(range(len(names)), size)]
-        ways = (
-            joints
-            for joints in sets
-            if np.linalg.eigvalsh(timeless.information(at, self.at_random(joints, by, 100, rng)))[0] > open_at
-        )
-        moves = next(ways, tuple(range(len(names))))
-        direction = timeless.basis @ axes[:, 0]
-        parts = {f"the zero of {name}": abs(x) for name, x in zip(names, direction[_OFFSETS:-1].tolist(), strict=True)}
-        what = (
-            "T_base_tracker turned about",
-            "T_base_tracker moved along",
-            "marker turned about",
-            "marker moved along",
-        )
-        for text, part in zip(what, direction[:_OFFSETS].reshape(4, 3), strict=True):
-            size = float(np.linalg.norm(part))
-            parts[f"the {text} {np.round(part / (size or 1.0), 2).tolist()}"] = size
+        moves: tuple[int, ...] = tuple(range(len(names)))
+        for joints in (joints for size in (1, 2, 3) for joints in combinations(moves, size)):
+            if np.linalg.eigvalsh(timeless.information(at, self.at_random(joints, by, 100, rng)))[0] > open_at:
+                moves = joints
+                break
+        parts = [f"{what} {axis}" for what in _PARTS for axis in "xyz"] + [f"the zero of {name}" for name in names]
+        worst = parts[int(np.argmax(np.abs(timeless.basis @ axes[:, 0])[:-1]))]
         shown = [DISPLAY[self.model.joint_units[j]] for j in self.chosen]
         spans = np.ptp(self.tracked.q, axis=0)[self.chosen]
         motion = " and ".join(
@@ -399,11 +367,10 @@ class _Problem:
             for j, (unit, scale) in ((j, shown[j]) for j in moves)
         )
         raise InputError(
-            f"registration: the poses leave open {max(parts, key=parts.__getitem__)}: move {motion} too, or give "
-            "T_base_tracker and T_marker_frame"
+            f"registration: the poses leave open {worst}: move {motion} too, or give T_base_tracker and T_marker_frame"
         )
 
-    def with_errors(self, found: Estimate, is_told: NDArray[np.bool_], outliers: int) -> Registration:
+    def with_errors(self, found: Estimate, is_told: NDArray[np.bool_], outliers: int) -> TrackerRegistration:
         """Return the fit with its errors, from fits that each leave out one stretch of time.
 
         The jackknife of clusters holds where errors of a moment are alike; a length's error is that of a sum of squares
@@ -428,7 +395,7 @@ class _Problem:
         by_parameters = replace(self, tracked=self.tracked.evenly(200)).compare(found)[1] / self.units
         by_error = np.linalg.pinv(by_parameters[:, :, _OFFSETS:-1], rcond=1e-3) @ by_parameters[:, :, :_OFFSETS]
         variance = np.einsum("mkp,pq,mkq->mk", by_error, C[:_OFFSETS, :_OFFSETS], by_error, optimize=True)
-        return Registration(
+        return TrackerRegistration(
             found=found,
             base_error=np.array([length(3), length(0)]),
             marker_error=np.array([length(9), length(6)]),

@@ -31,7 +31,12 @@ def read_tracker_file(path: Path) -> Stream | None:
     """Return the poses of a tracker's export; None of another file."""
     head = _head(path)
     read = _KINDS.get(_first_cell(head))
-    return None if read is None else read(path, head)
+    if read is None:
+        return None
+    columns, notes = read(path, head)
+    if not len(columns.get("time", ())):
+        raise FileFormatError(f"{path}: has no row with a pose")
+    return Stream(path.stem, "table", columns, len(columns["time"]), notes=tuple(notes))
 
 
 def _head(path: Path) -> list[list[str]]:
@@ -43,93 +48,77 @@ def _first_cell(head: list[list[str]]) -> str:
     return head[0][0].strip() if head and head[0] else ""
 
 
-def _motive(path: Path, head: list[list[str]]) -> Stream:
+def _motive(path: Path, head: list[list[str]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Read Motive's CSV: a line of settings, then lines of types, names, IDs and axes above the columns."""
     stated = dict(zip(head[0][::2], head[0][1::2], strict=False))
     length, turns = stated.get("Length Units", "").lower(), stated.get("Rotation Type", "Quaternion")
-    axes_at = next((i for i, row in enumerate(head) if row and row[0] == "Frame"), None)
-    if axes_at is None or axes_at < 4 or length not in _METRES:
+    axes_at = next((i for i, row in enumerate(head) if row and row[0] == "Frame"), 0)
+    if axes_at < 4 or length not in _METRES:
         raise FileFormatError(
             f"{path}: is Motive's export, format {stated.get('Format Version')}: expected lines of types, names and "
             f"axes, and Length Units of {', '.join(_METRES)}, got {cut(length) or 'none'}"
         )
-    rows = [[cell.strip() for cell in row] for row in head[1:axes_at] if len(row) > 2]
-    kinds, names, parts, axes = rows[0], rows[1], rows[-1], head[axes_at]
-    wanted, left = {1: ("time", 1.0)}, dict[str, None]()
-    for i, (kind, name, part, axis) in enumerate(zip(kinds, names, parts, axes, strict=False)):
-        name = f"{name} (solved)" if kind == "Rigid Body Marker" else name
-        if part == "Position" and axis in "XYZ":
-            column = (f"{name}.position.{axis.lower()}", _METRES[length])
-        elif part == "Rotation" and axis in "XYZW" and turns == "Quaternion":
-            column = (f"{name}.orientation.{axis.lower()}", 1.0)
-        else:
-            continue
-        if column in wanted.values() or name.startswith("Unlabeled"):
-            left[name] = None
-        else:
-            wanted[i] = column
-    try:
-        table = pa.csv.read_csv(
-            path,
-            pa.csv.ReadOptions(column_names=[str(i) for i in range(len(axes))], skip_rows=axes_at + 1),
-            convert_options=pa.csv.ConvertOptions(
-                column_types={str(i): pa.float64() for i in wanted}, include_columns=[str(i) for i in wanted]
-            ),
-        )
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise FileFormatError(f"{path}: cannot be read as Motive's export: {cut(str(error))}") from error
-    columns = {name: table.column(str(i)).to_numpy() * scale for i, (name, scale) in wanted.items()}
+    kinds, names, *_, parts = [[cell.strip() for cell in row] for row in head[1:axes_at] if len(row) > 2]
     notes = [f"is Motive's export, format {stated.get('Format Version')}, in {length}"]
     if turns != "Quaternion":
         notes.append(f"its orientations are left out, as {cut(turns)}; export them with Rotation Type: Quaternion")
+    wanted, left = {"1": ("time", 1.0)}, dict[str, None]()
+    for i, (kind, name, part, axis) in enumerate(zip(kinds, names, parts, head[axes_at], strict=False)):
+        scale = {"Position": _METRES[length], "Rotation": 1.0 if turns == "Quaternion" else 0.0}.get(part, 0.0)
+        what = "orientation" if part == "Rotation" else "position"
+        column = (f"{name}{' (solved)' * (kind == 'Rigid Body Marker')}.{what}.{axis.lower()}", scale)
+        if scale and (name.startswith("Unlabeled") or column in wanted.values()):
+            left[name] = None
+        elif scale:
+            wanted[str(i)] = column
     notes += [f"markers without a name of their own were left out: {', '.join(map(cut, list(left)[:5]))}"] * bool(left)
-    return _stream(path, columns, notes)
+    of_file = pa.csv.ReadOptions(column_names=[str(i) for i in range(len(head[axes_at]))], skip_rows=axes_at + 1)
+    numbers = pa.csv.ConvertOptions(column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted))
+    try:
+        table = pa.csv.read_csv(path, of_file, convert_options=numbers)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise FileFormatError(f"{path}: cannot be read as Motive's export: {cut(str(error))}") from error
+    return {name: scale * table.column(i).to_numpy() for i, (name, scale) in wanted.items()}, notes
 
 
-def _ndi(path: Path, _: list[list[str]]) -> Stream:
+def _ndi(path: Path, head: list[list[str]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Read NDI's CSV: for each tool Frame, State, Q0 to Qz, Tx to Tz [mm], in a row with the others'."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        names, *rows = list(csv.reader(file))
-    names = [name.strip() for name in names]
+        rows = list(csv.reader(file))[1:]
+    names, columns, notes = [name.strip() for name in head[0]], dict[str, NDArray[Any]](), ["is NDI's export, in mm"]
     starts = [i for i, name in enumerate(names) if name.startswith("Port")]
-    columns, notes = dict[str, NDArray[Any]](), ["is NDI's export, in mm"]
     for begin, end in zip(starts, [*starts[1:], len(names)], strict=True):
         at = {
             name: begin + i for i, name in reversed(list(enumerate(names[begin:end])))
         }  # a tool's before its markers'
-        lacks = [name for name in ("Frame", "State", "Q0", "Qx", "Qy", "Qz", "Tx", "Ty", "Tz") if name not in at]
+        fields = {"position": ("Tx", "Ty", "Tz"), "orientation": ("Q0", "Qx", "Qy", "Qz")}
+        lacks = [name for name in ("Frame", "State", *fields["orientation"], *fields["position"]) if name not in at]
         if lacks:
             raise FileFormatError(f"{path}: {cut(names[begin])}: has no {', '.join(lacks)}; export quaternions")
         tool = names[begin].partition(": ")[2].partition("s/n:")[0].strip() or names[begin]
-        state = [row[at["State"]].strip() if at["State"] < len(row) else "MISSING" for row in rows]
-        seen = np.array([each == "OK" for each in state])
+        cells = {name: [row[i].strip() if i < len(row) else "" for row in rows] for name, i in at.items()}
+        seen = np.array([state == "OK" for state in cells["State"]])
         notes += [f"{cut(tool)}: not seen on {int((~seen).sum())} of {len(rows)} rows"] * (not seen.all())
-
-        def numbers(name: str, at: dict[str, int] = at) -> NDArray[np.float64]:
-            return np.array([_number(row[at[name]] if at[name] < len(row) else "") for row in rows])
-
-        for part, fields, scale in (("position", "Tx Ty Tz", 1e-3), ("orientation", "Qx Qy Qz Q0", 1.0)):
-            for axis, name in zip("xyzw", fields.split(), strict=False):
-                columns[f"{tool}.{part}.{axis}"] = np.where(seen, scale * numbers(name), np.nan)
-        if "time" not in columns:
-            clock = next((name for name in at if name.startswith("Time")), None)
-            columns["time"] = numbers(clock) if clock else numbers("Frame") / _NDI_RATE
-            notes += [f"time is Frame / {_NDI_RATE:g} Hz, as an NDI tracker counts frames"] * (clock is None)
-    return _stream(path, columns, notes)
+        for part, own in fields.items():
+            for name in own:
+                scale = 1e-3 if part == "position" else 1.0
+                axis = name[1].replace("0", "w")
+                columns[f"{tool}.{part}.{axis}"] = np.where(seen, scale * _numbers(cells[name]), np.nan)
+        clock = next((name for name in at if name.startswith("Time")), None)
+        columns.setdefault("time", _numbers(cells[clock]) if clock else _numbers(cells["Frame"]) / _NDI_RATE)
+        notes += [f"time is Frame / {_NDI_RATE:g} Hz, as an NDI tracker counts frames"] * (clock is None)
+    return columns, list(dict.fromkeys(notes))
 
 
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
-
-
-def _stream(path: Path, columns: dict[str, NDArray[Any]], notes: list[str]) -> Stream:
-    rows = len(columns.get("time", ()))
-    if rows == 0 or len(columns) < 4:
-        raise FileFormatError(f"{path}: has no row with a pose")
-    return Stream(path.stem, "table", columns, rows, notes=tuple(notes))
+def _numbers(cells: list[str]) -> NDArray[np.float64]:
+    """Return cells as numbers; NaN where one is none."""
+    values = np.full(len(cells), np.nan)
+    for i, cell in enumerate(cells):
+        try:
+            values[i] = float(cell)
+        except ValueError:
+            continue
+    return values
 
 
 _KINDS = {"Format Version": _motive, "Tools": _ndi}  # by the first cell
