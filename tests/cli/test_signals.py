@@ -1,5 +1,6 @@
 """What SIGTERM and SIGHUP do to a command of this process; the end-to-end tests send them to others."""
 
+import ctypes
 import os
 import signal
 import threading
@@ -97,3 +98,24 @@ def test_other_threads_change_no_handlers() -> None:
     thread.start()
     thread.join()
     assert found == [before]
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", [signal.SIGINT, *ENDS])
+@pytest.mark.parametrize("where", ["callback of C", "__del__"])
+def test_what_interrupts_where_python_ignores_it_interrupts_again(number: signal.Signals, where: str) -> None:
+    class Ending:
+        def __del__(self) -> None:
+            signal.raise_signal(number)
+
+    def interrupt() -> None:
+        signal.raise_signal(number)
+
+    with signals_interrupt():
+        if where == "__del__":
+            ending = Ending()
+            del ending
+        else:
+            ctypes.CFUNCTYPE(None)(interrupt)()
+        with pytest.raises(KeyboardInterrupt):
+            threading.Event().wait(30.0)

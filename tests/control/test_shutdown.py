@@ -9,6 +9,7 @@ from numpy.testing import assert_array_equal
 from catenary.arrays import Floats
 from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
+from catenary.control.shutdown import attempt
 from catenary.errors import NotFiniteError
 from catenary.plant import JointState
 from catenary.trajectories.reference import Reference, Rest
@@ -94,3 +95,21 @@ def test_setpoints_are_not_streamed_to_a_robot_that_is_not_measured() -> None:
     assert len(sent) == 9 + 20 + 1
     assert sent[-1][1] == sent[8][1]  # where it was set when it was measured last
     assert plant.state.state == "PAUSED"
+
+
+@pytest.mark.parametrize("error", [NotFiniteError("x"), KeyboardInterrupt()])
+def test_a_first_ctrl_c_while_a_robot_is_left_safe_is_raised_when_it_is(error: BaseException) -> None:
+    done: list[str] = []
+
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    def leave() -> None:
+        attempt(error, holding=interrupted, pausing=lambda: done.append("paused"))
+
+    if isinstance(error, KeyboardInterrupt):
+        leave()
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            leave()
+    assert done == ["paused"]

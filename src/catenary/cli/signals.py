@@ -1,6 +1,12 @@
-"""SIGTERM and SIGHUP end a command as Ctrl-C does, with exit code 128 and more: a robot holds and is paused."""
+"""SIGTERM and SIGHUP end a command as Ctrl-C does, with exit code 128 and more: a robot holds and is paused.
 
+None of them is lost: Python ignores what is raised while a library's C code calls back, as LLVM does of each function
+that it has compiled, and in `__del__`. What interrupted there interrupts again.
+"""
+
+import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -8,6 +14,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 _ENDS = (signal.SIGTERM, signal.SIGHUP)
+_LATER = 0.05  # [s] until what was lost interrupts again
 AGAIN = 5.0  # [s] in which a second signal is taken for the first: services and terminals send several
 
 
@@ -17,7 +24,7 @@ class EndedBySignal(KeyboardInterrupt):
 
 @contextmanager
 def signals_interrupt() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP interrupt what runs inside; outside the main thread nothing changes.
+    """Let SIGTERM and SIGHUP interrupt what runs inside, and lose no Ctrl-C; outside the main thread nothing changes.
 
     A signal that is ignored, as SIGHUP is below `nohup`, stays ignored. While what was interrupted cleans up, further
     signals of these kinds do not interrupt that: for 5 s.
@@ -34,6 +41,20 @@ def signals_interrupt() -> Iterator[None]:
             asked, name = now, signal.Signals(number).name
             raise EndedBySignal(name)
 
+    tell = sys.unraisablehook
+
+    def unraisable(lost: "sys.UnraisableHookArgs") -> None:
+        nonlocal asked
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            tell(lost)
+            return
+        asked = -AGAIN
+        number = signal.Signals[str(lost.exc_value)] if lost.exc_type is EndedBySignal else signal.SIGINT
+        again = threading.Timer(_LATER, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = unraisable
     before = {number: signal.getsignal(number) for number in _ENDS}
     taken = {number: handler for number, handler in before.items() if handler not in (signal.SIG_IGN, None)}
     for number in taken:
@@ -45,6 +66,7 @@ def signals_interrupt() -> Iterator[None]:
             raise EndedBySignal(name) from error
         raise
     finally:
+        sys.unraisablehook = tell
         for number, handler in taken.items():
             signal.signal(number, handler)
 

@@ -83,20 +83,25 @@ def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
 def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
     """Do things to a robot one after the other, such as holding and pausing it, while an error is under way.
 
-    One that fails is told with the error and keeps no other from being done; neither does a second Ctrl-C. A robot
-    that another program moves is left to that one.
+    One that fails is told with the error and keeps no other from being done; neither does a Ctrl-C, which is raised
+    afterwards unless the error is one itself. A robot that another program moves is left to that one.
     """
     if isinstance(error, RobotHeldError):
         return
+    interrupt: KeyboardInterrupt | None = None
     for name, action in actions.items():
         try:
             action()
         except BaseException as another:
+            if isinstance(another, KeyboardInterrupt) and not isinstance(error, KeyboardInterrupt):
+                interrupt = another
             if isinstance(error, TransportError) and isinstance(another, TransportError):
                 error.add_note(f"{name} the robot failed likewise")  # a robot that is silent is so to each
             else:
                 why = str(another) if isinstance(another, CatenaryError) else repr(another)
                 error.add_note(f"{name} the robot failed: {why}")
+    if interrupt is not None:
+        raise interrupt from error
 
 
 def _not_finite(tau: Floats, n: int) -> np.ndarray:
