@@ -1,7 +1,7 @@
 """Tables in files of many kinds as streams of named columns: CSV, Parquet, NumPy, and MATLAB up to version 7."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import prod
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
+from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.files import table_ending
@@ -22,6 +23,22 @@ PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
 DEEPEST = 8  # structs and cells within each other
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def read_rows(path: Path, names: Sequence[str]) -> Floats:
+    """Read columns of a table by their names, (N, k).
+
+    Raises:
+        FileFormatError: No table.
+        InputError: Columns are missing.
+    """
+    (stream,) = read_table_file(path)
+    missing = [name for name in names if name not in stream.columns]
+    if missing:
+        raise InputError(
+            f"{path}: no column {', '.join(missing)}; expected {', '.join(names)}, got {', '.join(stream.columns)}"
+        )
+    return np.column_stack([np.asarray(stream.columns[name], dtype=float) for name in names])
 
 
 def read_table_file(path: Path) -> list[Stream]:
