@@ -8,7 +8,7 @@ import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 Kind = Literal["ros1", "sqlite", "mcap"]
 KINDS: tuple[Kind, ...] = ("ros1", "sqlite", "mcap")
@@ -30,6 +30,8 @@ def write_bag(
     """Write messages in order of time; `topics` are types by topic, `late` how long each one's are on their way [ns]."""
     ros1 = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    if "tf2_msgs/msg/TFMessage" not in store.types:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
     plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
     path = path.with_suffix(".bag") if ros1 else path
     writer = Writer1(path) if ros1 else Writer2(path, version=8, storage_plugin=plugin)

@@ -34,4 +34,4 @@ def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0), hz: float 
 
 def ideal_sensor(rate_hz: float, mounting: Mounting | None = None, *, has_gyroscope: bool = True) -> SensorModel:
     """Return a sensor without noise, resolution, latency or end of range."""
-    return SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0, has_gyroscope, mounting or Mounting())
+    return SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0, has_gyroscope, mounting or Mounting(checked=True))

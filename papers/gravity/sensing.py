@@ -12,6 +12,7 @@ gravity-adaptive.
 
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,9 +90,9 @@ def residuals(base: RockingBase = ROCKING, *, seed: int = 0, quick: bool = False
         return max(of, key=lambda residual: residual.whole)
 
     rows = [row(LEVEL_BASE, np.tile(LEVEL, (len(times), 1))), row(ATTITUDE, truth_base.gravity)]
-    believed = Mounting(rotation=TURNED, position=POSITION)
+    believed = Mounting(rotation=TURNED, position=POSITION, checked=True)
     real = SensorModel().mounting
-    noisy = Mounting(TURNED, POSITION, acceleration_range=real.acceleration_range, rate_range=real.rate_range)
+    noisy = replace(believed, acceleration_range=real.acceleration_range, rate_range=real.rate_range)
     sensors: list[tuple[str, SensorModel, Mounting, bool]] = [
         (ACCELEROMETER, ideal_sensor(100.0), Mounting(), False),
         ("accelerometer 0.19 m away, 100 Hz", ideal_sensor(100.0, believed), believed, False),
@@ -116,7 +117,7 @@ def residuals(base: RockingBase = ROCKING, *, seed: int = 0, quick: bool = False
 def _askew(deg: float) -> Mounting:
     """Return the mounting turned by an angle about a horizontal axis between x and y."""
     off = Rotation.from_rotvec(np.radians(deg) * np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)).as_matrix()
-    return Mounting(rotation=off @ TURNED, position=POSITION)
+    return Mounting(rotation=off @ TURNED, position=POSITION, checked=True)
 
 
 def holding_torque(model: RobotModel, gravity: Floats, rates: Floats, off: ArrayLike = 0.0) -> Floats:

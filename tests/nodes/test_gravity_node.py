@@ -6,8 +6,11 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.gravity_topic import IMU, VECTOR, GravityTopic, now_of
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import joint_state_message
 from catenary.errors import InputError
-from catenary.nodes.gravity_node import GravityNode, publish_gravity
+from catenary.gravity.torque import gravity_delta
+from catenary.nodes.gravity_node import GravityNode, LevelBaseArm, publish_gravity
+from catenary.robots.catalog import load_robot
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox, tilted_gravity
@@ -22,14 +25,16 @@ TILTED = tilted_gravity(0.2, -0.1)
 class World:
     """A sensor, the node and a listener, in a time that goes on by 10 ms."""
 
-    def __init__(self, type_name=IMU, *, mounting=None, points_down=False, **options) -> None:
+    def __init__(self, type_name=IMU, *, mounting=None, points_down=False, arm=None, **options) -> None:
         network = LoopbackNetwork(clock=SetClock(START))
         self.sensor = Loopback("sensor", network)
         self.node_transport, listener = Loopback("node", network), Loopback("listener", network)
         mailbox = Mailbox()
         topic = GravityTopic(self.node_transport, "/imu", type_name, mailbox, points_down=points_down)
         source = SensedGravity(mailbox, mounting, angular=type_name == IMU, feed=topic.feed, **options)
-        self.node = GravityNode(self.node_transport, source, frame_id="table", urscript="/script")
+        self.node = GravityNode(self.node_transport, source, urscript="/script", arm=arm)
+        self.joints = self.sensor.publisher("/joint_states", "sensor_msgs/JointState")
+        self.deltas = listener.subscribe("/gravity/delta", "sensor_msgs/JointState")
         self.scripts = listener.subscribe("/script", "std_msgs/String")
         self.publisher = self.sensor.publisher("/imu", type_name)
         self.vectors = listener.subscribe("/gravity", VECTOR)
@@ -86,7 +91,7 @@ def test_gravity_goes_out_where_the_reading_is_believed(type_name, options, read
 
 
 def test_vectors_are_in_the_base_frame_with_rising_stamps():
-    world = World()
+    world = World(mounting=Mounting(base="table"))
     world.run(0.2, -TILTED)
     received = world.vectors.take()
     assert {one.message.header.frame_id for one in received} == {"table"}
@@ -166,3 +171,22 @@ def test_a_universal_robot_is_told_of_gravity_that_is_live_and_has_changed():
     assert len(others) <= 2
     world.run(2.0, -tilted_gravity(0.1, -0.1))
     assert len(world.scripts.take()) >= 1
+
+
+def test_what_a_level_base_firmware_leaves_over_is_told_of_joints_by_name():
+    arm = load_robot("raven2")
+    names, q = (*reversed(arm.joint_names), "gripper"), np.array([0.2, 1.4, 0.3])
+    world = World(arm=LevelBaseArm(arm, "/joint_states"))
+    world.run(2.0, -TILTED)
+    assert not world.deltas.take()
+    assert any("no joints on /joint_states" in w for w in publish_gravity(world.node, duration=0.02).warnings)
+    world.joints.publish(joint_state_message(names, world.sensor.now(), [*q[::-1], 0.0]))
+    world.run(0.03, -TILTED)
+    message = world.deltas.take()[-1].message
+    assert message.name == arm.joint_names
+    gravity, _ = world.said()
+    # g(q, gravity) - g(q, level); the gyroscope's noise is not yet used at rest
+    assert_allclose(message.effort, gravity_delta(arm, q, gravity), atol=1e-9)
+    world.joints.publish(joint_state_message(names[1:], world.sensor.now(), [*q[1::-1], 0.0]))
+    world.run(0.03, -TILTED)
+    assert "tells nothing of insertion" in publish_gravity(world.node, duration=0.02).warnings[-1]

@@ -9,7 +9,15 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.kinematics import relative_pose
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.robots.actuation import StatedDrive, actuation_terms, stated_actuation
+from catenary.robots.actuation import (
+    Actuation,
+    KnownTorque,
+    LeverSpring,
+    Spring,
+    StatedDrive,
+    actuation_terms,
+    stated_actuation,
+)
 from catenary.robots.catalog import load_robot
 from catenary.robots.cut import cut_arm, lock_joints
 from oracles.random_trees import random_robot
@@ -58,6 +66,24 @@ def test_an_arm_cut_out_of_an_upper_body_holds_what_it_holds_there(rng):
     assert_allclose(held, gravity_torque(body, q, gravity)[free], atol=1e-10)
     there, here = relative_pose(body, q, "left_hand", base), relative_pose(arm, own, "left_hand", base)
     assert_allclose(here.position, there.position, atol=1e-12)
+
+
+def test_springs_and_known_torques_go_on_from_where_the_locked_joints_stand(rng):
+    arm, both = load_robot("ur10e"), np.array([0.0, 1.0, 0.6, 0.0, 0.0, 0.0])
+    lever = Spring("balance", both, LeverSpring(0.1, 0.4, 0.2, 30.0))
+    cable = KnownTorque(
+        "cable", both, along=np.array([0.0, 1.0, 0.5, 0.0, 0.0, 0.2]), polynomial=np.array([2.0, -1, 3])
+    )
+    actuation = Actuation(springs=(lever,), known_torques=(cable,), values=np.array([50.0]))
+    arm, q = replace(arm, actuation=actuation), rng.uniform(-1.0, 1.0, (20, 6))
+    q[:, 2] = 0.8
+    free, still = [0, 1, 3, 4, 5], np.zeros((20, 6))
+    small = lock_joints(arm, {"elbow_joint": 0.8})
+    whole = known_loads(arm).torque(q, still, still)[:, free]
+    assert_allclose(known_loads(small).torque(q[:, free], still[:, free], still[:, free]), whole, atol=1e-12)
+    linear = replace(arm, actuation=replace(actuation, springs=(Spring("coil", both),)))
+    with pytest.raises(InputError, match='spring "coil" acts on free joints as well'):
+        lock_joints(linear, {"elbow_joint": 0.8})
 
 
 def test_friction_and_rotors_stay_with_their_joints():

@@ -3,8 +3,11 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
 
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.errors import InputError
+from catenary.robots.catalog import load_robot
 from catenary.sensing.checks import Fault, SensorRules
 from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
 from catenary.sensing.mounting import Mounting
@@ -94,9 +97,9 @@ def test_turning_and_its_acceleration_come_from_the_gyroscope():
         return [0.0, 0.0, 0.2 + 0.5 * math.sin(w * t)]  # about the vertical
 
     base = Base(angular=True)
-    base.run(1.0, LEVEL, rate, hz=200.0)
+    base.run(1.5, LEVEL, rate, hz=200.0)  # still for half a second, and turned by 0.1 rad: the rates are checked
     for k, reading in enumerate(base.run(1.0, LEVEL, rate, hz=200.0)):
-        t = 1.0 + 0.001 * k
+        t = 1.5 + 0.001 * k
         assert_allclose(reading.base_rates[0], rate(t), atol=0.002)
         assert_allclose(reading.base_rates[1], [0.0, 0.0, 0.5 * w * math.cos(w * t)], atol=0.1)  # 3 % of 3.1
 
@@ -331,17 +334,6 @@ def test_garbage_never_raises_nor_makes_gravity_leap(rng):
     assert steps(readings).max() <= (FOLLOW[0] + RECOVER[0]) * 0.001 + 1e-9
 
 
-def test_reset_forgets_a_jump_that_was_not_believed():
-    base = Base()
-    base.run(1.0, LEVEL)
-    moved = tilted_gravity(0.4, 0.25)
-    assert Fault.JUMP in base.run(2.0, moved)[-1].faults
-    base.source.reset()
-    last = base.run(2.0, moved)[-1]
-    assert_allclose(last.gravity, moved, atol=1e-6)
-    assert not last.faults
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -401,7 +393,8 @@ def test_a_base_that_turns_is_live_where_gravity_is_known_and_nowhere_else(
 
 
 def test_a_fallback_turns_with_the_rates():
-    base = Base(angular=True)
+    base, (gravity, rate) = Base(angular=True), rocking(0.1, 1.0)
+    base.run(2.0, gravity, rate)  # checks the gyroscope
     base.run(1.0, LEVEL, [0.0, 0.0, 0.0])
     # the accelerometer alone is silent while the base rolls by 0.25 rad
     for k in range(2000):
@@ -440,3 +433,44 @@ def test_what_is_not_live_while_it_comes_back_is_stale():
     off = np.linalg.norm([r.gravity - TILTED for r in readings], axis=1)
     assert all(r.status is not ReadingStatus.LIVE for r, o in zip(readings, off, strict=True) if o > 0.35)
     assert readings[-1].status is ReadingStatus.LIVE
+
+
+GYROSCOPES = {
+    "right": np.eye(3), "negated": -np.eye(3), "x negated": np.diag([-1.0, 1.0, 1.0]), "swapped": np.eye(3)[[1, 0, 2]],
+    "in another order": np.eye(3)[[2, 0, 1]], "deg/s": np.degrees(np.eye(3)), "/57.3": np.radians(np.eye(3)),
+    "twice": 2.0 * np.eye(3), "half": 0.5 * np.eye(3), "late": 0.15, "early": -0.1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rest", [0.0, 1.5])
+@pytest.mark.parametrize("name", GYROSCOPES)
+def test_a_wrong_gyroscope_costs_no_more_torque_than_none_also_in_the_first_second(name, rest, rng):
+    t, w, arm = np.arange(round(100 * (rest + 3.0))) / 100.0, 2.0 * math.pi, load_robot("ur10e")
+    along, wrong = np.array([1.0, 0.4, 0.0]) / math.hypot(1.0, 0.4), GYROSCOPES[name]
+
+    def moved(times):  # from rest, by 10 degrees at 1 Hz
+        s = np.maximum(times - rest, 0.0)
+        return (0.09 * f for f in (1.0 - np.cos(w * s), w * np.sin(w * s), w * w * np.cos(w * s) * (times >= rest)))
+
+    turn, omega, alpha = (value[:, None] for value in moved(t))
+    level = Rotation.from_rotvec(-turn * along).apply(tilted_gravity(0.15, 0.1))
+    late = isinstance(wrong, float)
+    said = np.outer(list(moved(t - wrong))[1] if late else omega, along) + 9e-4 * rng.normal(size=(len(t), 3))
+    readings, base = [], Base(angular=True, rules=None)
+    for k, now in enumerate(t.tolist()):
+        base.mailbox.put(now, said[k] if late else said[k] @ wrong.T, Kind.ANGULAR_RATE)
+        base.mailbox.put(now, level[k] + 0.04 * rng.normal(size=3), Kind.FREE_FALL)
+        readings.append(base.source.read(now))
+    gravity, rates = np.array([r.gravity for r in readings]), np.array([r.base_rates for r in readings])
+    q, still = np.tile([0.3, -0.9, 1.1, -0.7, -1.5, 0.2], (len(t), 1)), np.zeros((len(t), 6))
+    true, alone, used = (
+        inverse_dynamics(arm, q, still, still, g, BaseMotion(*turning))
+        for g, turning in (
+            (level, (omega * along, alpha * along)), (gravity, still.reshape(-1, 2, 3).swapaxes(0, 1)),
+            (gravity, rates.swapaxes(0, 1)),
+        )
+    )  # fmt: skip
+    for part in ((t >= rest + 0.2 * (rest == 0.0)) & (t < rest + 1.0), t >= rest + 1.0):
+        off, without = (np.sqrt(np.mean((tau[part] - true[part]) ** 2)) for tau in (used, alone))
+        assert off < 1.02 * without
+    assert name != "right" or off < 0.2 * without

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.tumble import align, fit_tumble, found_mounting, level_and_tilts
+from catenary.sensing.tumble import align, fit_tumble, level_and_tilts
 from catenary.sensing.vector import Kind, tilted_gravity
 
 SIX = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
@@ -135,6 +135,6 @@ def test_the_mounting_puts_readings_right(rng):
     readings = read(up @ R_base_imu)
     tumble = fit_tumble(readings)
     found = align((readings - tumble.bias) / tumble.scale, up).rotation
-    mounting = found_mounting(Mounting(position=np.ones(3)), found, tumble.bias, tumble.scale)
+    mounting = Mounting(found, np.ones(3), tumble.bias, tumble.scale)
     assert_allclose(mounting.gravity(readings, Kind.SPECIFIC_FORCE), -9.81 * up, atol=1e-6)
     assert_allclose(mounting.position, 1.0)

@@ -17,9 +17,10 @@ from catenary.robots.catalog import load_robot
 from catenary.sensing.mounting import Mounting, load_mounting, save_mounting
 from catenary.sensing.tumble import fit_orientations
 from catenary.simulation.sensors import SensorModel
-from catenary.workflows.sense import StillReading
+from catenary.workflows.sense import ReplayFeed, StillReading, read_still
 from catenary.workflows.tumble import (
     ATTITUDES,
+    Attitude,
     calibrate_replay,
     rests,
     run_tumble,
@@ -142,10 +143,9 @@ def test_mounting_and_biases_come_out_of_a_whole_robots_orientations() -> None:
 TEN = [*TILTS, (-15.0, -15.0), (60.0, 0.0), (0.0, 70.0), (-80.0, 30.0)]
 
 
-def turned_between(tilts_deg: list[tuple[float, float]], *, hz: int = 100) -> ImuRecording:
+def turned_between(turns: list[Rotation], *, hz: int = 100) -> ImuRecording:
     """Two seconds in each orientation and 1.5 s of a smooth turn into the next, with what a gyroscope reads there."""
     rng = np.random.default_rng(6)
-    turns = [Rotation.from_euler("XY", tilt, degrees=True) for tilt in tilts_deg]
     force, rate = [], []
     for k, turn in enumerate(turns):
         still = np.tile(9.81 * turn.inv().apply([0.0, 0.0, 1.0]), (2 * hz, 1))
@@ -183,13 +183,42 @@ SWAP = np.eye(3)[[1, 0, 2]]
     ],
 )
 def test_what_a_recording_gets_wrong_is_named_and_not_written(force: Floats, rate: Floats, said: str) -> None:
-    right = turned_between(TEN)
+    right = turned_between([Rotation.from_euler("XY", tilt, degrees=True) for tilt in TEN])
     assert right.rate is not None
     outcome = calibrate_replay(ImuRecording(right.time, right.force @ force.T, right.rate @ rate.T), up_of_tilts(TEN))
     assert any(said in fault for fault in outcome.faults) if said else outcome.faults == (), outcome.faults
     if not said:
         assert_allclose(outcome.mounting.rate_bias, RATE_BIAS, atol=2e-4)  # the starts of turns do not count
         assert_allclose(outcome.mounting.rotation, R, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [
+        (np.eye(3), ""),
+        (-np.eye(3), "its x, y, z seem to be -x,-y,-z"),
+        (SWAP, "its x, y, z seem to be y,x"),
+        (np.degrees(np.eye(3)), "it seems to be in deg/s"),
+        (2.5 * np.eye(3), "times as far as it says"),
+        (0.15, "ms late"),
+    ],
+)
+def test_the_turns_of_a_tumble_by_hand_check_the_gyroscope(rate: Floats | float, said: str) -> None:
+    # where up is in base axes, as a person holds the sensor and then tilts the base
+    ups = [np.array(a.up) if a.mounted else R @ a.up for a in ATTITUDES]
+    right = turned_between([Rotation.align_vectors([0.0, 0.0, 1.0], up)[0] for up in ups])
+    assert right.rate is not None
+    late = round(100 * rate) if isinstance(rate, float) else 0
+    rates = np.roll(right.rate, late, axis=0) if isinstance(rate, float) else right.rate @ rate.T
+    feed = ReplayFeed(ImuRecording(right.time, right.force, rates))
+
+    def read(attitude: Attitude) -> StillReading:
+        feed.wait(3.5 * ATTITUDES.index(attitude) + 0.2 - feed.now())  # a person presses Enter
+        return read_still(feed)
+
+    outcome = run_tumble(read, taken=feed.taken)
+    assert any(said in fault for fault in outcome.faults) if said else outcome.faults == (), outcome.faults
+    assert outcome.mounting.checked is (said == "")
 
 
 def test_an_arm_that_carries_the_sensor_turns_it() -> None:

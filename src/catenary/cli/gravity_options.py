@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import Mailbox
+    from catenary.spatial import Pose
 
 
 def base_tilt(text: str) -> tuple[float, float]:
@@ -97,8 +98,8 @@ class ReadingOptions:
     )
     driver: str | None = option("NAME", "Units and axes of a common driver: docs/gravity-vector.md has them.")
     imu_frame: str | None = option(
-        "ROBOT:FRAME",
-        "Where the sensor is, by a robot's description, in place of a mounting file.",
+        "ROBOT:FRAME|tf:BASE:FRAME",
+        "Where the sensor is, by a robot's description or by transforms, in place of a mounting file.",
         not_with="mounting",
     )
 
@@ -117,10 +118,19 @@ class ReadingOptions:
         """Units are said."""
         return bool(self.units or self.driver)
 
-    def mounted(self, told: "Mounting") -> "Mounting":
-        """Return a mounting, placed and turned as the robot's description has the sensor's frame."""
+    def mounted(self, told: "Mounting", by_tf: "Callable[[str, str], Pose] | None" = None) -> "Mounting":
+        """Return a mounting, placed and turned as the robot's description, or /tf, has the sensor's frame."""
         if self.imu_frame is None:
             return told
+        if self.imu_frame.startswith("tf:"):
+            _, *frames = self.imu_frame.split(":")
+            if len(frames) != 2 or by_tf is None:
+                raise InputError(
+                    f'--imu-frame "{self.imu_frame}": expected tf:BASE:FRAME, as tf:base_link:imu_link, with a bag to '
+                    "--replay or a topic of gravity-node"
+                )
+            rotation, position = by_tf(*frames)
+            return replace(told, rotation=rotation, position=position, base=frames[0])
         from catenary.robots.catalog import load_robot
 
         robot, colon, name = self.imu_frame.rpartition(":")
@@ -132,7 +142,7 @@ class ReadingOptions:
             raise InputError(
                 f'--imu-frame "{name}": it moves with {model.link_names[frame.link]}; expected one on the base'
             )
-        return replace(told, rotation=frame.pose.rotation, position=frame.pose.position)
+        return replace(told, rotation=frame.pose.rotation, position=frame.pose.position, base=model.base)
 
 
 @group

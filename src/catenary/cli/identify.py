@@ -16,11 +16,12 @@ from catenary.cli.options import (
     Triple,
     argument,
     option,
+    require_one,
     robots_beginning,
 )
 from catenary.cli.out_files import NAMED_AS_TYPED, PARAMETERS, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
-from catenary.cli.terminal import print_json, print_notes
+from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 from catenary.files import card_path
 
@@ -156,7 +157,12 @@ def identify(
 def payload(
     recordings: ModelRecordingOptions,
     data: Sequence[Path] = LOGS,
-    model: Path = option("FILE", "Parameters that catenary identify wrote.", REQUIRED),
+    model: Path | None = option("FILE", "Parameters that catenary identify wrote."),
+    wrist_sensor: str | None = option(
+        "ROBOT", "In place of --model: the arm whose wrist's force/torque sensor carries it; LOG is a table of poses."
+    ),
+    sensor_frame: str | None = option("FRAME", "Of that sensor. [default: the tip]", goes_with="wrist_sensor"),
+    gravity: Triple | None = replace(GRAVITY, goes_with="wrist_sensor"),
     at: tuple[str, float, float, float] | None = option(
         "FRAME X Y Z", "Place of the payload in a frame, in m. [default: anywhere]"
     ),
@@ -165,12 +171,20 @@ def payload(
     accept: Sequence[str] = ACCEPT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Estimate the payload of an identified arm.
+    """Estimate the payload of an identified arm, or the tool behind a force/torque sensor at its wrist.
+
+    The table of a wrist sensor has a row for each of four poses at rest or more: the joints by name in rad and m, fx,
+    fy, fz in N and tx, ty, tz in Nm in the sensor's axes. Mass, centre of mass and the sensor's biases come out.
 
     Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
+    Example: catenary payload poses.csv --wrist-sensor ur10e
     """
     from catenary.workflows.identify import payload_of_files
 
+    require_one(model=model, wrist_sensor=wrist_sensor)
+    if model is None:
+        _wrist_tool(data, wrist_sensor or "", sensor_frame, gravity_vector(gravity, None), as_json)
+        return
     place = None if at is None else (at[0], at[1:])
     result = payload_of_files(
         data, model, at=place, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=recordings.reading(), accept=accept
@@ -205,3 +219,25 @@ def payload(
         ]
         title = "Links that could carry it, and what it would explain of the residual there"
         print(Table(columns, [best, *result.candidates], title).text())
+
+
+def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Triple, as_json: bool) -> None:
+    from catenary.robots.catalog import load_robot
+    from catenary.workflows.wrist_tool import wrist_tool_of_file
+
+    if len(data) != 1:
+        raise InputError(f"--wrist-sensor: expected one table of poses, got {len(data)} files")
+    tool = wrist_tool_of_file(data[0], load_robot(robot), frame, gravity)
+    if as_json:
+        print_json(tool._asdict())
+        return
+    print_fact("mass", f"{tool.mass:.4f} kg, standard deviation {tool.mass_deviation:.4f} kg", width=12)
+    told = (
+        ("centre", tool.center, tool.center_deviation, "m in the sensor's axes"),
+        ("force bias", tool.force_bias, tool.force_bias_deviation, "N"),
+        ("torque bias", tool.torque_bias, tool.torque_bias_deviation, "Nm"),
+    )
+    for name, values, deviations, unit in told:
+        shown, off = (", ".join(f"{v:.4f}" for v in row) for row in (values, deviations))
+        print_fact(name, f"{shown} {unit}, standard deviations {off}", width=12)
+    print_fact("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS", width=12)

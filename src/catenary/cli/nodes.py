@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -231,7 +232,11 @@ def gravity_node(
     name: str | None = NODE_NAME,
     rate: float = option("HZ", "Rate at which gravity is published.", 100.0),
     topic: str = option("TOPIC", "Topic that gravity is published on.", "/gravity"),
-    frame: str = option("NAME", "frame_id of the published gravity.", "base"),
+    frame: str | None = option("NAME", "frame_id of the published gravity. [default: the mounting's base]"),
+    delta_of: str | None = option(
+        "ROBOT", "Also publish what its firmware, which knows a level base only, leaves over: TOPIC/delta, in Nm and N."
+    ),
+    joints: str = option("TOPIC", "Joints of --delta-of, a sensor_msgs/JointState.", "/joint_states"),
     points_down: bool = option(None, "The topic's vectors are gravity, not specific force.", False, not_with="port"),
     urscript: str | None = option(
         "TOPIC", "Also set gravity on a Universal Robot, by its driver's topic of script commands."
@@ -249,16 +254,19 @@ def gravity_node(
     """
     from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
     from catenary.crtk.network import make_transport, node_name
+    from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.nodes.gravity_node import GravityNode, publish_gravity
+    from catenary.nodes.gravity_node import GravityNode, LevelBaseArm, publish_gravity
+    from catenary.robots.catalog import load_robot
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import Mailbox
 
     require_one(imu=imu, accel=accel, vector=vector, port=port)
-    told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting))
+    told = Mounting() if mounting is None else load_mounting(mounting)
     mailbox = Mailbox(convention=reading.convention())
     with ExitStack() as stack:
         transport = stack.enter_context(make_transport(ros, node_name("gravity", name)))
+        told = reading.mounted(told, partial(heard_pose, transport))
         feed: Callable[[float], None] | None = None
         counts: Any
         if port is not None:
@@ -274,7 +282,8 @@ def gravity_node(
             feed, angular, counts = heard.feed, imu is not None, heard.tally
         angular = angular and not no_gyroscope
         source = sensing.source(mailbox, told, angular=angular, feed=feed)
-        node = GravityNode(transport, source, topic=topic, frame_id=frame, urscript=urscript)
+        arm = None if delta_of is None else LevelBaseArm(load_robot(delta_of), joints)
+        node = GravityNode(transport, source, topic=topic, frame_id=frame, urscript=urscript, arm=arm)
         show = _shown(_gravity_line, as_json)
         final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)
     show(final, final=True)
@@ -317,5 +326,6 @@ def _encoder_line(status: "EncoderStatus") -> tuple[str, Sequence[str]]:
 def _gravity_line(status: "GravityStatus") -> tuple[str, Sequence[str]]:
     x, y, z = status.reading.gravity
     tilt, state = status.as_data()["tilt_deg"], status.reading.status.value
-    text = f"{status.seconds:7.0f} s  gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, tilt {tilt:.2f} deg, {state}"
+    vector = f"gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2 in axes of {status.base}"
+    text = f"{status.seconds:7.0f} s  {vector}, tilt {tilt:.2f} deg, {state}"
     return text, status.warnings

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,13 +99,16 @@ def sense(
     Example: catenary sense --simulated --base-tilt-deg 10,5 --duration 2 --mounting-on ship
     Example: catenary sense --replay imu.csv --tumble --orientations turned.csv --out mounting.toml
     """
+    from catenary.crtk.transforms import recorded_pose
     from catenary.sensing.mounting import Mounting, load_mounting
 
     require_one(port=port, simulated=simulated, replay=replaying.replay)
     if tumble:
         out = out or Path("mounting.toml")
         refuse_outputs({"--out": (out, MOUNTING)}, [mounting] if mounting else [])
-    told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting))
+    bag = replaying.replay
+    by_tf = None if bag is None else partial(recorded_pose, bag)
+    told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
     recording = replaying.recording(reading, tumble=tumble)
     if recording is not None:
         if tumble:
@@ -132,7 +136,7 @@ def _opened(
     reading: ReadingOptions,
 ) -> "Iterator[tuple[Feed | None, Mounting]]":
     """Open the sensor, with its mounting and ranges; no feed for a simulated tumble, which is many sensors."""
-    from catenary.sensing.vector import Mailbox
+    from catenary.sensing.vector import MAILBOX, Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
     from catenary.workflows.sense import SimulatedFeed, serial_feed
@@ -140,7 +144,9 @@ def _opened(
     if port is not None:
         from catenary.devices.accelerometer import SerialAccelerometer
 
-        with SerialAccelerometer(port, Mailbox(convention=reading.convention()), baud=baud) as device:
+        # the turns of a tumble are kept while nobody reads
+        size = 100 * MAILBOX if tumble else MAILBOX
+        with SerialAccelerometer(port, Mailbox(size, reading.convention()), baud=baud) as device:
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             yield serial_feed(device), device.with_ranges(told)
@@ -164,7 +170,7 @@ def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_jso
     from catenary.workflows.sense import watch
 
     length = (math.inf if sys.stdout.isatty() and not as_json else 5.0) if duration is None else duration
-    with _display(as_json) as show:
+    with _display(as_json, source.mounting.base) as show:
         summary = watch(feed, source, length, show=show)
     if as_json:
         print_json(summary.as_data())
@@ -175,7 +181,7 @@ def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_jso
 
 
 @contextmanager
-def _display(as_json: bool) -> "Iterator[Callable[[GravityReading, float], None]]":
+def _display(as_json: bool, base: str) -> "Iterator[Callable[[GravityReading, float], None]]":
     """Show readings as they come: a panel that stays in place on a terminal, else a line a second."""
     if as_json:
         yield lambda reading, time: None
@@ -186,7 +192,7 @@ def _display(as_json: bool) -> "Iterator[Callable[[GravityReading, float], None]
         def line(reading: "GravityReading", time: float) -> None:
             if time - last[0] >= _LINE_EVERY:
                 last[0] = time
-                print(f"{time:8.1f} s  {'  '.join(_lines(reading)[:1])}  {' '.join(reading.faults.names)}")
+                print(f"{time:8.1f} s  {'  '.join(_lines(reading, base)[:1])}  {' '.join(reading.faults.names)}")
 
         yield line
         return
@@ -200,12 +206,12 @@ def _display(as_json: bool) -> "Iterator[Callable[[GravityReading, float], None]
             if time - last[0] >= _SHOWN_EVERY:
                 last[0] = time
                 warnings = [f"WARNING {f.names[0]}: {f.message}" for f in reading.faults]
-                live.update(Text("\n".join([*_lines(reading), *warnings, "Ctrl-C ends"])))
+                live.update(Text("\n".join([*_lines(reading, base), *warnings, "Ctrl-C ends"])))
 
         yield panel
 
 
-def _lines(reading: "GravityReading") -> list[str]:
+def _lines(reading: "GravityReading", base: str) -> list[str]:
     import numpy as np
 
     from catenary.sensing.vector import tilt_angle, tilt_of
@@ -215,7 +221,7 @@ def _lines(reading: "GravityReading") -> list[str]:
     age = "never measured" if math.isinf(reading.age) else f"{1000.0 * reading.age:.0f} ms old"
     rates = np.degrees(reading.base_rates[0])
     return [
-        f"gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, length {np.linalg.norm(reading.gravity):.3f}, "
+        f"gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2 in axes of {base}, length {np.linalg.norm(reading.gravity):.3f}, "
         f"tilt {np.degrees(tilt_angle(reading.gravity)):.2f} deg, {age}, {reading.status.value}",
         f"roll {roll:+.2f} deg, pitch {pitch:+.2f} deg",
         "turning " + " ".join(f"{v:+.2f}" for v in rates) + " deg/s",
@@ -225,7 +231,7 @@ def _lines(reading: "GravityReading") -> list[str]:
 def _print_summary(summary: "SenseSummary") -> None:
     import numpy as np
 
-    for text in _lines(summary.reading):
+    for text in _lines(summary.reading, summary.base):
         print(text)
     if summary.was_live:
         spread = ", ".join(f"{v:.4f}" for v in summary.spread)
@@ -258,6 +264,8 @@ def _calibrate(recording: "ImuRecording", options: ReplayOptions, told: "Mountin
     from catenary.workflows.tumble import calibrate_replay, read_orientations
 
     model = None if options.robot is None else load_robot(options.robot)
+    if model is not None:
+        told = replace(told, base=options.frame or model.tip)
     up = read_orientations(options.orientations or Path(), model, options.frame)
     _conclude_tumble(calibrate_replay(recording, up, start=told), out, as_json)
 
@@ -270,7 +278,7 @@ def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out:
         outcome = run_tumble(simulated_reader(SensorModel(rate, mounting=start), seed=seed), start=start)
     else:
         print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
-        outcome = run_tumble(_by_hand(feed), start=start)
+        outcome = run_tumble(_by_hand(feed), start=start, taken=feed.taken)
     _conclude_tumble(outcome, out, as_json)
 
 
@@ -302,7 +310,7 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None
     if not outcome.faults:
         save_mounting(out, m, section)
     if as_json:
-        found = {key: getattr(m, key) for key in ("bias", "scale", "rate_bias", "rotation")}
+        found = {key: getattr(m, key) for key in ("bias", "scale", "rate_bias", "rotation", "checked", "base")}
         left = {"residual": section.residual_m_s2, "rotation_residual_deg": section.rotation_residual_deg}
         ended = {"readings": section.readings, "faults": list(outcome.faults)}
         print_json({"mounting": None if outcome.faults else str(out), **found, **left, **ended})
@@ -311,6 +319,9 @@ def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None
         facts += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
         for name, values, unit in facts:
             print_fact(name, " ".join(f"{v:+.4f}" for v in values) + f" {unit}".rstrip(), width=10)
+        gyroscope = "turns as gravity does" if m.checked else "not checked: no turns between the rests"
+        print_fact("gyroscope", gyroscope, width=10)
+        print_fact("base", m.base, width=10)
         if section.residual_m_s2 is not None:
             print_fact("residual", f"{section.residual_m_s2:.4f} m/s2", width=10)
         for fault in outcome.faults:

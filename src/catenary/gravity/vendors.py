@@ -53,19 +53,6 @@ def vendor_of(name: str) -> Vendor:
     return VENDORS[name]
 
 
-def vendor_vector(name: str, gravity: ArrayLike) -> Floats:
-    """Return gravity, (3,) free-fall acceleration in base axes [m/s2], as a vendor's controller takes it."""
-    vendor, vector = vendor_of(name), as_array("gravity", gravity, (3,))
-    if vendor.sign == 0.0:
-        raise InputError(f"{name}: {vendor.limits}")
-    if not 0.0 < float(np.linalg.norm(vector)) <= MOST:
-        raise InputError(
-            f"gravity for {name}: expected a length of more than 0 and at most {MOST:g} m/s2, got {vector}"
-        )
-    told: Floats = vendor.sign * vector + 0.0
-    return told
-
-
 def in_controller_base(name: str, model: RobotModel, gravity: ArrayLike) -> Floats:
     """Return gravity (3,) in axes of a vendor's own base frame, of gravity in those of a model's base.
 
@@ -78,6 +65,13 @@ def in_controller_base(name: str, model: RobotModel, gravity: ArrayLike) -> Floa
 
 
 def vendor_command(name: str, gravity: ArrayLike) -> str:
-    """Return the line that tells a vendor's controller of gravity; empty where there is none."""
-    vendor = vendor_of(name)
-    return vendor.command.format(*vendor_vector(name, gravity)) if vendor.sign else ""
+    """Return the line that tells a vendor's controller of gravity, (3,) free-fall acceleration in its base [m/s2].
+
+    Empty where there is none.
+    """
+    vendor, vector = vendor_of(name), as_array("gravity", gravity, (3,))
+    if not 0.0 < float(np.linalg.norm(vector)) <= MOST:
+        raise InputError(
+            f"gravity for {name}: expected a length of more than 0 and at most {MOST:g} m/s2, got {vector}"
+        )
+    return vendor.command.format(*(vendor.sign * vector + 0.0))

@@ -2,14 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
-from catenary.robots.actuation import Actuation, Effect, KnownTorque, Spring
+from catenary.robots.cut import held_actuation
 from catenary.robots.model import RobotModel
 
 STILL = {"rad": 0.02, "m": 0.005}  # by which a joint may move that is held
@@ -64,47 +62,18 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
 
 def _held(model: RobotModel, held: Mapping[str, float]) -> RobotModel:
     """Return a robot without the coordinates that are held: each link stays, on a joint that stands still."""
-    kept = np.array([name not in held for name in model.joint_names])
+    kept = [k for k, name in enumerate(model.joint_names) if name not in held]
     at = np.array([held.get(name, 0.0) for name in model.joint_names])
+    actuation = model.actuation
     arrays = {key: getattr(model, key)[kept] for key in ("lower", "upper", "velocity_limit", "effort_limit")}
     return replace(
         model,
-        joint_names=tuple(name for name in model.joint_names if name not in held),
-        joint_units=tuple(unit for unit, stays in zip(model.joint_units, kept, strict=True) if stays),
+        joint_names=tuple(model.joint_names[k] for k in kept),
+        joint_units=tuple(model.joint_units[k] for k in kept),
         coupling=model.coupling[:, kept],
         offset=model.offset + model.coupling @ at,
         closed_form=None,
-        actuation=None if model.actuation is None else _held_actuation(model.actuation, kept, at),
+        actuation=None if actuation is None else replace(held_actuation("--joints", actuation, kept, at), values=None),
         notes=(*model.notes, f"joints held: {', '.join(held)}"),
         **arrays,
-    )
-
-
-def _held_actuation(actuation: Actuation, kept: Any, at: Floats) -> Actuation:
-    """Return what acts on the coordinates that are left, springs and known torques from where the others are held."""
-
-    def moved(effects: Sequence[Effect]) -> tuple[Any, ...]:
-        out = []
-        for effect in effects:
-            shift, change = float(effect.combination @ at), dict[str, Any]()
-            if isinstance(effect, Spring) and effect.lever is not None:
-                angle = effect.lever.angle_deg + float(np.rad2deg(shift))
-                change = {"lever": replace(effect.lever, angle_deg=angle)}
-            elif isinstance(effect, KnownTorque):
-                of_rest = np.poly1d(effect.polynomial)(np.poly1d([1.0, shift]))
-                change = {"along": effect.along[kept], "polynomial": np.atleast_1d(of_rest.coeffs)}
-            elif not effect.combination[kept].any():
-                continue
-            out.append(replace(effect, combination=effect.combination[kept], **change))
-        return tuple(out)
-
-    scale = actuation.effort_scale
-    return replace(
-        actuation,
-        friction=moved(actuation.friction),
-        motor_inertia=moved(actuation.motor_inertia),
-        springs=moved(actuation.springs),
-        known_torques=moved([each for each in actuation.known_torques if each.along[kept].any()]),
-        effort_scale=None if scale is None else scale[kept],
-        values=None,
     )

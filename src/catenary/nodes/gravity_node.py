@@ -1,5 +1,6 @@
-"""Gravity in the base frame as a topic: from a sensor's topic or serial line, checked, with a fallback."""
+"""Gravity in the base frame as topics: from a sensor's topic or serial line, checked, with a fallback."""
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -8,18 +9,22 @@ import numpy as np
 from catenary.control.loop_report import GravityTally
 from catenary.crtk.gravity_topic import now_of
 from catenary.crtk.message import header, message_class
-from catenary.crtk.message_values import Stamps
-from catenary.crtk.transport import Publisher, Transport
+from catenary.crtk.message_values import Stamps, joint_state_message
+from catenary.crtk.transport import Latest, Publisher, Transport
+from catenary.dynamics.robot_kernels import gravity_kernel, holding_kernel
 from catenary.errors import InputError
 from catenary.gravity.vendors import vendor_command
+from catenary.robots.model import RobotModel
 from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
+from catenary.spatial import LEVEL
 
-TOPIC, FRAME = "/gravity", "base"
+TOPIC = "/gravity"
 STATUS_EVERY = 1.0  # [s]; and whenever it changes
 # [s], [m/s2]: a program of set_gravity for a Universal Robot at most so often, and when gravity has moved by so much
 SCRIPT_EVERY, SCRIPT_FROM = 0.5, 0.1
+JOINTS_HELD = 0.1  # [s] for which joints' positions count
 STRIPPED_HINT = (
     "known to do so: a BNO055's LIA registers, dmpGetLinearAccel of MPU-6050 libraries, Xsens' "
     "filter/free_acceleration, Android's linear acceleration sensor; take imu/data_raw or its like instead"
@@ -35,13 +40,16 @@ class GravityStatus(NamedTuple):
     subscribers: int
     is_up: bool  # whether the transport's network answers
     link: dict[str, Any]  # counts of the sensor's line or topic
+    base: str  # the frame whose axes these are
     remedy: str = ""  # what mends a gyroscope that does not turn as gravity does
+    complaint: str = ""  # why nothing is told of an arm
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Faults, each with its name and what to do."""
         found = tuple(f"{fault.names[0]}: {warning(fault)}" for fault in self.reading.faults)
-        return (*found, f"the gyroscope: {self.remedy}") if self.remedy else found
+        said = (f"the gyroscope: {self.remedy}" if self.remedy else "", self.complaint)
+        return (*found, *filter(None, said))
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in SI and degrees where the name says so."""
@@ -63,8 +71,19 @@ def warning(fault: Fault) -> str:
     return f"{fault.message}; {STRIPPED_HINT}" if fault is Fault.GRAVITY_STRIPPED else fault.message
 
 
+class LevelBaseArm(NamedTuple):
+    """An arm whose firmware compensates for gravity of a level base, and what tells its joints."""
+
+    model: RobotModel
+    joints: str  # topic of sensor_msgs/JointState
+
+
 class GravityNode:
     """Publishes the reading of a source: `gravity` [m/s2, base axes, downwards], and beside it `gravity/status`.
+
+    Of an arm whose firmware knows a level base it publishes what is left to add beside it, `gravity/delta`: effort of a
+    sensor_msgs/JointState [Nm|N] that holds the arm still on the base as it is, less what does on a level one, while
+    gravity is live and the joints are known. The turning of the base counts.
 
     The status is text: live, nominal, stale or fallback, then the faults' names. Of a source that says
     `stop`, no vector is published.
@@ -76,16 +95,27 @@ class GravityNode:
         source: SensedGravity,
         *,
         topic: str = TOPIC,
-        frame_id: str = FRAME,
+        frame_id: str | None = None,
         urscript: str | None = None,
+        arm: LevelBaseArm | None = None,
     ) -> None:
-        """Publish on `topic`; what is live also as programs of set_gravity on `urscript`, where that is given."""
-        self.transport, self.source, self.frame_id = transport, source, frame_id
+        """Publish on `topic`, of the frame that the sensor's mounting leads to where no other name is given.
+
+        What is live goes also to `urscript`, as programs of set_gravity, and as torques to add for an `arm`.
+        """
+        self.transport, self.source = transport, source
+        self.frame_id = source.mounting.base if frame_id is None else frame_id
         self.tally, self.published = GravityTally(), 0
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")
         self._status = transport.publisher(f"{topic}/status", "crtk_msgs/StringStamped", latch=True)
         self._script = None if urscript is None else transport.publisher(urscript, "std_msgs/String")
         self._scripted, self._scripted_at = np.zeros(3), -np.inf
+        self._arm, self.complaint = arm, ""  # why nothing is told of an arm
+        if arm is not None:
+            arm.model.require_inertia()
+            self._kernels = holding_kernel(arm.model), gravity_kernel(arm.model)
+            self._joints = Latest(transport, arm.joints, "sensor_msgs/JointState")
+            self._delta = transport.publisher(f"{topic}/delta", "sensor_msgs/JointState")
         self._stamps, self._said, self._said_at = Stamps(transport.clock), "", -np.inf
 
     def step(self) -> GravityReading:
@@ -102,11 +132,28 @@ class GravityNode:
             self.published += 1
         if self._script is not None and reading.status is ReadingStatus.LIVE:
             self._tell_robot(self._script, reading, time)
+        if self._arm is not None:
+            self._tell_left_over(self._arm, reading, stamp)
         text = " ".join((reading.status.value, *reading.faults.names))
         if text != self._said or time - self._said_at >= STATUS_EVERY:
             self._said, self._said_at = text, time
             self._status.publish(message_class("crtk_msgs/StringStamped")(header(stamp, self.frame_id), text))
         return reading
+
+    def _tell_left_over(self, arm: LevelBaseArm, reading: GravityReading, stamp: int) -> None:
+        """Publish the torques to add to those of a level base; say why where there are none."""
+        names, message = arm.model.joint_names, self._joints.message()
+        if self._joints.age() >= JOINTS_HELD:
+            self.complaint = f"no delta: no joints on {arm.joints}"
+            return
+        told = dict(zip(message.name, message.position, strict=False))
+        missing = [name for name in names if not math.isfinite(told.get(name, math.nan))]
+        self.complaint = f"no delta: {arm.joints} tells nothing of {', '.join(missing)}" if missing else ""
+        if missing or reading.status is not ReadingStatus.LIVE:
+            return
+        q, (holding, gravity) = np.array([told[name] for name in names]), self._kernels
+        beyond = holding(q, reading.gravity, *reading.base_rates) - gravity(q, LEVEL)
+        self._delta.publish(joint_state_message(names, stamp, effort=beyond))
 
     def _tell_robot(self, script: Publisher, reading: GravityReading, time: float) -> None:
         """Send a Universal Robot's controller gravity that has changed, in a program beside the one that runs."""
@@ -142,8 +189,8 @@ def publish_gravity(
     reading = node.step()
 
     def status(now: float) -> GravityStatus:
-        said = node.source.remedy
-        return GravityStatus(now - begin, reading, node.published, node.subscribers(), transport.is_up(), link(), said)
+        counts = node.published, node.subscribers(), transport.is_up(), link()
+        return GravityStatus(now - begin, reading, *counts, node.frame_id, node.source.remedy, node.complaint)
 
     now = begin
     try:

@@ -32,6 +32,7 @@ _OWN: Mapping[str, str] = MappingProxyType(
             "float32[16] mvel\nfloat32[16] jvel\nfloat32[16] mpos_d\nfloat32[16] jpos_d\nfloat32[2] grasp_d\n"
             "float32[16] encoffsets\nfloat32[12] jac_vel\nfloat32[12] jac_f\n"
         ),
+        "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
     }
 )
 _GEOMETRY = (

@@ -1,13 +1,14 @@
 """A robot with some joints locked, and an arm cut out of a scene, a humanoid or a mobile base."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.robots.actuation import Actuation, Effect, actuation_terms
+from catenary.robots.actuation import Actuation, Effect, KnownTorque, Spring, actuation_terms
 from catenary.robots.link_inertia import NOTHING, LinkInertia
 from catenary.robots.model import BASE, Frame, RobotModel, Tree
 from catenary.spatial import Pose, identity_pose, rotation_from_vector
@@ -21,8 +22,8 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
     their locked part.
 
     Raises:
-        InputError: An unknown coordinate, all of them, a value outside the limits or not finite, or a spring or known
-            torque that depends on locked and free coordinates.
+        InputError: An unknown coordinate, all of them, a value outside the limits or not finite, or as
+            `held_actuation`.
     """
     where = f'robot "{model.name}": lock'
     for name, value in locked.items():
@@ -69,7 +70,7 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
         ),
         axes_of_com=model.axes_of_com[moving] | (model.tree.mass[moving] != tree.mass)[:, None],
         closed_form=None,
-        actuation=None if model.actuation is None else _actuation_of(where, model.actuation, free),
+        actuation=None if model.actuation is None else held_actuation(where, model.actuation, free, held),
         unseen=(),
         without_payload=None,
         notes=(*model.notes, *([f"locked: {', '.join(f'{n} at {v:g}' for n, v in locked.items())}"] if locked else [])),
@@ -148,19 +149,31 @@ def _folded(model: RobotModel, moving: list[int], offset: Floats) -> tuple[dict[
     )
 
 
-def _actuation_of(where: str, actuation: Actuation, free: list[int]) -> Actuation:
-    """Return what acts on free coordinates."""
+def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: Floats) -> Actuation:
+    """Return what acts on the coordinates that are free, the others held.
+
+    Lever springs and known torques that both move go on from where the held ones stand. held (n,) are the values of
+    those that are held, zero of the free ones.
+
+    Raises:
+        InputError: A linear spring on both, away from its rest by the held ones: what is left is no spring.
+    """
     kept: dict[str, tuple[Effect, ...]] = {}
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):
         effects = list[Effect]()
         for effect in getattr(actuation, kind):
-            along = {"along": effect.along[free]} if kind == "known_torques" else {}
-            acts = along.get("along", effect.combination[free])
-            fixed = np.delete(effect.combination, free).any()
-            if kind in ("springs", "known_torques") and fixed and acts.any():
-                raise InputError(f'{where}: {kind[:-1].replace("_", " ")} "{effect.name}" acts on free joints as well')
-            if acts.any():
-                effects.append(replace(effect, combination=effect.combination[free], **along))
+            shift, change = float(effect.combination @ held), dict[str, Any](combination=effect.combination[free])
+            if isinstance(effect, KnownTorque):
+                of_rest = np.poly1d(effect.polynomial)(np.poly1d([1.0, shift]))
+                change |= {"along": effect.along[free], "polynomial": np.atleast_1d(of_rest.coeffs)}
+            if not change.get("along", change["combination"]).any():
+                continue
+            if isinstance(effect, Spring) and effect.lever is not None:
+                angle = effect.lever.angle_deg + float(np.rad2deg(shift))
+                change["lever"] = replace(effect.lever, angle_deg=angle)
+            elif isinstance(effect, Spring) and shift != 0.0:
+                raise InputError(f'{where}: spring "{effect.name}" acts on free joints as well')
+            effects.append(replace(effect, **change))
         kept[kind] = tuple(effects)
     cut = replace(actuation, **kept, values=None)  # type: ignore[arg-type]
     scale = actuation.effort_scale

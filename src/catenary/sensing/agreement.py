@@ -6,6 +6,7 @@ the gyroscope is named.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from itertools import permutations, product
 from typing import NamedTuple
@@ -27,9 +28,13 @@ _BIAS_COST, _BIAS_COST_AS_IS, _FIRM, _LOOSE, _HANGING = 40.0, 4.0, 1.0, 0.05, 9.
 _EXPLAINS = 0.15  # share of what is left that other axes, units or scales must leave at most
 _AGREES = 0.3  # share of gravity's change that rates leave which agree with it
 _STILL = 0.15  # share of a limit that gravity moves by at least where anything can be told
+_FITS = 0.75  # least share of its own turning by which gravity turns with a gyroscope that helps
+_FEEBLE = 0.003  # [m2/s4 s] of turning that noise alone may seem to follow
+REST_LEAVES = 0.1  # [m2/s4 s] that a base leaves which has no accelerations of its own
 _OFF_SCALE = 1.15  # beyond which a scale is wrong
 _LEAST_SCALE = 0.5  # below which rates are worse than none
 _MOST_SCALE = 5.0  # beyond which it is none: a gyroscope with a bias, and no more, seems to turn with anything
+_APART = 0.0095  # [s] of samples that are kept: a hundred a second
 _DELAYS = (-0.2, -0.15, -0.1, -0.06, -0.03, 0.03, 0.06, 0.1, 0.15, 0.2)  # [s]
 _LATE_FROM = 2.0  # [s] of samples that tell a delay
 _TURNED = slice(0, 9)  # columns: turning about axis i as the gyroscope's axis j reads it
@@ -53,11 +58,12 @@ def _axes() -> list[Floats]:
 
 
 AXES = _axes()
-_UNITS = {1.0: "", math.pi / 180.0: "deg/s", 180.0 / math.pi: "divided by 57.3"}
+_UNITS = {1.0: "", math.pi / 180.0: "it seems to be in deg/s", 180.0 / math.pi: "it seems to be divided by 57.3"}
 _CANDIDATES = [(way, unit) for unit in _UNITS for way in AXES]
 _FLAT = np.array([np.r_[unit * way.ravel(), -1.0] for way, unit in _CANDIDATES])
 
 
+Row = tuple[float, float, float, float]  # stamp [s] and vector
 Piece = tuple[Floats, Floats, Floats, Floats]  # arguments of `evidence`
 
 
@@ -69,6 +75,9 @@ class Agreement(NamedTuple):
     remedy: str = ""  # what mends it, in words
     readings: NDArray[np.bool_] | None = None  # of its axes and unit, among all that there are, that would agree
     may_be_late: bool = False  # something is left that a delay may explain
+    # gravity turns with it, about as far or farther: it does more good than harm; None where nothing can be told, by so
+    # little that a base moves by itself as far
+    fits: bool | None = False
 
 
 def axes_text(matrix: Floats) -> str:
@@ -126,11 +135,17 @@ def judge(found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] |
     )
     moved = float(found[_GRAVITY, _GRAVITY])
     left = np.sum((_FLAT @ plain) * _FLAT, axis=1)
-    shows = _STILL * limit
-    if left[0] < _AGREES * moved and moved > shows and (doubted is None or left[doubted].min() - left[0] > shows):
-        return Agreement(Fault.NONE, agrees=True)
+    shows, hidden = _STILL * limit, _STILL * (limit - REST_LEAVES)
     turned = _FLAT[0][:9]
-    scale = float(turned @ plain[:9, 9] / max(turned @ plain[:9, :9] @ turned, 1e-12))
+    claimed = float(turned @ plain[:9, :9] @ turned)
+    scale = float(turned @ plain[:9, 9]) / max(claimed, 1e-12)
+    fits = None if claimed < hidden else scale > _FITS and claimed > _FEEBLE
+    if doubted is not None:
+        fits = False
+    if moved < shows:
+        return Agreement(Fault.NONE, agrees=False, fits=fits)
+    if left[0] < _AGREES * moved and (doubted is None or left[doubted].min() - left[0] > shows):
+        return Agreement(Fault.NONE, agrees=True, may_be_late=loose > limit, fits=True)
     scaled = np.r_[scale * turned, -1.0]
     off = float(scaled @ plain @ scaled)
     # of all that explain it about as well, the plainest; a scale alone may do better
@@ -148,13 +163,13 @@ def judge(found: Floats, span: float, limit: float, doubted: NDArray[np.bool_] |
         return Agreement(kind, agrees=False, remedy=said)
     if loose > 1.5 * moved + limit:
         return Agreement(Fault.RATE_CONTRADICTS, agrees=False, may_be_late=True)
-    return Agreement(Fault.NONE, agrees=False, may_be_late=loose > limit)
+    return Agreement(Fault.NONE, agrees=False, may_be_late=loose > limit, fits=fits)
 
 
 def compare(pieces: Sequence[Piece], limit: float, doubted: NDArray[np.bool_] | None = None) -> Agreement:
     """Compare a gyroscope with an accelerometer over pieces of time, as those between the rests of a tumble."""
     span = sum(float(times[-1] - times[0]) for times, *_ in pieces)
-    if sum(len(g) and float(np.var(g, axis=0).sum()) * (t[-1] - t[0]) for t, g, *_ in pieces) < _STILL * limit:
+    if not span > 0.0:
         return Agreement(Fault.NONE, agrees=False)
     found = judge(sum((evidence(*piece) for piece in pieces), np.zeros((_SIZE, _SIZE))), span, limit, doubted)
     if not found.may_be_late or span < _LATE_FROM:
@@ -176,7 +191,7 @@ def compare(pieces: Sequence[Piece], limit: float, doubted: NDArray[np.bool_] | 
 
 def accelerations(rules: SensorRules, span: float) -> float:
     """Return what a base's own accelerations may leave over a span [s], to judge by [m2/s4 s]."""
-    return 0.1 + 0.5 * min(rules.slow_acceleration, HIGH_PASS * rules.slow_jerk) ** 2 * span
+    return REST_LEAVES + 0.5 * min(rules.slow_acceleration, HIGH_PASS * rules.slow_jerk) ** 2 * span
 
 
 class AgreementWatch:
@@ -185,20 +200,18 @@ class AgreementWatch:
     A gyroscope that was found wrong is wrong until it agrees with the accelerometer in a turn that shows it.
     """
 
-    EVERY = 0.2  # [s] between comparisons
+    EVERY = 0.1  # [s] between comparisons
     SPANS = (0.8, 4.0)  # [s] over which: the first finds what is new soon, the other what is small
     GAP = 0.5  # [s] without samples, after which both begin anew
 
-    def __init__(self, rules: SensorRules) -> None:
+    def __init__(self, rules: SensorRules, *, checked: bool = False) -> None:
+        """Take rules, and whether the gyroscope was found right before."""
         self._rules = rules
-        self.forget()
-
-    def forget(self) -> None:
-        """Forget all samples and what was found."""
         self.found = Agreement(Fault.NONE, agrees=False)
-        self._gravity, self._angles = _Recent(self.SPANS[-1]), _Recent(self.SPANS[-1])
+        self._gravity, self._angles = (deque[Row](maxlen=int(self.SPANS[-1] / _APART) + 1) for _ in range(2))
         self._angle, self._rate, self._rate_stamp = np.zeros(3), np.zeros(3), -math.inf
         self._compared = self._right_since = -math.inf
+        self._proven = self.may_be_used = checked
 
     def add_rate(self, stamp: float, rate: Floats) -> None:
         """Take a rate (3,) [rad/s] in the sensor's axes."""
@@ -208,59 +221,40 @@ class AgreementWatch:
         else:
             self._angles.clear()
         self._rate, self._rate_stamp = rate, stamp
-        self._angles.add(stamp, self._angle)
+        _add(self._angles, stamp, self._angle)
 
     def add_gravity(self, stamp: float, gravity: Floats) -> None:
         """Take gravity (3,) [m/s2] in the sensor's axes, and compare now and then."""
-        if not 0.0 < stamp - self._gravity.newest < self.GAP:
+        if self._gravity and not 0.0 < stamp - self._gravity[-1][0] < self.GAP:
             self._gravity.clear()
-        self._gravity.add(stamp, gravity)
-        if stamp - self._compared < self.EVERY:
+        _add(self._gravity, stamp, gravity)
+        if stamp - self._compared < self.EVERY or not self._angles:
             return
         self._compared = stamp
+        forces, turns = np.array(self._gravity), np.array(self._angles)
         for span in self.SPANS:
             begin = max(stamp - span, self._right_since)
-            (t, g), (rate_times, angles) = (each.since(begin) for each in (self._gravity, self._angles))
-            if min(len(t), len(rate_times)) < _FEWEST:
+            late, turned = (rows[np.searchsorted(rows[:, 0], begin) :] for rows in (forces, turns))
+            if min(len(late), len(turned)) < _FEWEST:
                 continue
-            limit = accelerations(self._rules, span)
-            found = compare([(t, g, rate_times, angles)], limit, self.found.readings)
+            piece = late[:, 0], late[:, 1:], turned[:, 0], turned[:, 1:]
+            found = compare([piece], accelerations(self._rules, span), self.found.readings)
+            self._proven |= found.fits is True
+            self.may_be_used = self._proven or found.fits is None
             # what contradicts does so now; a while ago another may have
             if found.agrees or (found.fault is not Fault.NONE and (found.remedy or span == self.SPANS[0])):
                 if found.agrees and not self.found.agrees:
                     self._right_since = begin  # what was before is of a gyroscope that was wrong, or not known
                 self.found = found
+                if not found.agrees:
+                    self._proven = self.may_be_used = False
                 return
 
 
-class _Recent:
-    """The last seconds of a stream of samples, a hundred a second at most."""
-
-    APART = 0.0095  # [s]
-
-    def __init__(self, seconds: float) -> None:
-        self._kept = int(seconds / self.APART) + 1
-        self._rows = np.empty((2 * self._kept, 4))
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget all."""
-        self._end, self.newest = 0, -math.inf
-
-    def add(self, stamp: float, vector: Floats) -> None:
-        """Take a sample (3,), unless one was taken just before."""
-        if stamp - self.newest < self.APART:
-            return
-        if self._end == len(self._rows):
-            self._rows[: self._kept] = self._rows[-self._kept :]
-            self._end = self._kept
-        self._rows[self._end, 0], self._rows[self._end, 1:] = stamp, vector
-        self._end, self.newest = self._end + 1, stamp
-
-    def since(self, stamp: float) -> tuple[Floats, Floats]:
-        """Return stamps (N,) and vectors (N, 3) from a time on."""
-        first = int(np.searchsorted(self._rows[: self._end, 0], stamp))
-        return self._rows[first : self._end, 0], self._rows[first : self._end, 1:]
+def _add(recent: deque[Row], stamp: float, vector: Floats) -> None:
+    """Take a sample (3,), unless one was taken just before."""
+    if not recent or stamp - recent[-1][0] >= _APART:
+        recent.append((stamp, *vector.tolist()))
 
 
 def _times_axes(vectors: Floats) -> Floats:
@@ -287,5 +281,4 @@ def _kind(way: Floats, unit: float) -> Fault:
 
 def _remedy(way: Floats, unit: float) -> str:
     axes = "" if (way == np.eye(3)).all() else f"its x, y, z seem to be {axes_text(way)}"
-    scale = {"": "", "deg/s": "it seems to be in deg/s"}.get(_UNITS[unit], "it seems to be divided by 57.3")
-    return ", and ".join(text for text in (scale, axes) if text)
+    return ", and ".join(filter(None, (_UNITS[unit], axes)))

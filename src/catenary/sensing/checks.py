@@ -135,7 +135,7 @@ class SensorRules:
     confirm: int = 5  # good readings in a row before a sensor is believed, at first or after a fault
     # [s] for which a jump that nothing explains must last to be believed, and sensors that disagreed must agree
     accept_jump_after: float = 0.5
-    # [s] of good readings after which a sensor is believed that jumped as no base can; inf: after reset() alone
+    # [s] of good readings after which a sensor is believed that jumped as no base can; inf: never
     trust_again_after: float = 10.0
     future: float = 0.005  # [s] by which a stamp may lie ahead of the reader's clock
 

@@ -8,6 +8,13 @@ from catenary.arrays import Floats
 from catenary.sensing.checks import GravityCheck, SensorRules, norm
 from catenary.spatial import cross
 
+_LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
+
+
+def is_about(rate: Floats, gravity: Floats) -> bool:
+    """Return whether a rate (3,) turns about the vertical, by and large."""
+    return norm(cross(gravity, rate)) < _LEAN * norm(rate) * norm(gravity)
+
 
 class RestRate:
     """The bias of a gyroscope, drawn to its mean whenever the base has stood still for a while.
@@ -71,7 +78,6 @@ class PredictedSwing:
 
     # shares of `large` as far as it is followed: absurd rates are forgotten within half a second
     LARGEST = 3.0
-    LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
     LASTS = 0.1  # [s] for which it must be large: readings show a turn that begins a little later
 
     def __init__(self, large: float = 0.3) -> None:
@@ -91,7 +97,7 @@ class PredictedSwing:
             self._swing, self._variance, self._large_since = np.zeros(3), 0.0, math.inf
             return
         change = cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
-        if norm(change) < self.LEAN * norm(rate) * norm(gravity):
+        if is_about(rate, gravity):
             change = np.zeros(3)
         share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
         swing = (1.0 - share) * (self._swing + dt * change)

@@ -12,7 +12,7 @@ from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, 
 from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, SensorRules, norm
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import FALLBACKS, SlowAttitude, SmoothTransfer
-from catenary.sensing.gyro_prediction import PredictedGravity, PredictedSwing, RestRate
+from catenary.sensing.gyro_prediction import PredictedGravity, PredictedSwing, RestRate, is_about
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
 from catenary.spatial import LEVEL, cross
@@ -26,6 +26,8 @@ _MEMORY = 0.1  # [s] for which a fault is reported after the sample that showed 
 _PAUSE = 0.5  # [s] between reads, after which they begin anew
 _FORGET = 1.0  # [s] without samples, after which a sensor is met anew
 _EASED = 0.3  # [m/s2] by which a reading that is live may be behind, on its way from a fallback
+_CHECKED = 0.1  # [rad] of turning about the vertical, by rates that nothing else can check, while gravity stands still
+_SLOW = 0.05  # [rad/s] that bias and noise may be of it
 _FOLLOWS = 0.02  # [s] over which noise averages out of what readings are ahead of the filter
 
 
@@ -39,7 +41,8 @@ class SensedGravity:
         gravity = gravity at the sensor + alpha x p + omega x (omega x p)
 
     in which gravity is free-fall acceleration, g minus the acceleration of that point. Angular terms need a
-    gyroscope; an accelerometer alone cannot tell them. Its bias is drawn to what it reads at rest (RestRate).
+    gyroscope, whose rates count once gravity was seen to turn with them (AgreementWatch), or a tumble saw it. Its bias
+    is drawn to what it reads at rest (RestRate).
 
     Before anything is believed gravity is that of a level base (NOMINAL). When samples stop or are all wrong, the
     parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
@@ -103,10 +106,11 @@ class SensedGravity:
         self._raw_rate = RawCheck(r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED))
         self._check, self._check_rate, self._swing = (GravityCheck(r), RateCheck(r), PredictedSwing(unseen_swing(r)))
         self._predicted, self._rest_rate = PredictedGravity(r), RestRate(r.still_rate)
-        self._agreement = AgreementWatch(r)
+        self._agreement = AgreementWatch(r, checked=m.checked)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
         self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
+        self._about_vertical = 0.0  # [rad] turned of late
         self._seen: dict[Fault, float] = {}  # when each fault showed last
         self._heard = -math.inf  # when the newest sample was taken in, whatever it was worth
         self._held = LEVEL  # gravity that the fallback "hold" keeps
@@ -147,16 +151,6 @@ class SensedGravity:
     def remedy(self) -> str:
         """What mends a gyroscope that does not turn as gravity does, in words; empty where none was found wrong."""
         return self._agreement.found.remedy
-
-    def reset(self) -> None:
-        """Forget what was believed: the base was moved, or the sensor repaired, while it was not read."""
-        self._check.forget()
-        self._predicted.forget()
-        self._agreement.forget()
-        self._force.clear()
-        self._rate.clear()
-        self._mode, self._last_time = (ReadingStatus.NOMINAL, False, 0), math.nan
-        self._said, self._ahead = ReadingStatus.NOMINAL, np.zeros(3)
 
     def _begin(self, time: float) -> None:
         """Begin to be read, or again after a pause: what piled up meanwhile is no fault, and nothing is to be eased."""
@@ -259,7 +253,12 @@ class SensedGravity:
         dt = stamp - self._rate.newest
         if dt > 0.5 * self._rate.window:
             self._rate.clear()
-        if dt <= self._age_limit:
+        upright = self._check.reference is not None and is_about(rate, self._check.reference)
+        if not steady or (not upright and norm(rate) > _SLOW):
+            self._about_vertical = 0.0
+        elif upright:
+            self._about_vertical += min(dt, self._age_limit) * norm(rate)
+        if dt <= self._age_limit and self._rate_is_known:
             self._attitude.turn(dt * rate)
         self._rate.add(stamp, rate)
         return Fault.NONE
@@ -278,7 +277,9 @@ class SensedGravity:
 
     @property
     def _rate_is_known(self) -> bool:
-        return self.angular and self._rate.span >= 0.6 * self._rate.window
+        """Return whether rates are there, and were found to turn as gravity does, or by what leaves it where it is."""
+        checked = self._agreement.may_be_used or self._about_vertical > _CHECKED
+        return checked and self._rate.span >= 0.6 * self._rate.window
 
     def _status(self, time: float) -> ReadingStatus:
         if self._force.newest == -math.inf:

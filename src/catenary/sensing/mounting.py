@@ -32,9 +32,11 @@ class Mounting:
     bias: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) of the accelerometer [m/s2]
     scale: Floats = field(default_factory=lambda: np.ones(3))  # (3,) of the accelerometer
     rate_bias: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) of the gyroscope [rad/s]
+    checked: bool = False  # the gyroscope turned as gravity did, in a tumble: it is used from the first rate on
     acceleration_range: float = np.inf  # [m/s2] of each axis, as the sensor is set
     rate_range: float = np.inf  # [rad/s]
     sensor: str = ""
+    base: str = "base"  # name of the frame whose axes and origin these are
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rotation", frozen(as_rotation("mounting rotation", self.rotation)))
@@ -79,6 +81,7 @@ class GyroscopeSection(Settings):
     """Errors of the gyroscope."""
 
     bias_rad_s: Vector = _ZERO
+    checked: bool = False
 
 
 class MountingSection(Settings):
@@ -86,6 +89,7 @@ class MountingSection(Settings):
 
     rotation: tuple[Vector, Vector, Vector]  # R_base_imu, by rows
     position_m: Vector = _ZERO
+    base: str = "base"
 
 
 class TumbleSection(Settings):
@@ -117,9 +121,11 @@ def load_mounting(path: Path | str) -> Mounting:
             bias=np.array(content.accelerometer.bias_m_s2),
             scale=np.array(content.accelerometer.scale),
             rate_bias=np.array(content.gyroscope.bias_rad_s),
+            checked=content.gyroscope.checked,
             acceleration_range=np.inf if content.sensor.range_m_s2 is None else content.sensor.range_m_s2,
             rate_range=np.inf if content.sensor.range_rad_s is None else content.sensor.range_rad_s,
             sensor=content.sensor.name,
+            base=content.mounting.base,
         )
     except InputError as error:
         raise ConfigError(f"{path}: {error}") from error
@@ -134,10 +140,14 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
             lines.append(f"{key} = {float(limit)!r}")
     lines += ["", "[accelerometer]", f"bias_m_s2 = {mounting.bias.tolist()}"]
     lines.append(f"scale = {mounting.scale.tolist()}")
-    lines += ["", "[gyroscope]", f"bias_rad_s = {mounting.rate_bias.tolist()}", "", "[mounting]"]
+    lines += ["", "[gyroscope]", f"bias_rad_s = {mounting.rate_bias.tolist()}"]
+    if mounting.checked:
+        lines.append("checked = true  # against the accelerometer, in the turns between rests")
+    lines += ["", "[mounting]"]
     lines.append("rotation = [  # R_base_imu: takes vectors in the sensor's axes to the base's")
     lines += [f"    {row.tolist()}," for row in mounting.rotation]
     lines += ["]", f"position_m = {mounting.position.tolist()}  # of the sensor from the base's origin"]
+    lines.append(f"base = {_text(mounting.base)}  # the frame that this is of")
     if tumble is not None:
         lines += ["", "[tumble]", f"readings = {tumble.readings}"]
         for name in ("residual_m_s2", "rotation_residual_deg"):

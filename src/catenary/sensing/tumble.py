@@ -1,7 +1,7 @@
 """Bias, scale and mounting of an accelerometer, from readings at rest: in unknown attitudes, or in known ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.sensing.mounting import Mounting
 from catenary.spatial import STANDARD_GRAVITY
+from catenary.units import ACCELERATION_UNITS
 
 FEWEST = 6  # readings: bias and scale are six numbers
 _NEAR = np.cos(np.radians(55.0))  # a reading this near an axis covers that side
@@ -21,7 +21,6 @@ _GOOD = 0.1  # [m/s2] residual of readings that were at rest
 _PARALLEL = 0.005  # of two directions 8 degrees apart: (1 - cos) / (1 + cos)
 _FLAT = 0.002  # of three directions, level and tilted by 8 degrees about two axes
 _ALIGNED = 30.0  # [deg] between what was expected and what was found
-_UNITS = {"g": 9.80665, "cm/s2": 0.01, "mg": 0.00980665}  # [m/s2]
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
         raise InputError("align: all directions are parallel: tilt the base by 10 degrees or more, or turn it over")
     mirrored = np.linalg.det(U @ Vt) < 0.0
     rotation: Floats = U @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ Vt
-    residual = _angle_deg(told, force @ rotation.T)
+    residual = float(np.degrees(np.sqrt(np.mean(_between(told, force @ rotation.T) ** 2))))
     faults: list[str] = []
     if mirrored and sizes[2] > _FLAT * sizes[0]:
         orthogonal = U @ Vt  # the mirror that fits
@@ -143,15 +142,6 @@ def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> tupl
     return rows, np.array([[0.0, 0.0, 1.0], [0.0, np.sin(a), np.cos(a)], [-np.sin(b), 0.0, np.cos(b)]])
 
 
-def found_mounting(
-    start: Mounting | None, rotation: Floats, bias: Floats, scale: Floats, rates: Sequence[Floats] = ()
-) -> Mounting:
-    """Return a mounting with what was found, rates at rest (3,) [rad/s] among it, and the rest as at the start."""
-    old = Mounting() if start is None else start
-    rate_bias = np.mean(rates, axis=0) if rates else old.rate_bias
-    return replace(old, rotation=rotation, bias=bias, scale=scale, rate_bias=rate_bias)
-
-
 def rest_faults(readings: ArrayLike, up: ArrayLike) -> list[str]:
     """Return what is wrong with a sensor by means at rest (N, 3) and where up was (N, 3), before any fit: its axes."""
     force, told = as_array("readings", readings, (None, 3)), as_array("up", up, (None, 3))
@@ -174,7 +164,7 @@ def length_faults(y: Floats) -> list[str]:
     length = float(np.median(np.linalg.norm(y, axis=1)))
     if abs(length - STANDARD_GRAVITY) <= _MAX_BIAS:
         return []
-    off = {unit: abs(length * factor / STANDARD_GRAVITY - 1.0) for unit, factor in _UNITS.items()}
+    off = {unit: abs(length * factor / STANDARD_GRAVITY - 1.0) for unit, factor in ACCELERATION_UNITS.items()}
     unit = min(off, key=lambda name: off[name])
     if off[unit] < 0.05:
         return [f"readings are of length {length:.4g}: they seem to be in {unit}, expected m/s2"]
@@ -193,13 +183,10 @@ def _axes_text(matrix: Floats) -> str:
     return ", ".join(parts)
 
 
-def _between(a: Floats, b: Floats) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-
-
-def _angle_deg(a: Floats, b: Floats) -> float:
-    angles = [_between(p, q) for p, q in zip(a, b, strict=True)]
-    return float(np.degrees(np.sqrt(np.mean(np.square(angles)))))
+def _between(a: Floats, b: Floats) -> Floats:
+    """Return the angle between vectors (..., 3) [rad]."""
+    angle: Floats = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    return angle
 
 
 def _rotation_deg(matrix: Floats) -> float:

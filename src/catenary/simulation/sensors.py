@@ -78,7 +78,7 @@ class SensorModel:
     has_gyroscope: bool = True
     # what it truly is like; what is told to the estimator may differ
     mounting: Mounting = field(
-        default_factory=lambda: Mounting(acceleration_range=2.0 * _G, rate_range=math.radians(250.0))
+        default_factory=lambda: Mounting(acceleration_range=2.0 * _G, rate_range=math.radians(250.0), checked=True)
     )
 
     def __post_init__(self) -> None:

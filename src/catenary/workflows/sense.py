@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.errors import InputError, SensorError
 from catenary.recording.import_formats.imu_recording import ImuRecording
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, tilt_angle, tilt_of
+from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample, tilt_angle, tilt_of
 from catenary.simulation.sensors import SimulatedSensor
 
 _READ_EVERY = 0.005  # [s]
@@ -28,6 +28,7 @@ class Feed:
     mailbox: Mailbox  # where samples arrive
     has_gyroscope: bool = False  # angular rates are among them
     link: Callable[[], dict[str, Any]] = dict  # counts them on their line
+    taken: list[SensorSample] = field(default_factory=list)  # by `read_still`, also between its readings
 
     def now(self) -> float:
         """Return the time [s]."""
@@ -97,6 +98,7 @@ class SenseSummary:
     spread: Floats  # (3,) [m/s2] standard deviation
     gravity: GravityReport  # readings by status, faults, messages
     link: dict[str, Any]
+    base: str  # the frame whose axes these are
     remedy: str = ""  # what mends a gyroscope that does not turn as gravity does
 
     @property
@@ -110,6 +112,7 @@ class SenseSummary:
         return {
             "duration_s": self.duration,
             "status": self.reading.status.value,
+            "base": self.base,
             "gravity": self.reading.gravity,
             "magnitude": float(np.linalg.norm(self.reading.gravity)),
             "age_s": self.reading.age,
@@ -168,8 +171,15 @@ def watch(
         spread=np.sqrt(np.maximum(square - mean**2, 0.0)),
         gravity=tally.report(),
         link=feed.link(),
+        base=source.mounting.base,
         remedy=source.remedy,
     )
+
+
+def _take_all(feed: Feed) -> list[SensorSample]:
+    samples = list(iter(feed.mailbox.take, None))
+    feed.taken += samples
+    return samples
 
 
 @dataclass(frozen=True)
@@ -182,15 +192,14 @@ class StillReading:
 
 def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> StillReading:
     """Wait until the sensor is still for a while, and return its means."""
-    while feed.mailbox.take() is not None:
-        pass  # from before
+    _take_all(feed)  # from before
     begin, noise = feed.now(), np.full(3, np.nan)
     forces: list[Floats] = []
     rates: list[Floats] = []
     start = begin
     while feed.now() - begin < patience:
         feed.wait(0.02)
-        while (sample := feed.mailbox.take()) is not None:
+        for sample in _take_all(feed):
             vector = np.array(sample.vector)
             if sample.kind is Kind.ANGULAR_RATE:
                 rates.append(vector)

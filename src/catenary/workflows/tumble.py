@@ -1,8 +1,8 @@
 """A gravity sensor's calibration: the tumble, by hand and then on the robot; or from a recording of its rests."""
 
 import itertools
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,23 +13,15 @@ from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.recording.import_formats.imu_recording import ImuRecording
-from catenary.recording.import_formats.table_files import read_table_file
+from catenary.recording.import_formats.table_files import read_rows
 from catenary.robots.model import RobotModel
 from catenary.sensing.agreement import accelerations, compare, integrated
 from catenary.sensing.checks import Fault, SensorRules
 from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import (
-    align,
-    fit_orientations,
-    fit_tumble,
-    found_mounting,
-    length_faults,
-    level_and_tilts,
-    rest_faults,
-)
-from catenary.sensing.vector import Mailbox, tilted_gravity
-from catenary.simulation.base_motion import BaseSamples
+from catenary.sensing.tumble import align, fit_orientations, fit_tumble, length_faults, level_and_tilts, rest_faults
+from catenary.sensing.vector import Kind, Mailbox, SensorSample, tilt_of, tilted_gravity
+from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import STANDARD_GRAVITY
 from catenary.workflows.sense import STILL, SimulatedFeed, StillReading, read_still
@@ -37,6 +29,7 @@ from catenary.workflows.sense import STILL, SimulatedFeed, StillReading, read_st
 BLOCK = 0.25  # [s] over which a recorded sensor is still or not
 SHORTEST = 1.0  # [s] of a rest
 SHAKEN = 0.2  # [m2/s4] that hands leave which turn a sensor
+_UNKNOWN = Mounting()
 
 
 class Attitude(NamedTuple):
@@ -84,7 +77,9 @@ class TumbleOutcome:
     faults: tuple[str, ...]
 
 
-def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | None = None) -> TumbleOutcome:
+def run_tumble(
+    read: Callable[[Attitude], StillReading], *, start: Mounting = _UNKNOWN, taken: Sequence[SensorSample] = ()
+) -> TumbleOutcome:
     """Go through all attitudes and compute bias, scale, rotation and the gyroscope's bias.
 
     The sides show a wrong sign or order of axes against those printed on the sensor; the slanted attitudes leave a
@@ -93,6 +88,7 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
     Args:
         read: Returns the reading of an attitude, once the sensor is held so.
         start: What is known already: position, ranges, name.
+        taken: All samples that `read` took, also between the attitudes: those turns check the gyroscope.
 
     Raises:
         SensorError: From `read`.
@@ -113,26 +109,37 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
     alignment = align(rows, up, expected=rough)
     if not faults and alignment.faults:  # the sensor is right, so the base was tilted otherwise
         faults += [f"on the base: was it tilted as told, y side up, then x side down? {f}" for f in alignment.faults]
-    rates = [r.rate for r in readings.values() if r.rate is not None]
-    mounting = found_mounting(start, alignment.rotation, fit.bias, fit.scale, rates)
+    checked = False
+    if not faults and taken:
+        faults, checked = check_gyroscope(_as_recording(taken))
+    known = replace(start, rotation=alignment.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
+    return _outcome(known, list(readings.values()), faults, fit.residual, alignment.residual_deg)
+
+
+def _outcome(
+    mounting: Mounting, still: list[StillReading], faults: list[str], residual: float, degrees: float | None = None
+) -> TumbleOutcome:
+    """Return a mounting, with the rates at rest as the gyroscope's bias, and how well it is known."""
+    rates = [s.rate for s in still if s.rate is not None]
     section = TumbleSection(
-        readings=len(readings),
-        residual_m_s2=None if np.isnan(fit.residual) else fit.residual,
-        rotation_residual_deg=alignment.residual_deg,
+        readings=len(still),
+        residual_m_s2=None if np.isnan(residual) else residual,
+        rotation_residual_deg=degrees,
         remarks=tuple(faults),
     )
-    return TumbleOutcome(mounting, section, tuple(faults))
+    known = replace(mounting, rate_bias=np.mean(rates, axis=0)) if rates else mounting
+    return TumbleOutcome(known, section, tuple(faults))
 
 
-class StillBase:
-    """A base at rest, with gravity (3,) [m/s2] in its axes."""
-
-    def __init__(self, gravity: Floats) -> None:
-        self._gravity = gravity
-
-    def sample(self, times: Floats) -> BaseSamples:
-        """Return one row, which holds at all times."""
-        return BaseSamples(self._gravity[None, :], np.zeros((1, 3, 3)))
+def _as_recording(taken: Sequence[SensorSample]) -> ImuRecording:
+    """Return samples as a recording, the rates as of the accelerometer's stamps."""
+    turning, force = (
+        np.array([(s.stamp, *s.vector) for s in taken if (s.kind is Kind.ANGULAR_RATE) is angular]).reshape(-1, 4)
+        for angular in (True, False)
+    )
+    sign = -1.0 if any(s.kind is Kind.FREE_FALL for s in taken) else 1.0
+    rate = [np.interp(force[:, 0], turning[:, 0], turning[:, k]) for k in (1, 2, 3)] if len(turning) else None
+    return ImuRecording(force[:, 0] - force[0, 0], sign * force[:, 1:], None if rate is None else np.column_stack(rate))
 
 
 def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude], StillReading]:
@@ -144,7 +151,7 @@ def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude
         if not attitude.mounted:
             gravity = model.mounting.rotation @ gravity
         number = [s.name for s in ATTITUDES].index(attitude.name)
-        sensor = SimulatedSensor(StillBase(gravity), Mailbox(), model, seed=seed + number)
+        sensor = SimulatedSensor(FixedBase(*tilt_of(gravity)), Mailbox(), model, seed=seed + number)
         return read_still(SimulatedFeed(sensor))
 
     return read
@@ -216,18 +223,11 @@ def read_orientations(path: Path, model: RobotModel | None = None, frame: str | 
         FileFormatError: No table.
         InputError: Columns are missing.
     """
-    (stream,) = read_table_file(path)
-    wanted = ("roll_deg", "pitch_deg") if model is None else model.joint_names
-    missing = [name for name in wanted if name not in stream.columns]
-    if missing:
-        raise InputError(
-            f"{path}: no column {', '.join(missing)}; expected {', '.join(wanted)}, got {', '.join(stream.columns)}"
-        )
-    rows = np.column_stack([np.asarray(stream.columns[name], dtype=float) for name in wanted])
+    rows = read_rows(path, ("roll_deg", "pitch_deg") if model is None else model.joint_names)
     return up_of_tilts(rows) if model is None else up_of_poses(model, rows, frame)
 
 
-def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting | None = None) -> TumbleOutcome:
+def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _UNKNOWN) -> TumbleOutcome:
     """Compute mounting and bias of a recorded sensor that rested in known orientations.
 
     Args:
@@ -246,22 +246,17 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting | N
     means = np.array([s.force for s in still])
     faults = [*length_faults(means), *rest_faults(means, up)]
     if faults:
-        section = TumbleSection(readings=len(still), remarks=tuple(faults))
-        return TumbleOutcome(start or Mounting(), section, tuple(faults))
+        return _outcome(start, still, faults, float("nan"))
     fit = fit_orientations(means, up)
-    faults = [*fit.faults, *gyroscope_faults(recording)]
-    rates = [s.rate for s in still if s.rate is not None]
-    mounting = found_mounting(start, fit.rotation, fit.bias, fit.scale, rates)
-    section = TumbleSection(
-        readings=len(still), residual_m_s2=fit.residual, rotation_residual_deg=None, remarks=tuple(faults)
-    )
-    return TumbleOutcome(mounting, section, tuple(faults))
+    wrong, checked = check_gyroscope(recording)
+    known = replace(start, rotation=fit.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
+    return _outcome(known, still, [*fit.faults, *wrong], fit.residual)
 
 
-def gyroscope_faults(recording: ImuRecording) -> list[str]:
-    """Return why a recorded gyroscope does not fit its accelerometer, by the turns between the rests."""
+def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
+    """Return what is wrong with a recorded gyroscope by the turns between rests, and whether they show it right."""
     if recording.rate is None:
-        return []
+        return [], False
     rows, pieces = rest_rows(recording), []
     for before, after in itertools.pairwise(rows):
         # from within one rest into the next, as gravity of that place is known there
@@ -269,14 +264,14 @@ def gyroscope_faults(recording: ImuRecording) -> list[str]:
         time, rate = recording.time[part], recording.rate[part]
         good = np.isfinite(recording.force[part]).all(axis=1) & np.isfinite(rate).all(axis=1)
         good &= np.diff(time, prepend=-np.inf) > 0.0
-        if good.sum() > 2:
-            time, rate = time[good], rate[good]
+        time, rate = time[good], rate[good]
+        if len(time) > 2 and np.diff(time).max() < BLOCK:
             pieces.append((time, recording.force[part][good], time, integrated(time, rate)))
     span = sum(float(piece[0][-1] - piece[0][0]) for piece in pieces)
     found = compare(pieces, accelerations(SensorRules(), span) + SHAKEN * span)
     if found.fault is not Fault.NONE:
-        return [f"{found.fault.message}; {found.remedy}".rstrip("; ")]
+        return [f"{found.fault.message}; {found.remedy}".rstrip("; ")], False
     noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)
     if float(np.linalg.norm(noise)) > RestRate.ABSURD:
-        return [f"{Fault.RATE_UNIT.message}: its noise at rest is {np.linalg.norm(noise):.2g}"]
-    return []
+        return [f"{Fault.RATE_UNIT.message}: its noise at rest is {np.linalg.norm(noise):.2g}"], False
+    return [], found.agrees

@@ -3,7 +3,7 @@
 import gzip
 import zlib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import prod
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO, read_array, read_arrays
+from catenary.arrays import Floats
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.files import ADVICE, TEXT_ENDINGS, table_ending
@@ -25,6 +26,22 @@ from catenary.recording.parquet_files import MOST_COLUMNS
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (*TEXT_ENDINGS, ".parquet", ".npz", ".npy", ".mat")
 DEEPEST = 8  # structs and cells within each other
+
+
+def read_rows(path: Path, names: Sequence[str]) -> Floats:
+    """Read columns of a table by their names, (N, k).
+
+    Raises:
+        FileFormatError: No table.
+        InputError: Columns are missing.
+    """
+    (stream,) = read_table_file(path)
+    missing = [name for name in names if name not in stream.columns]
+    if missing:
+        raise InputError(
+            f"{path}: no column {', '.join(missing)}; expected {', '.join(names)}, got {', '.join(stream.columns)}"
+        )
+    return np.column_stack([np.asarray(stream.columns[name], dtype=float) for name in names])
 
 
 def read_table_file(path: Path) -> list[Stream]:

@@ -1,0 +1,92 @@
+"""Where a frame is, seen from another that does not move against it: by /tf_static and /tf, live or recorded."""
+
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.message import Message
+from catenary.crtk.message_bytes import CDR, ROS1, codec
+from catenary.crtk.message_values import pose_of
+from catenary.crtk.transport import Transport
+from catenary.errors import InputError
+from catenary.recording.bag_reader import open_recording
+from catenary.spatial import Pose, identity_pose
+
+TOPICS, TYPE = ("/tf_static", "/tf"), "tf2_msgs/TFMessage"
+WAIT = 3.0  # [s] for transforms that are published now and then
+MOST = 5000  # messages of a recording that are looked at: what does not move was told by then
+MOVED = 1e-3  # [m, or of a rotation matrix] by which a frame moves against its parent
+
+
+class TransformTree:
+    """Frames with their parents, as messages tell them."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, Pose]] = {}
+        self._moving: set[str] = set()
+
+    def add(self, message: Message) -> None:
+        """Take a tf2_msgs/TFMessage."""
+        for one in message.transforms:
+            child, parent, pose = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/"), pose_of(one)
+            _, before = self._parents.get(child, (parent, pose))
+            if max(np.abs(a - b).max() for a, b in zip(pose, before, strict=True)) > MOVED:
+                self._moving.add(child)
+            self._parents[child] = parent, pose
+
+    def pose(self, base: str, frame: str) -> Pose:
+        """Return the pose of a frame in a base.
+
+        Raises:
+            InputError: No transforms lead from one to the other, or they change.
+        """
+        up, down = self._to_root(base), self._to_root(frame)
+        if list(up)[-1] != list(down)[-1]:
+            known = sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
+            raise InputError(f'tf: nothing leads from "{base}" to "{frame}"; frames: {", ".join(known) or "none"}')
+        moving = sorted(self._moving & (set(up) ^ set(down)))
+        if moving:
+            raise InputError(f'tf: "{frame}" moves against "{base}", at {", ".join(moving)}; expected one fixed to it')
+        return up[list(up)[-1]].inverse() @ down[list(down)[-1]]
+
+    def _to_root(self, name: str) -> dict[str, Pose]:
+        """Return the pose of a frame in itself, its parent and so on; the root comes last."""
+        found = {name: identity_pose()}
+        while name in self._parents and self._parents[name][0] not in found:
+            parent, pose = self._parents[name]
+            found[parent] = pose @ found[name]
+            name = parent
+        return found
+
+
+def recorded_pose(path: Path, base: str, frame: str) -> Pose:
+    """Return the pose of a frame in a base by the transforms of a recording."""
+    source, tree = open_recording(path), TransformTree()
+    there = [topic for topic in TOPICS if topic in source.counts]
+    decode = codec(TYPE, ROS1 if source.encoding == "ros1" else CDR).decode
+    for topic in there:
+        for _, _, data in islice(source.messages({topic}), MOST):
+            tree.add(decode(data))
+    return tree.pose(base, frame)
+
+
+def heard_pose(transport: Transport, base: str, frame: str) -> Pose:
+    """Return the pose of a frame in a base by what is published, once it is known; wait for WAIT."""
+    tree, subscriptions = TransformTree(), [transport.subscribe(topic, TYPE) for topic in TOPICS]
+    end = transport.steady() + WAIT * SECOND
+    try:
+        while True:
+            for subscription in subscriptions:
+                for message, _ in subscription.take():
+                    tree.add(message)
+            try:
+                return tree.pose(base, frame)
+            except InputError:
+                if transport.steady() > end:
+                    raise
+            transport.sleep(0.05)
+    finally:
+        for subscription in subscriptions:
+            subscription.close()

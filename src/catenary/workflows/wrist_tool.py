@@ -1,0 +1,33 @@
+"""The tool behind a wrist's force/torque sensor, and the sensor's biases, from a table of poses at rest."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import as_array
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.recording.import_formats.table_files import read_rows
+from catenary.robots.model import RobotModel
+from catenary.sensing.wrist_tool import WristTool, fit_wrist_tool
+
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes
+
+
+def wrist_tool_of_file(path: Path, model: RobotModel, frame: str | None, gravity: ArrayLike) -> WristTool:
+    """Fit mass, centre of mass and biases to a table with a row for each pose at rest: joints by name, and WRENCH.
+
+    Args:
+        model: The arm that carries the sensor.
+        frame: Of the sensor; the tip when None.
+        gravity: (3,) in base axes [m/s2].
+
+    Raises:
+        FileFormatError: No table.
+        InputError: Columns are missing, an unknown frame, or as `fit_wrist_tool`.
+        ExcitationError: Poses in which gravity points nearly the same way, seen from the sensor.
+    """
+    rows = read_rows(path, (*model.joint_names, *WRENCH))
+    q, force, torque = np.split(rows, [model.n, model.n + 3], axis=1)
+    down = as_array("gravity", gravity, (3,)) @ forward_kinematics(model, q, frame).rotation  # R_base_sensor^T g
+    return fit_wrist_tool(force, torque, down)
