@@ -1,6 +1,6 @@
 """A figure of one joint for a paper: errors over time and their histogram, hysteresis, coverage, and delay."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 COLUMN = 3.5  # width of a journal's column [inch]
 HEIGHT = 8.0  # of the five panels [inch]
 BLOCKS = 20  # of time, each with its share of errors within the interval
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 7.0,
     "axes.titlesize": 7.0,
     "axes.linewidth": 0.6,
