@@ -6,7 +6,7 @@ A message says what is wrong, where, what was got, what was expected and, where 
 import re
 import shlex
 from collections.abc import Sequence
-from importlib.metadata import PackageNotFoundError, requires
+from importlib import metadata
 
 
 class CatenaryError(Exception):
@@ -73,8 +73,8 @@ class MissingPackageError(CatenaryError, ImportError):
 def to_install(extra: str) -> str:
     """Return the command that installs the packages of an extra, wherever this package itself came from."""
     try:
-        every = requires("catenary") or []
-    except PackageNotFoundError:  # its files alone
+        every = metadata.requires("catenary") or []
+    except metadata.PackageNotFoundError:  # its files alone
         return f"pip install -e '.[{extra}]' in a clone of the repository"
     wanted = [one.partition(";")[0].strip() for one in every if re.search(rf"extra == .{extra}.$", one)]
     return f"pip install {shlex.join(wanted)}"

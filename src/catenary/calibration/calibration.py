@@ -202,7 +202,7 @@ def fit(
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
         model: "offset", "linear", "polynomial", "hysteretic" or "neural"; "auto" chooses one of them for every joint,
-            the simplest that will do (kind_choice.py).
+            the simplest that is as good as the best (kind_choice.py).
         preset: Of "neural": "paper" or "best", which is taken when None.
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         history: How many previous positions are inputs.

@@ -80,7 +80,7 @@ def recover(
     Says what is lost. For recordings that were cut off, not closed, or damaged in the middle, outside a project
     (inside, `catenary extract` does it). Of a journal it writes a journal (folder), of a ROS 1 bag a .bag, of MCAP a
     ROS 2 bag (folder); all of them go into `catenary` and other programs like any other. RECORDING is not changed,
-    and nothing is overwritten. A whole one is told so, and nothing is written.
+    and nothing is overwritten. Of a whole recording nothing is written.
     """
     from catenary.workflows.recover import recover as recover_recording
 

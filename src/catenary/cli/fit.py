@@ -65,7 +65,7 @@ class ModelOptions:
 
     kind: str = option(
         "KIND",
-        "offset, linear, polynomial, hysteretic, neural, or auto: for every joint the simplest that will do.",
+        "offset, linear, polynomial, hysteretic, neural, or auto: the simplest good one for each joint.",
         "auto",
         flag="--model",
     )
@@ -221,7 +221,7 @@ def refresh(
 ) -> None:
     """Bring a model up to date with minutes of a new day.
 
-    Each joint gets what blocks of time of the new data show to pay, the least that does: nothing, a new zero, zero
+    Each joint gets the smallest change that blocks of time of the new data support: nothing, a new zero, zero
     and scale, or a new last layer. The card says from which model it comes, what moved, and since when.
     `catenary excite --refresh` drives minutes that show enough.
 

@@ -45,7 +45,7 @@ def external_torque(
     deviation: ArrayLike,
     loads: ActuationLoads | None = None,
 ) -> ExternalTorque:
-    """Return what measured torques leave for the world outside: those of the model less those measured.
+    """Return the joint torques that the outside world causes: those of the model less those measured.
 
     Args:
         model: The robot, its payload included.

@@ -28,7 +28,7 @@ _AT_REST = np.zeros(3)  # rates of the base
 
 
 class BaseMotion(NamedTuple):
-    """How the base frame moves, against a frame that does not, expressed in base axes.
+    """Motion of the base frame against an inertial frame, in base axes.
 
     The linear velocity does not matter. `linear_acceleration` is that of the frame's origin as a point,
     without gravity: an accelerometer there reads linear_acceleration - gravity. Each is one vector, or one for every

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 COLUMN = 3.5  # width of a journal's column [inch]
 HEIGHT = 8.0  # of the five panels [inch]
 BLOCKS = 20  # of time, each with its share of errors within the interval
-STYLE: Any = {
+STYLE: dict[Any, Any] = {
     "font.size": 7.0,
     "axes.titlesize": 7.0,
     "axes.linewidth": 0.6,

@@ -37,7 +37,7 @@ def import_recording(
     accept_proposal: bool = False,
     answers: Mapping[str, str] | None = None,
 ) -> MotionLog:
-    """Read a recording of any make: bags of ROS 1 and 2, MCAP, CSV, Parquet, NumPy and MATLAB files.
+    """Read a recording, third-party ones too: bags of ROS 1 and 2, MCAP, CSV, Parquet, NumPy and MATLAB files.
 
     Rows are the samples of q_nominal; what has another clock is brought onto it, and what was lost, repeated or out of
     order is in the log's notes. Files of a known layout need no mapping.
