@@ -20,12 +20,12 @@ from catenary.calibration.evaluate import CrossValidation, evaluate
 from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions
 from catenary.calibration.fit_rows import fit
 from catenary.calibration.kind_choice import SIMPLEST_FIRST, choose
-from catenary.reports.page import Table
 from papers.beyond.advice import WITHIN
 from papers.beyond.fifths import Fifths, as_validation, fifths_of, rows_of
 from papers.beyond.intervals import KINDS, RECORDINGS, TRAININGS
 from papers.calibration.dvrk import limit_of, log_of
-from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, TitledTable, run
+from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, run
+from papers.kit import filled, table
 
 AUTO, LEAST, AFTERWARDS = "that of `auto`", "the least error", "one kind, known afterwards"
 BEFORE, LAST, BOTH = "blocks, each by those before it", "the last block alone", "blocks both ways"
@@ -224,13 +224,21 @@ def cases(scope: Scope) -> list[Case]:
 def report(o: Outcomes) -> Report:
     """Return how often each rule is within the bound, here and elsewhere, and how much intervals of each hold."""
     fifths = [(told["recording"], result["tests"]) for told, result in o.items(fifths_left_out)]
-    others = [result for _, result in o.items(elsewhere)]
+    others = o.of(elsewhere)
+    choices = "rule | within 5 % | of long recordings | over the best, mean | at worst | last of the five within 5 %"
+    widths = (
+        "half-widths | all: 85 to 95 %, above, below | long recordings | last of the five | held in the mean of all"
+    )
     tables = [
-        TitledTable("Which kind, each fifth left out", choice_table(fifths)),
-        TitledTable("How many errors intervals hold, each fifth left out", interval_table(fifths)),
-        TitledTable("Which kind, on other recordings", elsewhere_table(others)),
+        table("Which kind, each fifth left out", choices, choice_rows(fifths)),
+        table("How many errors intervals hold, each fifth left out", widths, interval_rows(fifths)),
+        table(
+            "Which kind, on other recordings",
+            "rule | within 5 % | over the best, mean | at worst",
+            elsewhere_rows(others),
+        ),
     ]
-    return Report([each for each in tables if each.table.rows], [], [_REMARK])
+    return Report(filled(tables), [], [_REMARK])
 
 
 _REMARK = (
@@ -270,78 +278,69 @@ def _of(ratios: Floats) -> list[str]:
     return [f"{np.exp(np.log(ratios).mean()):.3f}", f"{ratios.max():.2f}"]
 
 
-def choice_table(fifths: Sequence[tuple[str, Sequence[Plain]]]) -> Table:
-    """Return how often each rule's choice is within the bound."""
-    rows = []
-    for rule in (AUTO, LEAST, BEFORE, LAST, BOTH, MEAN, WEIGHTED, AFTERWARDS):
-        every, long, last = [], [], []
-        for recording, tests in fifths:
-            if rule == AFTERWARDS:
-                found = _afterwards(tests)
-            else:
-                found = np.array([_ratios(test, rule) for test in tests if rule in {**test["chosen"], **test["rmse"]}])
-            if not len(found):
-                continue
+def _by_recording(
+    fifths: Sequence[tuple[str, Sequence[Plain]]], found_of: Callable[[Sequence[Plain]], Floats]
+) -> tuple[list[Floats], list[Floats], list[Floats]]:
+    """Return what a rule has of every test, of those of long recordings, and of the last fifths, by recording.
+
+    A rule that has the last fifth alone counts among the last ones only.
+    """
+    every, long, last = [], [], []
+    for recording, tests in fifths:
+        found = found_of(tests)
+        if len(found):
             last.append(found[-1])
             if len(found) == len(tests):
                 every.append(found)
                 long += [found] if recording in TRAININGS else []
-        if not last:
-            continue
-        all_of, of_long = (np.concatenate(each or [np.zeros((0, 1))]) for each in (every, long))
-        rows.append([rule, _counted(all_of), _counted(of_long), *_of(all_of), _counted(np.array(last))])
-    return Table(
-        ["rule", "within 5 %", "of long recordings", "over the best, mean", "at worst", "last of the five within 5 %"],
-        rows if fifths else [],
-    )
+    return every, long, last
 
 
-def elsewhere_table(results: Sequence[Plain]) -> Table:
+def choice_rows(fifths: Sequence[tuple[str, Sequence[Plain]]]) -> list[list[str]]:
+    """Return how often each rule's choice is within the bound."""
+    content = []
+    for rule in (AUTO, LEAST, BEFORE, LAST, BOTH, MEAN, WEIGHTED, AFTERWARDS):
+
+        def found_of(tests: Sequence[Plain], rule: str = rule) -> Floats:
+            if rule == AFTERWARDS:
+                return _afterwards(tests)
+            return np.array([_ratios(test, rule) for test in tests if rule in {**test["chosen"], **test["rmse"]}])
+
+        every, long, last = _by_recording(fifths, found_of)
+        if last:
+            all_of, of_long = (np.concatenate(each or [np.zeros((0, 1))]) for each in (every, long))
+            content.append([rule, _counted(all_of), _counted(of_long), *_of(all_of), _counted(np.array(last))])
+    return content
+
+
+def elsewhere_rows(results: Sequence[Plain]) -> list[list[str]]:
     """Return how often each rule's choice is within the bound on other recordings."""
-    rows = []
-    for rule in (AUTO, LEAST, REGIONS, EITHER, AFTERWARDS):
+    content = []
+    for rule in (AUTO, LEAST, REGIONS, EITHER, AFTERWARDS) if results else ():
         found = []
         for result in results:
             tests = [{"rmse": rmse, "chosen": result["chosen"]} for rmse in result["tests"].values()]
-            found.append(
-                _afterwards(tests) if rule == AFTERWARDS else np.array([_ratios(test, rule) for test in tests])
-            )
-        if found:
-            ratios = np.concatenate(found)
-            rows.append([rule, _counted(ratios), *_of(ratios)])
-    return Table(["rule", "within 5 %", "over the best, mean", "at worst"], rows)
+            afterwards = rule == AFTERWARDS
+            found.append(_afterwards(tests) if afterwards else np.array([_ratios(test, rule) for test in tests]))
+        ratios = np.concatenate(found)
+        content.append([rule, _counted(ratios), *_of(ratios)])
+    return content
 
 
-def interval_table(fifths: Sequence[tuple[str, Sequence[Plain]]]) -> Table:
+def interval_rows(fifths: Sequence[tuple[str, Sequence[Plain]]]) -> list[list[str]]:
     """Return on how many joints, models and fifths half-widths of each rule hold 85 to 95 %, more, and less."""
-    rows = []
+    content = []
     for rule in (*INTERVALS, IN_ORDER, CONSTANT):
-        every, long, last = [], [], []
-        for recording, tests in fifths:
-            found = [
-                np.concatenate([held[rule] for held in test["held"].values()])
-                for test in tests
-                if all(rule in held for held in test["held"].values())
-            ]
-            if not found:
-                continue
-            last.append(found[-1])
-            if len(found) == len(tests):
-                every += found
-                long += found if recording in TRAININGS else []
+
+        def found_of(tests: Sequence[Plain], rule: str = rule) -> Floats:
+            told = [list(test["held"].values()) for test in tests]
+            return np.array([np.concatenate([each[rule] for each in of]) for of in told if all(rule in e for e in of)])
+
+        every, long, last = _by_recording(fifths, found_of)
         if last:
             mean = f"{100.0 * np.concatenate(every).mean():.1f} %" if every else "-"
-            rows.append([rule, _bands(every), _bands(long), _bands(last), mean])
-    return Table(
-        [
-            "half-widths",
-            "all: 85 to 95 %, above, below",
-            "long recordings",
-            "last of the five",
-            "held in the mean of all",
-        ],
-        rows,
-    )
+            content.append([rule, *(_bands(each) for each in (every, long, last)), mean])
+    return content
 
 
 def _bands(shares: Sequence[Floats]) -> str:

@@ -60,7 +60,7 @@ def by_robot(o: Outcomes, names: Sequence[str], method: str) -> Floats:
 
 def deviations(o: Outcomes, name: str, method: str) -> Floats:
     """Return the standard deviation (robots, 3) over repetitions."""
-    return repetitions(o, name, method).std(axis=1, ddof=1)
+    return kit.by_robot(repetitions(o, name, method).std(axis=1, ddof=1))
 
 
 def combinations(o: Outcomes) -> dict[str, float]:

@@ -16,7 +16,7 @@ from papers.calibration.six_hours import MODELS, OFFSET, fit_options, left_by
 from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import METHOD_COLORS, panels
 from papers.gravity.raven_base import SHOWN
-from papers.kit import JOINTS, UNITS, table
+from papers.kit import IN_UNITS, rows, table
 
 HOURS = (0, 2, 5)
 SECONDS = 90.0  # of a section
@@ -64,35 +64,24 @@ def sections(
 
 def cases(scope: Scope) -> list[Case]:
     """Return the nominal robot's case."""
-    few = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {}
-    models = ("linear", NETWORK) if scope.quick else MODELS
-    return [
-        sections.case(
-            seed=NOMINAL,
-            training_set="1/2" if scope.quick else "1/6",
-            models=list(models),
-            seconds=30.0 if scope.quick else SECONDS,
-            **few,
-        )
-    ]
+    if scope.quick:
+        few = {"training_set": "1/2", "models": ["linear", NETWORK], "seconds": 30.0, "zigzags": [2]}
+        return [sections.case(seed=NOMINAL, hour_seconds=60.0, **few)]
+    return [sections.case(seed=NOMINAL, training_set="1/6", models=list(MODELS), seconds=SECONDS)]
 
 
 def report(o: Outcomes) -> Report:
     """Return the sections' errors, their positions as the paper draws them, and what is left of the errors."""
     (result,) = o.of(sections)
     names = [name for name in result["0"] if name not in ("time", TRUTH)]
-    rows = []
-    for name in names:
-        cells = [name]
-        for hour in HOURS:
-            left = _array(result, hour, TRUTH) - _array(result, hour, name)
-            cells += [f"{value:.3f}" for value in np.sqrt(np.mean(left**2, axis=0))]
-        rows.append(cells)
-    header = ["model"]
-    for hour in HOURS:
-        header += [f"hour {hour}, {joint} [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True)]
+
+    def row(name: str) -> list[str]:
+        left = [_array(result, hour, TRUTH) - _array(result, hour, name) for hour in HOURS]
+        return [name, *(f"{value:.3f}" for each in left for value in np.sqrt(np.mean(each**2, axis=0)))]
+
+    header = ["model", *(f"hour {hour}, {joint}" for hour in HOURS for joint in IN_UNITS)]
     return Report(
-        [table("RMSE of the sections that are drawn", header, rows)],
+        [table("RMSE of the sections that are drawn", header, rows(row, names))],
         [
             TitledPicture("Calibrated positions beside the external encoders'", _picture(result, names, left=False)),
             TitledPicture("What is left of the error in the same sections", _picture(result, names, left=True)),
@@ -121,8 +110,8 @@ def _picture(result: Result, names: Sequence[str], *, left: bool) -> Any:
         if j == 0:
             panel.set_title(f"hour {hour}", fontsize=10)
         if place % 3 == 0:
-            panel.set_ylabel(f"{JOINTS[j]} [{UNITS[j]}]")
-        if j == len(JOINTS) - 1:
+            panel.set_ylabel(IN_UNITS[j])
+        if j == 2:
             panel.set_xlabel("time [s]")
     handles = axes[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)

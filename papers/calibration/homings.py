@@ -173,4 +173,4 @@ def errors(o: Outcomes, chain: str, method: str) -> Floats:
 
 def per_robot(o: Outcomes, chain: str, method: str) -> Floats:
     """Return RMSE (robots, 1 + homings, 3) of a method along a chain of tests, the mean over combinations."""
-    return errors(o, chain, method).mean(axis=1)
+    return by_robot(errors(o, chain, method).mean(axis=1))

@@ -35,7 +35,7 @@ from papers.calibration.table_2 import SHOWN as TABLE_2_MODELS
 from papers.calibration.table_2 import errors as table_2_errors
 from papers.claims import Claims, by_count, graded
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope
-from papers.kit import UNITS, cells, rows, table, told
+from papers.kit import UNITS, by_robot, cells, rows, table, told
 
 CONDITIONS: tuple[Condition, ...] = ("unloaded", "loaded")
 SERVO = 1000.0  # [us], a tick of the servo loop
@@ -67,7 +67,7 @@ def six_hours(o: Outcomes, condition: Condition, model: str, sets: Sequence[str]
     Raises:
         Missing: There is none.
     """
-    return hourly(o, condition, model, sets).mean(axis=1)
+    return by_robot(hourly(o, condition, model, sets).mean(axis=1))
 
 
 def growth(o: Outcomes, model: str) -> Floats:

@@ -36,7 +36,7 @@ from catenary.workflows.gravity.trials import with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, turned_base
-from papers.kit import grid, sample, table
+from papers.kit import by_robot, grid, sample, table
 
 BASE_DEG = 20.0  # about Z0
 WARM, BEGIN, LASTS, SECONDS = 0.8, 0.5, 1.0, 2.0  # [s] sensor before the motion, fault in the motion, motion
@@ -169,7 +169,7 @@ def moved(o: Outcomes, kind: str, fallback: str) -> Floats:
 
 def turned(o: Outcomes, kind: str, fallback: str) -> Floats:
     """Return how far a fault moved joint 1 or 2, robot by robot [deg]."""
-    return moved(o, kind, fallback)[:, :2].max(axis=1)
+    return by_robot(moved(o, kind, fallback)[:, :2].max(axis=1))
 
 
 def _shown(o: Outcomes) -> tuple[list[str], list[str]]:

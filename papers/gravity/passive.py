@@ -18,6 +18,7 @@ Beyond the paper: the same on figure 10's rocking base, at 1 Hz and at half of i
 accelerometer an inertial unit, whose rates tell the torque of turning; three robots.
 """
 
+from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -159,10 +160,10 @@ def _left_alone(angle_deg: float, start: Floats, push: Floats, seconds: float) -
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case per robot and base, and per base those of the links without friction."""
-    if scope.quick:
-        angles, seconds, rates = (25,), (0.5, 0.2, 0.2, 0.5), ROCKED_HZ[1:]
-    else:
-        angles, seconds, rates = ANGLES_DEG, (SECONDS, RIGID_SECONDS, NEUTRAL_SECONDS, ROCKED_SECONDS), ROCKED_HZ
+    angles: Sequence[int] = (25,) if scope.quick else ANGLES_DEG
+    rates = ROCKED_HZ[1:] if scope.quick else ROCKED_HZ
+    whole = (SECONDS, RIGID_SECONDS, NEUTRAL_SECONDS, ROCKED_SECONDS)
+    seconds = (0.5, 0.2, 0.2, 0.5) if scope.quick else whole
     return [
         *grid(on_cables, {"seed": scope.robots, "angle_deg": angles}, seconds=seconds[0]),
         *grid(as_rigid_bodies, {"angle_deg": angles}, seconds=seconds[1]),
@@ -277,7 +278,7 @@ def _nominal_falls(o: Outcomes) -> Judgement:
     least = [drift.min() for angle, drift in tilted.items() if fell[angle].all()]
     if least:
         said.insert(0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least")
-    return by_count([*level, *(which.all() for which in fell.values())], "; ".join(said))
+    return by_count([*level, *(bool(which.all()) for which in fell.values())], "; ".join(said))
 
 
 EXPERIMENT = Experiment(

@@ -97,7 +97,12 @@ def _picture(o: Outcomes) -> Any:
         axes.set_title(TITLES[event], fontsize=10)
         axes.set_ylabel("joint 1 moved [deg]" if event == "reference" else "error of joint 1 [deg]")
         axes.set_xlabel("time since it began [s]")
-    form = {"frameon": False, "fontsize": 8, "ncols": max(len(labelled), 1), "loc": "outside lower center"}
+    form: dict[str, Any] = {
+        "frameon": False,
+        "fontsize": 8,
+        "ncols": max(len(labelled), 1),
+        "loc": "outside lower center",
+    }
     figure.legend(labelled.values(), labelled.keys(), **form)
     return figure
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from catenary import Corrector
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.trajectories.zigzag import DIRECTIONS, Direction
 from papers.calibration import published
 from papers.calibration.recordings import TEST_SECONDS, homed
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledTable, run
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
+from papers.kit import filled, table
 from papers.plant import evaluation
 from papers.plant.pd_share import BASE_ANGLES_DEG, pd_share
 from papers.plant.targets import CLOSE, JOINT_1_FRICTION, PD_SHARE_LIMIT, STATIC_SHARE_LIMIT, TARGETS, joint_1_friction
@@ -97,58 +97,47 @@ def verdict(reached: Sequence[float], target: Sequence[float]) -> str:
 
 def report(o: Outcomes) -> Report:
     """Return a table for every group of targets."""
-    tables = []
-    for title, made in (
-        ("Table I, direction J2-J3", _table_1),
-        ("Static gravity test", _static_gravity),
-        ("Six hours of motion, unloaded and with 500 g", _hours),
-        ("Every direction", _directions),
-        ("Homing again from wherever a motion ended", _homings),
-    ):
-        table = made(o)
-        if table.rows:
-            tables.append(TitledTable(title, table))
-    return Report(tables, remarks=_friction(o))
-
-
-def _table_1(o: Outcomes) -> Table:
-    rows = [
-        [name, _text(target), _text(found[name]), verdict(found[name], target)]
-        for found in o.of(table_1)
-        for name, target in TARGETS.items()
-    ]
-    return Table(["RMSE", f"paper [{UNITS}]", "reached", "verdict"], rows)
-
-
-def _static_gravity(o: Outcomes) -> Table:
-    rows = []
-    for told, found in o.items(static_gravity):
-        tilted = told["base_deg"] == BASE_ANGLES_DEG[-1]
-        good = found["dg"][0] < PD_SHARE_LIMIT and (not tilted or found["sg"][0] > STATIC_SHARE_LIMIT)
-        rows.append(
-            [
-                f"{told['base_deg']:.0f}",
-                f"DG < {PD_SHARE_LIMIT:.0f}" + (f", SG > {STATIC_SHARE_LIMIT:.0f}" if tilted else ""),
-                *(f"{found[name][0]:.1f}" for name in ("dg", "sg", "dg calibrated")),
-                f"{found['dg'][1]:.0f}, {found['dg'][2]:.0f}",
-                "reached" if good else "not reached",
-            ]
-        )
-    names = ["DG, J1 [%]", "SG, J1 [%]", "DG calibrated, J1 [%]", "DG, J2, J3 [%]"]
-    return Table(["base [deg]", "target [%]", *names, "verdict"], rows)
-
-
-def _friction(o: Outcomes) -> list[str]:
+    beside = f"RMSE | paper [{UNITS}] | reached | verdict"
+    of_angle = "base [deg] | target [%] | DG, J1 [%] | SG, J1 [%] | DG calibrated, J1 [%] | DG, J2, J3 [%] | verdict"
+    of_hour = f"RMSE | role | paper [{UNITS}] | reached | verdict"
+    of_direction = f"RMSE | paper [{UNITS}] | reached, fresh robot | verdict | one after another"
     least, most = JOINT_1_FRICTION
-    return [
+    errors = [[name, *_against(target, found[name])] for found in o.of(table_1) for name, target in TARGETS.items()]
+    static = [_static(told["base_deg"], found) for told, found in o.items(static_gravity)]
+    tables = [
+        table("Table I, direction J2-J3", beside, errors),
+        table("Static gravity test", of_angle, static),
+        table("Six hours of motion, unloaded and with 500 g", of_hour, _hours(o)),
+        table("Every direction", of_direction, _directions(o)),
+        table("Homing again from wherever a motion ended", f"homings | paper [{UNITS}] | reached", _homings(o)),
+    ]
+    friction = [
         f"Friction of joint 1 in all, under the torque that holds it on a level base: {found['friction_Nm']:.2f} Nm; "
         f"target {least} to {most} Nm."
         for found in o.of(static_gravity, base_deg=BASE_ANGLES_DEG[0])
     ]
+    return Report(filled(tables), remarks=friction)
 
 
-def _hours(o: Outcomes) -> Table:
-    rows = []
+def _text(values: Sequence[float] | Floats) -> str:
+    return ", ".join(f"{value:.3f}" for value in values)
+
+
+def _against(target: Sequence[float], reached: Sequence[float]) -> list[str]:
+    return [_text(target), _text(reached), verdict(reached, target)]
+
+
+def _static(base_deg: float, found: Result) -> list[str]:
+    tilted = base_deg == BASE_ANGLES_DEG[-1]
+    good = found["dg"][0] < PD_SHARE_LIMIT and (not tilted or found["sg"][0] > STATIC_SHARE_LIMIT)
+    target = f"DG < {PD_SHARE_LIMIT:.0f}" + (f", SG > {STATIC_SHARE_LIMIT:.0f}" if tilted else "")
+    shares = (f"{found[name][0]:.1f}" for name in ("dg", "sg", "dg calibrated"))
+    others = f"{found['dg'][1]:.0f}, {found['dg'][2]:.0f}"
+    return [f"{base_deg:.0f}", target, *shares, others, "reached" if good else "not reached"]
+
+
+def _hours(o: Outcomes) -> list[list[str]]:
+    content = []
     for payload, loaded, name, role, target in (
         (0.0, True, "0", "checked", published.SIX_HOURS_LINEAR[0]),
         (0.0, True, "5", "fitted", published.SIX_HOURS_LINEAR[1]),
@@ -162,40 +151,35 @@ def _hours(o: Outcomes) -> Table:
         model, _, hour = name.rpartition(" ")
         title = f"{'fixed offset' if model else 'linear'}, {'500 g, ' if payload else ''}hour {hour}"
         title += "" if loaded else ", trained without load"
-        for found in o.of(hours, payload_kg=payload, trained_loaded=loaded):
-            rows.append([title, role, _text(target), _text(found[name]), verdict(found[name], target)])
-    return Table(["RMSE", "role", f"paper [{UNITS}]", "reached", "verdict"], rows)
+        found = o.of(hours, payload_kg=payload, trained_loaded=loaded)
+        content += [[title, role, *_against(target, each[name])] for each in found]
+    return content
 
 
-def _directions(o: Outcomes) -> Table:
+def _directions(o: Outcomes) -> list[list[str]]:
     worn = next(iter(o.of(directions_in_turn)), {})
-    rows = []
-    for told, fresh in o.items(fresh_direction):
-        direction = told["direction"]
-        for name in ("raw", "fixed offset"):
-            target = published.TABLE_1[direction][name]
-            in_turn = _text(worn[direction][name]) if worn else "-"
-            here = fresh[name]
-            rows.append([f"{direction}, {name}", _text(target), _text(here), verdict(here, target), in_turn])
-    header = ["RMSE", f"paper [{UNITS}]", "reached, fresh robot", "verdict", "one after another"]
-    return Table(header, rows)
+    return [
+        [
+            f"{told['direction']}, {name}",
+            *_against(published.TABLE_1[told["direction"]][name], fresh[name]),
+            _text(worn[told["direction"]][name]) if worn else "-",
+        ]
+        for told, fresh in o.items(fresh_direction)
+        for name in ("raw", "fixed offset")
+    ]
 
 
-def _homings(o: Outcomes) -> Table:
-    rows: list[list[str]] = []
+def _homings(o: Outcomes) -> list[list[str]]:
+    content: list[list[str]] = []
     for found in o.of(after_homings):
         reached = np.array(found["errors"])
         for k, here in enumerate(reached):
             paper = {0: published.HOMINGS_LINEAR_J2[0], evaluation.HOMINGS: published.HOMINGS_LINEAR_J2[1]}.get(k)
-            rows.append([f"after {k}", "-" if paper is None else f"-, {paper:.3f}, -", _text(here)])
+            content.append([f"after {k}", "-" if paper is None else f"-, {paper:.3f}, -", _text(here)])
         for k, (name, values) in enumerate((("least", reached.min(axis=0)), ("greatest", reached.max(axis=0)))):
             paper_range = (published.HOMINGS_LINEAR_J1[k], published.HOMINGS_LINEAR_J2[k], published.HOMINGS_J3[k])
-            rows.append([f"{name} of all", _text(paper_range), _text(values)])
-    return Table(["homings", f"paper [{UNITS}]", "reached"], rows)
-
-
-def _text(values: Sequence[float] | Floats) -> str:
-    return ", ".join(f"{value:.3f}" for value in values)
+            content.append([f"{name} of all", _text(paper_range), _text(values)])
+    return content
 
 
 EXPERIMENT = Experiment(

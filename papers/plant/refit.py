@@ -15,7 +15,6 @@ from scipy.optimize import lsq_linear
 
 from catenary.arrays import Floats
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from papers.kit import told
 from papers.plant.evaluation import mean_errors, six_hours
 from papers.plant.pd_share import pd_share
 from papers.plant.targets import DRIFT, FITTED, FREE, FRICTION, LAST_HOUR, PD_SHARE, PRIOR, TARGETS, Free, with_factors
@@ -166,5 +165,5 @@ if __name__ == "__main__":
     )
     parser.add_argument("data", type=Path, help="the robot's data file, which is rewritten")
     parser.add_argument("rounds", nargs="?", type=int, default=4, help="of fitting table I; by default 4")
-    told = parser.parse_args()
-    main(told.data, told.rounds)
+    asked = parser.parse_args()
+    main(asked.data, asked.rounds)

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
 from catenary.robots.catalog import load_robot, robot_names
-from papers.claims import NOT_MEASURED, Claims, by_count
+from papers.claims import Claims, Missing, by_count
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture, TitledTable
 from papers.figures import panels
-from papers.kit import table
+from papers.kit import filled, table
 from papers.regressor.decomposition import NO_EFFECT, ZERO, decomposition
 from papers.regressor.evaluation_time import evaluation
 from papers.regressor.published import COMPACT, FULL_BLOCK, PARAMETERS, PLACES
@@ -42,86 +41,76 @@ def cases(scope: Scope) -> list[Case]:
     ]
 
 
-def of(o: Outcomes, robot: str) -> Result | None:
-    """Return a robot's result, None where it is missing."""
-    found = o.of(decomposition, robot=robot)
-    return found[0] if found else None
+def of(o: Outcomes, robot: str) -> Result:
+    """Return a robot's result.
+
+    Raises:
+        Missing: It has not run.
+    """
+    for result in o.of(decomposition, robot=robot):
+        return result
+    raise Missing(robot)
 
 
 def report(o: Outcomes) -> Report:
     """Return the planar arm's steps as the paper prints them, and every robot's counts."""
-    tables = []
-    if planar := of(o, PLANAR):
-        tables = [
-            TitledTable("The planar arm: block row of joint k in the full Z, in units of g", _blocks(planar)),
-            TitledTable("Its 36 parameters: what is deleted, what is merged", _steps(planar)),
-            TitledTable("Its compact form: columns of Z and parameters, g = g_c Z s", _compact(planar)),
-        ]
-    tables.append(TitledTable("Every robot of the catalogue", _counts(o)))
-    if timed := list(o.items(evaluation)):
-        rows = [
-            [told["robot"], *(f"{result[key]:.2f}" for key in ("full_us", "compact_us", "ratio"))]
-            for told, result in timed
-        ]
-        header = ["robot", "full Z [us]", "compact Z [us]", "full over compact"]
-        title = "Time of an evaluation, both forms compiled alike, median, on the machine that it ran on"
-        tables.append(table(title, header, rows))
-    pictures = [
-        TitledPicture(
-            f"{robot}: the entries of Z before and after; a colour is a merged parameter, grey what is deleted",
-            _picture(result),
-        )
-        for robot in DRAWN
-        if (result := of(o, robot))
+    timed = [
+        [told["robot"], *(f"{result[key]:.2f}" for key in ("full_us", "compact_us", "ratio"))]
+        for told, result in o.items(evaluation)
     ]
-    return Report(tables, pictures)
+    tables = _planar(of(o, PLANAR)) if o.of(decomposition, robot=PLANAR) else []
+    tables += [
+        table(
+            "Every robot of the catalogue",
+            "robot | full Z | zero | no effect | merged | difference [Nm]",
+            [_counts(told["robot"], result) for told, result in o.items(decomposition)],
+        ),
+        table(
+            "Time of an evaluation, both forms compiled alike, median, on the machine that it ran on",
+            "robot | full Z [us] | compact Z [us] | full over compact",
+            timed,
+        ),
+    ]
+    caption = "the entries of Z before and after; a colour is a merged parameter, grey what is deleted"
+    drawn = [(robot, result) for robot in DRAWN for result in o.of(decomposition, robot=robot)]
+    return Report(filled(tables), [TitledPicture(f"{robot}: {caption}", _picture(result)) for robot, result in drawn])
 
 
-def _blocks(planar: Result) -> Table:
-    header = ["joint", *(f"{frame}, {axis}" for frame in FRAMES for axis in "xyz")]
-    return Table(header, [[str(k), *block] for k, block in enumerate(planar["blocks"], 1)])
+def _planar(planar: Result) -> list[TitledTable]:
+    frames = ["joint", *(f"{frame}, {axis}" for frame in FRAMES for axis in "xyz")]
+    blocks = [[str(k), *block] for k, block in enumerate(planar["blocks"], 1)]
+    compact = [
+        [f"s{k}", ", ".join(row[k - 1] for row in planar["entries"]), label]
+        for k, label in enumerate(planar["parameters"], 1)
+    ]
+    return [
+        table("The planar arm: block row of joint k in the full Z, in units of g", frames, blocks),
+        table(
+            "Its 36 parameters: what is deleted, what is merged", "entry of s | what | formula | step", _steps(planar)
+        ),
+        table("Its compact form: columns of Z and parameters, g = g_c Z s", " | column of Z | formula", compact),
+    ]
 
 
-def _steps(planar: Result) -> Table:
-    rows = []
-    labels = planar["parameters"]
+def _steps(planar: Result) -> list[list[str]]:
+    content = []
     for number, group in enumerate(planar["groups"]):
         if group != ZERO:
             joint, place = divmod(number, 3 * (planar["joints"] + 1))
             told = f"merged into s{group}" if group > 0 else "deleted: no joint feels it"
             where = f"carried by joint {joint + 1}, along {'xyz'[place % 3]} of {FRAMES[place // 3]}"
-            rows.append([str(number + 1), where, planar["s"][number], told])
+            content.append([str(number + 1), where, planar["s"][number], told])
     deleted = planar["groups"].count(ZERO)
-    rows.append([f"the {deleted} others", "", "0", "deleted with their columns"])
-    assert len(labels) == max(planar["groups"])
-    return Table(["entry of s", "what", "formula", "step"], rows)
+    return [*content, [f"the {deleted} others", "", "0", "deleted with their columns"]]
 
 
-def _compact(planar: Result) -> Table:
-    entries = planar["entries"]
-    return Table(
-        ["", "column of Z", "formula"],
-        [[f"s{k}", ", ".join(row[k - 1] for row in entries), label] for k, label in enumerate(planar["parameters"], 1)],
-    )
-
-
-def _counts(o: Outcomes) -> Table:
-    rows = []
-    for told, result in o.items(decomposition):
-        groups = result["groups"]
-        merged = sum(group > 0 for group in groups)
-        rows.append(
-            [
-                told["robot"],
-                f"{result['shape'][0]} x {result['shape'][1]}",
-                str(groups.count(ZERO)),
-                str(groups.count(NO_EFFECT)),
-                f"{merged} to {len(result['parameters'])}",
-                f"{result['largest_difference_Nm']:.0e}",
-            ]
-        )
-    header = ["robot", "full Z", "zero", "no effect", "merged", "difference [Nm]"]
-    return Table(header, rows)
+def _counts(robot: str, result: Result) -> list[str]:
+    groups, (coordinates, width) = result["groups"], result["shape"]
+    merged = sum(group > 0 for group in groups)
+    return [
+        *(robot, f"{coordinates} x {width}", str(groups.count(ZERO)), str(groups.count(NO_EFFECT))),
+        *(f"{merged} to {len(result['parameters'])}", f"{result['largest_difference_Nm']:.0e}"),
+    ]
 
 
 def _picture(result: Result) -> Any:
@@ -190,8 +179,6 @@ CLAIMS = Claims()
 )
 def _is_full(o: Outcomes) -> Judgement:
     planar = of(o, PLANAR)
-    if planar is None:
-        return NOT_MEASURED
     same = [tuple(block) == FULL_BLOCK for block in planar["blocks"]]
     places = {number: tuple(k for k, group in enumerate(planar["groups"]) if group == number) for number in (1, 2, 3)}
     told = f"blocks {' '.join(planar['blocks'][0])}; s1, s2, s3 at {', '.join(str(p) for p in places.values())}"
@@ -206,8 +193,6 @@ def _is_full(o: Outcomes) -> Judgement:
 )
 def _is_compact(o: Outcomes) -> Judgement:
     planar = of(o, PLANAR)
-    if planar is None:
-        return NOT_MEASURED
     entries = [tuple(row) for row in planar["entries"]] == list(COMPACT)
     return by_count(
         [entries, tuple(planar["parameters"]) == PARAMETERS],

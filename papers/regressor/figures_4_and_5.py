@@ -102,7 +102,7 @@ def _results(o: Outcomes, condition: Condition) -> list[Any]:
 
 def of_limbs(o: Outcomes, condition: Condition, window: str) -> Floats:
     """Return the mean of the limbs' errors, robot by robot [deg]."""
-    return rms(o, condition, window).mean(axis=1)
+    return by_robot(rms(o, condition, window).mean(axis=1))
 
 
 def share(o: Outcomes, condition: Condition, window: str) -> float:

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledPicture
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture
 from papers.figures import legend_below, panels
-from papers.kit import table
+from papers.kit import cells, grid, rows, sample, table
 from papers.regressor.raven_identification import BELIEF, ON, POSITIONS, TRUE, identified
 
+HELD = "held_error_deg_deg_mm"
 AXES = ("J1 [Nm]", "J2 [Nm]", "J3 [N]")
 SOURCES = (TRUE, BELIEF, *(f"identified on {on}" for on in ON))
 COLORS = ("#b8bfc9", "#8a94a3", "#4b6b94", "#d9622b")
@@ -31,72 +31,65 @@ COLORS = ("#b8bfc9", "#8a94a3", "#4b6b94", "#d9622b")
 def cases(scope: Scope) -> Sequence[Case]:
     """Return a case for every robot."""
     poses, sparsities = (2, (1 / 2,)) if scope.quick else (30, (1 / 2, 1 / 3, 1 / 4))
-    return [identified.case(seed=seed, poses=poses, sparsities=sparsities) for seed in scope.robots]
+    return grid(identified, {"seed": scope.robots}, poses=poses, sparsities=sparsities)
 
 
-def _of(results: Sequence[Result], key: str, label: str) -> Floats:
-    """Return the numbers of a label (robots, 3)."""
-    return np.array([result[key][label] for result in results])
-
-
-def _cells(values: Floats, digits: int) -> list[str]:
-    return [mean_and_spread(column, digits) for column in values.T]
+def torque_error(o: Outcomes, source: str, at: str) -> Floats:
+    """Return the RMS error of the gravity torque on another base (robots, 3) [Nm, Nm, N]."""
+    return sample(o, identified, "error_Nm_Nm_N", f"{source}, {at}")
 
 
 def report(o: Outcomes) -> Report:
     """Return torque errors on another base, what poses tell, and PD+DG with what was found."""
     results = o.of(identified)
-    errors = [
-        [source, at, *_cells(_of(results, "error_Nm_Nm_N", f"{source}, {at}"), 3)]
-        for source in SOURCES
-        for at in POSITIONS
-    ]
+    counts = results[0]["base_parameters"]
     ranks = [
         [
             label,
             ", ".join(sorted({str(one["ranks"][label]) for one in results})),
-            str(results[0]["base_parameters"][label.removeprefix("identified on ").split(",")[0]]),
+            str(counts[label.removeprefix("identified on ").split(",")[0]]),
         ]
         for label in results[0]["ranks"]
     ]
-    held = [
-        [
-            source,
-            *_cells(_of(results, "pd_share_percent", source), 0),
-            *_cells(_of(results, "held_error_deg_deg_mm", source), 3),
-        ]
-        for source in SOURCES
-    ]
+
+    def held(source: str) -> list[str]:
+        shares, errors = (sample(o, identified, what, source) for what in ("pd_share_percent", HELD))
+        return [source, *cells(shares, 0), *cells(errors)]
+
+    def off(source: str, at: str) -> list[str]:
+        return [source, at, *cells(torque_error(o, source, at))]
+
     tables = [
-        table("Gravity torque at poses on another base, RMS error", ["parameters", "positions", *AXES], errors),
-        table("What the poses tell", ["fit", "rank", "base parameters"], ranks),
+        table(
+            "Gravity torque at poses on another base, RMS error",
+            ["parameters", "positions", *AXES],
+            rows(off, SOURCES, POSITIONS),
+        ),
+        table("What the poses tell", "fit | rank | base parameters", ranks),
         table(
             "PD+DG at static poses on that base, reported positions",
             ["parameters", *(f"PD share J{j} [%]" for j in (1, 2, 3)), "error J1 [deg]", "J2 [deg]", "J3 [mm]"],
-            held,
+            rows(held, SOURCES),
         ),
     ]
-    remarks = [str(one["identify_Nm_Nm_N"]) for one in results if isinstance(one["identify_Nm_Nm_N"], str)]
-    told = [one["identify_Nm_Nm_N"] for one in results if not isinstance(one["identify_Nm_Nm_N"], str)]
-    if told:
-        words = ", ".join(f"{axis} {value}" for axis, value in zip(AXES, _cells(np.array(told), 3), strict=True))
+    found = [one["identify_Nm_Nm_N"] for one in results]
+    remarks = [each for each in found if isinstance(each, str)]
+    if told := [each for each in found if not isinstance(each, str)]:
+        words = ", ".join(f"{axis} {value}" for axis, value in zip(AXES, cells(np.array(told)), strict=True))
         remarks.append(
             "`identify` (terms static) of the level base's poses with reported positions, at other poses there, RMS "
             f"error: {words}."
         )
-    return Report(
-        tables,
-        [TitledPicture("RMS error of the gravity torque on another base, by positions", _picture(results))],
-        remarks,
-    )
+    caption = "RMS error of the gravity torque on another base, by positions"
+    return Report(tables, [TitledPicture(caption, _picture(o))], remarks)
 
 
-def _picture(results: Sequence[Result]) -> Any:
+def _picture(o: Outcomes) -> Any:
     figure, axes = panels(3, 3.0)
     places = np.arange(len(POSITIONS))
     for j, panel in enumerate(axes):
         for k, source in enumerate(SOURCES):
-            values = [_of(results, "error_Nm_Nm_N", f"{source}, {at}")[:, j].mean() for at in POSITIONS]
+            values = [torque_error(o, source, at)[:, j].mean() for at in POSITIONS]
             panel.bar(places + (k - 1.5) * 0.2, values, 0.18, color=COLORS[k], label=source)
         panel.set_xticks(places, POSITIONS, fontsize=8)
         panel.set_title(AXES[j], fontsize=10)

@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from catenary.reports.page import Table
 from papers.claims import NOT_MEASURED, Claims, by_count
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Scope, TitledPicture, TitledTable
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Plain, Report, Scope, TitledPicture
 from papers.figures import legend_below, panels
+from papers.kit import table
 from papers.regressor.unknown_payload import LOOKED_AT, payload_trials
 
 # noise over what is told, and whether the loads' sizes are
@@ -72,30 +72,28 @@ def report(o: Outcomes) -> Report:
     """Return detection, links and masses by poses, by link and by mass, and how right stated probabilities are."""
     tables, remarks = [], []
     for condition, words in CONDITIONS.items():
-        trials = trials_of(o, condition)
-        if trials:
+        if trials := trials_of(o, condition):
+            stated = [[f"{100 * p:.1f} %", f"{100 * right:.1f} %", str(n)] for p, right, n in reliability(trials)]
             tables += [
-                TitledTable(f"By poses with the load, {words}", _by_poses(trials)),
-                TitledTable(f"Stated probability against share of right ones, {words}", _reliability(trials)),
+                table(f"By poses with the load, {words}", ["poses", *HEADER], _by_poses(trials)),
+                table(
+                    f"Stated probability against share of right ones, {words}",
+                    "stated, mean | right | statements",
+                    stated,
+                ),
             ]
             remarks += overconfident(trials, words)
-    usual = trials_of(o, USUAL)
-    if usual:
+    if usual := trials_of(o, USUAL):
+        ends = f"after {LOOKED_AT[-1]} poses, {CONDITIONS[USUAL]}"
         tables += [
-            TitledTable(f"By link, after {LOOKED_AT[-1]} poses, {CONDITIONS[USUAL]}", _by_link(usual)),
-            TitledTable(f"By mass, after {LOOKED_AT[-1]} poses, {CONDITIONS[USUAL]}", _by_mass(usual)),
+            table(f"By link, {ends}", ["link", *HEADER], _by_link(usual)),
+            table(f"By mass, {ends}", ["mass", *HEADER], _by_mass(usual)),
         ]
-    return Report(
-        tables,
-        [
-            TitledPicture(
-                "Left: stated probability of the likeliest link against how often it is right. Right: loads noticed, "
-                "and on the right link, by poses",
-                _picture(o),
-            )
-        ],
-        remarks,
+    caption = (
+        "Left: stated probability of the likeliest link against how often it is right. Right: loads noticed, and on "
+        "the right link, by poses"
     )
+    return Report(tables, [TitledPicture(caption, _picture(o))], remarks)
 
 
 def _percent(holds: Sequence[bool]) -> str:
@@ -121,27 +119,26 @@ def _row(name: str, pairs: Sequence[tuple[Plain, Plain]]) -> list[str]:
 HEADER = ("loads", "noticed", "right link", "among the likely", "likely links", "mass error, median [kg]", "in 2 sd")
 
 
-def _by_poses(trials: Sequence[Plain]) -> Table:
-    rows = [_row(str(poses), after(trials, poses)) for poses in LOOKED_AT]
-    unloaded = [one for one in trials if one["link"] == 0]
-    alarms = [one["alarm"] for one in trials] + [noticed(one["seen"][-1]) for one in unloaded]
-    rows.append(["false alarms", str(len(alarms)), _percent(alarms), *["-"] * (len(HEADER) - 2)])
-    return Table(["poses", *HEADER], rows)
+def _by_poses(trials: Sequence[Plain]) -> list[list[str]]:
+    alarms = [one["alarm"] for one in trials] + [noticed(one["seen"][-1]) for one in trials if one["link"] == 0]
+    return [
+        *(_row(str(poses), after(trials, poses)) for poses in LOOKED_AT),
+        ["false alarms", str(len(alarms)), _percent(alarms), *["-"] * (len(HEADER) - 2)],
+    ]
 
 
-def _by_link(trials: Sequence[Plain]) -> Table:
+def _by_link(trials: Sequence[Plain]) -> list[list[str]]:
     pairs = after(trials, LOOKED_AT[-1])
     links = sorted({one["link"] for one, _ in pairs})
-    return Table(["link", *HEADER], [_row(str(k), [pair for pair in pairs if pair[0]["link"] == k]) for k in links])
+    return [_row(str(k), [pair for pair in pairs if pair[0]["link"] == k]) for k in links]
 
 
-def _by_mass(trials: Sequence[Plain]) -> Table:
+def _by_mass(trials: Sequence[Plain]) -> list[list[str]]:
     pairs = after(trials, LOOKED_AT[-1])
-    rows = []
-    for low, high in pairwise(MASSES):
-        chosen = [pair for pair in pairs if low <= pair[0]["mass_kg"] < high]
-        rows.append(_row(f"{low:g} to {high:g} kg", chosen))
-    return Table(["mass", *HEADER], rows)
+    return [
+        _row(f"{low:g} to {high:g} kg", [pair for pair in pairs if low <= pair[0]["mass_kg"] < high])
+        for low, high in pairwise(MASSES)
+    ]
 
 
 def statements(trials: Sequence[Plain]) -> list[Plain]:
@@ -173,13 +170,6 @@ def overconfident(trials: Sequence[Plain], words: str) -> list[str]:
 def as_stated(stated: float, right: float, count: int) -> bool:
     """Return whether a share of right statements is not below what was stated, within two standard errors of it."""
     return stated - right <= 2.0 * float(np.sqrt(stated * (1.0 - stated) / count))
-
-
-def _reliability(trials: Sequence[Plain]) -> Table:
-    return Table(
-        ["stated, mean", "right", "statements"],
-        [[f"{100 * p:.1f} %", f"{100 * right:.1f} %", str(n)] for p, right, n in reliability(trials)],
-    )
 
 
 def _picture(o: Outcomes) -> Any:

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from papers.claims import Claims, by_count
+from papers.claims import Claims, Missing, by_count
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, TitledPicture
 from papers.figures import legend_below, panels
-from papers.kit import table
+from papers.kit import grid, table
 from papers.regressor.recorded_arms import RECORDINGS, replay
 
 METHODS = ("none", "law", "least squares", "batch, gravity", "batch, full dynamics")
@@ -35,39 +35,36 @@ HALF = 0.5
 
 def cases(scope: Scope) -> Sequence[Case]:
     """Return a case for every recording that is there."""
-    if scope.data is None:
-        return []
-    names = [name for name in RECORDINGS if (scope.data / name).is_file()]
-    if scope.quick:
-        return [replay.case(recording=name, rows=200) for name in names[:1]]
-    return [replay.case(recording=name, rows=None) for name in names]
+    names = [] if scope.data is None else [name for name in RECORDINGS if (scope.data / name).is_file()]
+    return grid(replay, {"recording": names[:1] if scope.quick else names}, rows=200 if scope.quick else None)
 
 
-def of(o: Outcomes, recording: str) -> Result | None:
-    """Return what a recording showed, None where it is missing."""
-    found = o.of(replay, recording=recording)
-    return found[0] if found else None
+def of(o: Outcomes, recording: str) -> Result:
+    """Return what a recording showed.
+
+    Raises:
+        Missing: It is not here.
+    """
+    for result in o.of(replay, recording=recording):
+        return result
+    raise Missing(recording)
 
 
 def report(o: Outcomes) -> Report:
     """Return errors of the later part by recording and method, and torques over time."""
     tables, pictures, remarks = [], [], []
     for recording in RECORDINGS:
-        result = of(o, recording)
-        if result is None:
+        try:
+            result = of(o, recording)
+        except Missing:
             remarks.append(f"{recording}: no such recording here.")
             continue
+        name, rms, (whole, until) = recording.removesuffix(".npz"), result["rms_Nm_or_N"], result["rows"]
         header = ["predicted by", *(_axis(result, k) for k in range(len(result["axes"])))]
-        rows = [
-            [method, *(f"{value:.3f}" for value in result["rms_Nm_or_N"][method])]
-            for method in METHODS
-            if method in result["rms_Nm_or_N"]
-        ]
-        whole, until = result["rows"]
-        title = f"{recording.removesuffix('.npz')}: RMS error on rows {until} to {whole}, none of them learnt from"
-        tables.append(table(title, header, rows))
+        content = [[method, *(f"{value:.3f}" for value in rms[method])] for method in METHODS if method in rms]
+        tables.append(table(f"{name}: RMS error on rows {until} to {whole}, none of them learnt from", header, content))
         if recording in SHOWN:
-            caption = f"{recording.removesuffix('.npz')}: measured and predicted torque; shaded: learnt from"
+            caption = f"{name}: measured and predicted torque; shaded: learnt from"
             pictures.append(TitledPicture(caption, _picture(result, SHOWN[recording])))
     return Report(tables, pictures, remarks)
 
@@ -94,17 +91,14 @@ def _picture(result: Result, axes_shown: Sequence[int]) -> Any:
     return figure
 
 
-def _left(o: Outcomes, recordings: Sequence[str], axes: Sequence[int]) -> tuple[list[float], list[str]]:
+def _left(o: Outcomes, recordings: Sequence[str], axes: Sequence[int]) -> tuple[list[float], str]:
     """Return which share of the torque the law leaves on axes of the later part, and the same in words."""
-    shares, told = [], []
+    shares: dict[str, float] = {}
     for recording in recordings:
-        if (result := of(o, recording)) is not None:
-            rms = result["rms_Nm_or_N"]
-            for k in axes:
-                shares.append(rms["law"][k] / rms["none"][k])
-                short = recording.partition("/")[2].removesuffix(".npz")
-                told.append(f"{short} {result['axes'][k]} {100.0 * shares[-1]:.0f} %")
-    return shares, told
+        result, short = of(o, recording), recording.partition("/")[2].removesuffix(".npz")
+        rms = result["rms_Nm_or_N"]
+        shares |= {f"{short} {result['axes'][k]}": rms["law"][k] / rms["none"][k] for k in axes}
+    return list(shares.values()), f"left: {', '.join(f'{name} {100.0 * each:.0f} %' for name, each in shares.items())}"
 
 
 CLAIMS = Claims()
@@ -122,7 +116,7 @@ CLAIMS = Claims()
 )
 def _at_rest(o: Outcomes) -> Judgement:
     shares, told = _left(o, STATIC, LOADED_AXES)
-    return by_count([share < HALF for share in shares], "left: " + ", ".join(told))
+    return by_count([share < HALF for share in shares], told)
 
 
 @CLAIMS(
@@ -136,7 +130,7 @@ def _at_rest(o: Outcomes) -> Judgement:
 )
 def _moving(o: Outcomes) -> Judgement:
     shares, told = _left(o, MOVING, (0, 1, 2))
-    return by_count([share >= HALF for share in shares], "left: " + ", ".join(told))
+    return by_count([share >= HALF for share in shares], told)
 
 
 EXPERIMENT = Experiment(

@@ -3,6 +3,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -137,6 +138,11 @@ def test_a_cluster_by_address_gives_the_same_and_two_hundred_cases_tell_their_pr
     assert run_cases(cases, there, cluster=cluster.scheduler_address) == []
     assert as_bits(results(there, cases)) == as_bits(results(here, cases))
     assert (scheduler.allowed_failures, scheduler.worker_ttl) == before  # somebody else's cluster is left as it was
+    limited = Store(tmp_path / "limited")
+    assert run_cases(cases, limited, cluster=cluster.scheduler_address, until=time.monotonic()) == []
+    assert results(limited, cases) == []  # no time is left, nothing begins
+    assert run_cases(cases, limited, cluster=cluster.scheduler_address, until=time.monotonic() + 600.0) == []
+    assert as_bits(results(limited, cases)) == as_bits(results(here, cases))
     many = [quick.case(number=k, folder=str(begun)) for k in range(100, 300)]
     told: list[Case] = []
     partial: list[int] = []
