@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.recording.import_formats.registration import Registration, Tracked, register
+from catenary.recording.import_formats.registration import TrackedPoses, TrackerRegistration, register
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, rotation_from_rpy, rotation_vector
@@ -32,7 +32,7 @@ class Scene:
     model: RobotModel
     chosen: list[int]
     frame: str | None
-    seen: Tracked
+    seen: TrackedPoses
     offsets: Floats  # (n,)
 
     @classmethod
@@ -67,13 +67,13 @@ class Scene:
         turned = Rotation.from_rotvec(np.deg2rad(noise_deg) * rng.normal(size=(rows, 3))).as_matrix()
         position = marker.position + 1e-3 * noise_mm * rng.normal(size=(rows, 3))
         return cls(
-            model, chosen, frame, Tracked(position, None if single else marker.rotation @ turned, q, qd), offsets
+            model, chosen, frame, TrackedPoses(position, None if single else marker.rotation @ turned, q, qd), offsets
         )
 
-    def register(self, **given: Any) -> Registration:
+    def register(self, **given: Any) -> TrackerRegistration:
         return register(self.model, self.seen, self.chosen, frame=self.frame, **given)
 
-    def errors(self, made: Registration) -> tuple[list[float], list[float]]:
+    def errors(self, made: TrackerRegistration) -> tuple[list[float], list[float]]:
         """Errors [m, rad, ...] and the half-widths that were stated, beside zeros that no motion tells.
 
         The first joint's is a turn of the base, the last one's of the marker, by forward kinematics alone.

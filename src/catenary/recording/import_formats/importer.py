@@ -18,7 +18,7 @@ from catenary.recording.import_formats.column_units import encoder_units, factor
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.one_clock import OneClock
-from catenary.recording.import_formats.registration import Tracked
+from catenary.recording.import_formats.registration import TrackedPoses
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.tracked_pose import (
     joints_from_poses,
@@ -410,7 +410,7 @@ def _tracked(
     start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
     speed = np.zeros_like(start)
     start[:, chosen], speed[:, chosen] = near, np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE)))
-    seen = Tracked(*positions_and_rotations(tracked, poses.values), start, speed)
+    seen = TrackedPoses(*positions_and_rotations(tracked, poses.values), start, speed)
     base, marker, said = registered(model, tracked, seen, chosen)
     notes += said
     found = joints_from_poses(model, tracked, seen, base, marker, chosen)

@@ -43,7 +43,7 @@ _PARTS = (
 )
 
 
-class Tracked(NamedTuple):
+class TrackedPoses(NamedTuple):
     """Poses of a marker, and what the robot reported at their stamps."""
 
     position: Floats  # (M, 3) in the tracker's frame [m]
@@ -51,12 +51,12 @@ class Tracked(NamedTuple):
     q: Floats  # (M, n) [rad or m]
     qd: Floats  # (M, n) [rad/s or m/s]
 
-    def part(self, rows: NDArray[np.generic]) -> "Tracked":
+    def part(self, rows: NDArray[np.generic]) -> "TrackedPoses":
         """Return some of them."""
         rotation = None if self.rotation is None else self.rotation[rows]
-        return Tracked(self.position[rows], rotation, self.q[rows], self.qd[rows])
+        return TrackedPoses(self.position[rows], rotation, self.q[rows], self.qd[rows])
 
-    def evenly(self, most: int) -> "Tracked":
+    def evenly(self, most: int) -> "TrackedPoses":
         """Return as many at most, evenly over all."""
         return self.part(np.arange(len(self.q))[:: -(-len(self.q) // most)])
 
@@ -71,7 +71,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Registration:
+class TrackerRegistration:
     """What was found, and half-widths that hold 95 % of its errors: 0 of what was given or held."""
 
     found: Estimate
@@ -113,9 +113,9 @@ class Registration:
         said += [f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros)
         said += [
             f"no motion tells the zero of {', '.join(name for name, *_, told in rows if not told)} from how the "
-            "tracker stands and the marker sits: it was taken as reported, their q_encoder is right but for a constant "
-            "and a fit learns no constant error of theirs; T_base_tracker (first joint) or T_marker_frame (last) "
-            "measured otherwise tells it"
+            "tracker stands and the marker sits: it was taken as reported. Their q_encoder is right but for a constant "
+            "of which a fit learns nothing; T_base_tracker (of the first joint) or T_marker_frame (of the last), "
+            "measured otherwise, tells it"
         ] * (not self.is_told.all())
         errors = ", ".join(f"{name} {s * e:.2g} {unit}" for name, (unit, s), _, _, e, _ in rows)
         said.append(f"what the registration may put q_encoder off by, 95 %: {errors}")
@@ -129,13 +129,13 @@ class Registration:
 
 def register(
     model: RobotModel,
-    tracked: Tracked,
+    tracked: TrackedPoses,
     chosen: Sequence[int],
     *,
     frame: str | None = None,
     base: Pose | None = None,
     marker: Pose | None = None,
-) -> Registration:
+) -> TrackerRegistration:
     """Find the transforms that are not given, and the chosen joints' offsets.
 
     Args:
@@ -188,7 +188,7 @@ class _Problem:
     """
 
     model: RobotModel
-    tracked: Tracked
+    tracked: TrackedPoses
     chosen: list[int]
     frame: str | None
     middle: Floats  # (3,) of the motion, in the tracker's frame [m]
@@ -311,7 +311,7 @@ class _Problem:
             moved[:, self.chosen] += at.offsets
             seen = at.base.inverse() @ Configuration(self.model, moved).pose(self.frame) @ at.marker
             rotation = None if self.tracked.rotation is None else seen.rotation
-            one = replace(one, tracked=Tracked(seen.position, rotation, q, np.zeros_like(q)))
+            one = replace(one, tracked=TrackedPoses(seen.position, rotation, q, np.zeros_like(q)))
         J = one.scaled(at)[1].reshape(-1, self.basis.shape[1])
         return np.asarray(J.T @ J / len(one.tracked.q))
 
@@ -370,7 +370,7 @@ class _Problem:
             f"registration: the poses leave open {worst}: move {motion} too, or give T_base_tracker and T_marker_frame"
         )
 
-    def with_errors(self, found: Estimate, is_told: NDArray[np.bool_], outliers: int) -> Registration:
+    def with_errors(self, found: Estimate, is_told: NDArray[np.bool_], outliers: int) -> TrackerRegistration:
         """Return the fit with its errors, from fits that each leave out one stretch of time.
 
         The jackknife of clusters holds where errors of a moment are alike; a length's error is that of a sum of squares
@@ -395,7 +395,7 @@ class _Problem:
         by_parameters = replace(self, tracked=self.tracked.evenly(200)).compare(found)[1] / self.units
         by_error = np.linalg.pinv(by_parameters[:, :, _OFFSETS:-1], rcond=1e-3) @ by_parameters[:, :, :_OFFSETS]
         variance = np.einsum("mkp,pq,mkq->mk", by_error, C[:_OFFSETS, :_OFFSETS], by_error, optimize=True)
-        return Registration(
+        return TrackerRegistration(
             found=found,
             base_error=np.array([length(3), length(0)]),
             marker_error=np.array([length(9), length(6)]),

@@ -14,7 +14,7 @@ from catenary.errors import InputError
 from catenary.recording.import_formats.columns import Place, Stream, places_of
 from catenary.recording.import_formats.mapping import SI, TrackedPose
 from catenary.recording.import_formats.pose_columns import PARTS, poses_of
-from catenary.recording.import_formats.registration import Tracked, register
+from catenary.recording.import_formats.registration import TrackedPoses, register
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
 
@@ -108,7 +108,7 @@ def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequ
 
 
 def registered(
-    model: RobotModel, tracked: TrackedPose, poses: Tracked, chosen: Sequence[int]
+    model: RobotModel, tracked: TrackedPose, poses: TrackedPoses, chosen: Sequence[int]
 ) -> tuple[Pose, Pose, list[str]]:
     """Return T_base_tracker and T_frame_marker, given or found from the recording, and what is to be said of that."""
     base = None if tracked.T_base_tracker is None else tracked.T_base_tracker.pose()
@@ -121,7 +121,7 @@ def registered(
 
 
 def joints_from_poses(
-    model: RobotModel, tracked: TrackedPose, poses: Tracked, base: Pose, marker: Pose, chosen: Sequence[int]
+    model: RobotModel, tracked: TrackedPose, poses: TrackedPoses, base: Pose, marker: Pose, chosen: Sequence[int]
 ) -> Floats:
     """Return the joint positions at which the robot's frame is nearest to where the marker says.
 
