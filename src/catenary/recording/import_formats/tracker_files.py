@@ -22,18 +22,34 @@ _METRES = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
 _NDI_RATE = 60.0  # [Hz] of the frames that an NDI tracker counts
 
 
+def is_tracker_file(path: Path) -> bool:
+    """Return whether a text file is a tracker's export, by its first cell."""
+    return _first_cell(_head(path)) in _KINDS
+
+
 def read_tracker_file(path: Path) -> Stream | None:
     """Return the poses of a tracker's export; None of another file."""
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        head = [next(csv.reader([line]), []) for line in islice(file, _HEAD)]
-    readers = {"Format Version": _motive, "Tools": _ndi}
-    read = readers.get(head[0][0].strip()) if head and head[0] else None
+    head = _head(path)
+    read = _KINDS.get(_first_cell(head))
     if read is None:
         return None
     columns, notes = read(path, head)
     if not len(columns.get("time", ())):
         raise FileFormatError(f"{path}: has no row with a pose")
     return Stream(path.stem, "table", columns, len(columns["time"]), notes=tuple(notes))
+
+
+def _head(path: Path) -> list[list[str]]:
+    """Return the first lines of a tracker's export; none of another file, whose lines may be of any length."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        if not file.read(40).startswith(tuple(_KINDS)):
+            return []
+        file.seek(0)
+        return [next(csv.reader([line]), []) for line in islice(file, _HEAD)]
+
+
+def _first_cell(head: list[list[str]]) -> str:
+    return head[0][0].strip() if head and head[0] else ""
 
 
 def _motive(path: Path, head: list[list[str]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
@@ -107,3 +123,6 @@ def _numbers(cells: list[str]) -> NDArray[np.float64]:
         except ValueError:
             continue
     return values
+
+
+_KINDS = {"Format Version": _motive, "Tools": _ndi}  # by the first cell
