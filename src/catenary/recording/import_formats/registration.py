@@ -113,9 +113,9 @@ class TrackerRegistration:
         said += [f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros)
         said += [
             f"no motion tells the zero of {', '.join(name for name, *_, told in rows if not told)} from how the "
-            "tracker stands and the marker sits: it was taken as reported, their q_encoder is right but for a constant "
-            "and a fit learns no constant error of theirs; T_base_tracker (first joint) or T_marker_frame (last) "
-            "measured otherwise tells it"
+            "tracker stands and the marker sits: it was taken as reported. Their q_encoder is right but for a constant "
+            "of which a fit learns nothing; T_base_tracker (of the first joint) or T_marker_frame (of the last), "
+            "measured otherwise, tells it"
         ] * (not self.is_told.all())
         errors = ", ".join(f"{name} {s * e:.2g} {unit}" for name, (unit, s), _, _, e, _ in rows)
         said.append(f"what the registration may put q_encoder off by, 95 %: {errors}")

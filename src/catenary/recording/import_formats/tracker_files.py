@@ -40,7 +40,11 @@ def read_tracker_file(path: Path) -> Stream | None:
 
 
 def _head(path: Path) -> list[list[str]]:
+    """Return the first lines of a tracker's export; none of another file, whose lines may be of any length."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        if not file.read(40).startswith(tuple(_KINDS)):
+            return []
+        file.seek(0)
         return [next(csv.reader([line]), []) for line in islice(file, _HEAD)]
 
 
