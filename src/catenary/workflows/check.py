@@ -18,7 +18,7 @@ from catenary.calibration.card import clock_delay
 from catenary.calibration.model import Card
 from catenary.calibration.model_file import load_model
 from catenary.errors import CatenaryError, ExcitationError, FileFormatError, InputError
-from catenary.files import card_path, card_text, table_ending
+from catenary.files import TEXT_ENDINGS, card_path, card_text, table_ending
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
@@ -97,7 +97,7 @@ def check_file(
         found = check_torque_recording(read_torque_recording(path, model, reading), model)
         found.next = "" if found.faults else as_typed.command("identify", reading.mend.options, "_arm.npz")
         return found
-    if table_ending(path) in (".npz", ".parquet", ".csv"):
+    if table_ending(path) in (".npz", ".parquet", *TEXT_ENDINGS):
         try:
             layout = known_layout([path], robot=robot)
         except FileFormatError:  # reading it says more of what is wrong

@@ -1,6 +1,7 @@
 """Recordings of any make into a MotionLog: by a mapping, by a known layout, or by the proposal."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -22,7 +23,7 @@ from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 
-MOST_JUDGED = 400_000  # rows
+MOST_JUDGED = 900_000  # positions of joints
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
@@ -69,7 +70,7 @@ def import_recording(
 class ImportedLog:
     """What was imported into a file."""
 
-    log: MotionLog  # its first piece, or the whole of a shorter one
+    log: MotionLog  # its first rows, which were judged
     rows: int
     seconds: float | None  # from the first row to the last; None without time
     measured: int | None  # rows with a trusted q_encoder; None where there is none
@@ -103,23 +104,25 @@ def import_to_file(
     else:
         logs = pieces_of(*opened)
         left = not_used(opened[0].streams, columns_wanted(*opened))
-    first, last, rows, measured = next(logs), None, 0, 0
+    del opened
+    first = next(logs)
+    judged = deepcopy(first.part(0, min(len(first), MOST_JUDGED // len(first.joint_names))))  # holds no more of it
+    rows, measured, last_time, notes = 0, 0, judged.time, judged.notes
 
     def counted() -> Iterator[MotionLog]:
-        nonlocal last, rows, measured
-        for last in chain([first], logs):
-            rows, measured = rows + len(last), measured + int(last.ok.sum())
-            yield last
+        nonlocal first, rows, measured, last_time, notes
+        for log in chain([first], logs):
+            first = judged
+            rows, measured, last_time, notes = rows + len(log), measured + int(log.ok.sum()), log.time, log.notes
+            yield log
 
     write_pieces(counted(), out)
-    assert last is not None  # for the type checker
-    seconds = None if first.time is None or last.time is None else float(last.time.max() - first.time.min())
-    judged = first.part(0, min(len(first), MOST_JUDGED))
-    found = findings_of(judged, robot=robot_of([first], robot)) if first.q_encoder is not None else ()
-    said = [f"of {rows} rows the first {len(judged)} were judged; catenary check judges all"] * (len(judged) < rows)
-    return ImportedLog(
-        first, rows, seconds, measured if first.q_encoder is not None else None, (*last.notes, *said), left, found
-    )
+    seconds = None if judged.time is None or last_time is None else float(last_time.max() - judged.time.min())
+    has_encoder = judged.q_encoder is not None
+    found = findings_of(judged, robot=robot_of([judged], robot)) if has_encoder else ()
+    if len(judged) < rows and has_encoder:
+        notes = (*notes, f"of {rows} rows the first {len(judged)} were judged; catenary check judges all")
+    return ImportedLog(judged, rows, seconds, measured if has_encoder else None, notes, left, found)
 
 
 @explained

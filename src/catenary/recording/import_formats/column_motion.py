@@ -43,11 +43,13 @@ def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None
         seconds: Of the rows; without, a derivative may be of any size, the same for all.
     """
     names, rows = list(columns), slice(0, MOST_ROWS)
+    if len(names) < 2:
+        return None
     values = np.column_stack([np.asarray(columns[name][rows], dtype=np.float64) for name in names])
     time = np.arange(len(values), dtype=np.float64) if seconds is None else seconds[rows]
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     values, time = values[whole], time[whole]
-    if len(values) < LEAST_ROWS or len(names) < 2 or not (np.diff(time) > 0.0).all():
+    if len(values) < LEAST_ROWS or not (np.diff(time) > 0.0).all():
         return None
     is_derivative = _derivatives(values, time, any_size=seconds is None)
     m = len(names)

@@ -179,6 +179,7 @@ def synchronise(
             notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
             jumped |= set(turns)
     clock = OneClock(streams, found.places(), mapping)
+    del streams  # of a long recording as large as all that is made of it
 
     rows = {key: clock.rows(key) * scaled[key] for key in joints}
     coupling = mapping.tau.coupling if mapping.tau is not None else None
@@ -217,7 +218,7 @@ def synchronise(
         name=sources.name,
         joint_names=names,
         joint_units=units,
-        **{key: values[whole] for key, values in rows.items()},
+        **{key: values if whole.all() else values[whole] for key, values in rows.items()},
         ok=ok[whole],
         time=time,
         began=began,

@@ -164,7 +164,8 @@ class _TopicColumns:
         columns = {column: np.full(count, np.nan) for column in names}
         stamp = np.zeros(count, dtype=np.int64)
         first = 0
-        for length, part in self._parts:
+        while self._parts:  # each is let go once it was copied
+            length, part = self._parts.pop(0)
             for column, values in part.items():
                 (columns[column] if column else stamp)[first : first + length] = values
             first += length

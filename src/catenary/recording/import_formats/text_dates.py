@@ -54,9 +54,8 @@ class DateFormat:
             text = pc.replace_substring_regex(text, r"-(\d) ", r"-0\1 ")
         else:
             text = pc.binary_join_element_wise("1970-01-01", text, " ")
-        later = pc.if_else(pc.match_substring_regex(text, r"p\.?m\b"), _DAY // 2, 0)
-        is_noon = pc.match_substring_regex(text, r" 12:.*[ap]m")
-        later = pc.if_else(is_noon, pc.subtract(later, _DAY // 2), later)
+        half = [pc.match_substring_regex(text, each) for each in ("pm", r" 12:.*[ap]m")]
+        later = pc.subtract(*(pc.if_else(each, _DAY // 2, 0) for each in half))
         text = pc.replace_substring_regex(pc.replace_substring_regex(text, r" ?[ap]m", ""), r" (\d):", r" 0\1:")
         text = pc.utf8_trim_whitespace(pc.replace_substring(text, "z", "Z"))
         stamp = text.cast(pa.timestamp("ns", tz="UTC" if self.has_zone else None))
@@ -66,71 +65,53 @@ class DateFormat:
 def date_format(texts: Sequence[str]) -> DateFormat | None:
     """Return how all of some texts are written; None where they are no dates.
 
-    The order of day and month is told by a number above 12, by a year that comes first, by points between them
-    (day first), or by the shorter of the two times that would have passed. What tells nothing is a doubt.
+    The order of day and month is told by a year that comes first, a month by name, points (day first), a number above
+    12, or the shorter of the two times that would have passed. What tells nothing is a doubt.
     """
-    found = [_WRITTEN.fullmatch(text.strip()) for text in texts]
-    matches = [one for one in found if one and (one["date"] or one["clock"])]
-    if not matches or len(matches) != len(found):
+    found = [
+        match for text in texts if (match := _WRITTEN.fullmatch(text.strip())) and (match["date"] or match["clock"])
+    ]
+    if not found or len(found) != len(texts):
         return None
-    first = matches[0]
-    if len({(bool(m["date"]), bool(m["clock"]), bool(m["zone"]), m["between"]) for m in matches}) > 1:
+    if len({(bool(m["date"]), bool(m["clock"]), bool(m["zone"]), m["between"]) for m in found}) > 1:
         return None
-    has_clock, has_zone = bool(first["clock"]), bool(first["zone"])
+    first, doubt, is_iso = found[0], "", False
     if not first["date"]:
-        return DateFormat("", True, has_zone, False)
-    if len(first["a"]) == 4:
-        is_iso = first["between"] == "-" and not any(m["half"] or len(m["b"]) != 2 or len(m["c"]) != 2 for m in matches)
-        is_iso = is_iso and not any("," in m.string or "_" in m.string for m in matches)
-        return DateFormat("ymd", has_clock, has_zone, is_iso)
-    if not first["b"].isdigit() or first["between"] == ".":
-        return DateFormat("dmy", has_clock, has_zone, False)
-    days = {(int(m["a"]), int(m["b"])) for m in matches if m["b"].isdigit()}
-    if any(a > 12 for a, _ in days):
-        return DateFormat("dmy", has_clock, has_zone, False)
-    if any(b > 12 for _, b in days):
-        return DateFormat("mdy", has_clock, has_zone, False)
-    as_day_first, as_month_first = (_spread([(b, a) for a, b in days]), _spread(list(days)))
-    if as_day_first != as_month_first:
-        return DateFormat("dmy" if as_day_first < as_month_first else "mdy", has_clock, has_zone, False)
-    a, b = sorted(days)[0]
-    if a == b:
-        return DateFormat("dmy", has_clock, has_zone, False)
-    between = first["between"]
-    doubt = f"{a}{between}{b} may be the {a}. of {_name(b)} or the {b}. of {_name(a)}, and nothing tells which"
-    return DateFormat("dmy", has_clock, has_zone, False, doubt)
+        order = ""
+    elif len(first["a"]) == 4:
+        order = "ymd"
+        is_iso = all(re.fullmatch(r"\d{4}-\d\d-\d\d([T ][\d:.]+(Z|[+-][\d:]+)?)?", m.string.strip()) for m in found)
+    elif not first["b"].isdigit() or first["between"] == ".":
+        order = "dmy"
+    else:
+        days = sorted({(int(m["a"]), int(m["b"])) for m in found})
+        largest = [max(each) for each in zip(*days, strict=True)]
+        day_first, month_first = (
+            max(d) - min(d) for d in ([31 * b + a for a, b in days], [31 * a + b for a, b in days])
+        )
+        order = "mdy" if largest[1] > 12 or (largest[0] <= 12 and month_first < day_first) else "dmy"
+        (a, b), is_told = days[0], max(largest) > 12 or day_first != month_first or days[0][0] == days[0][1]
+        names = [_MONTHS[each - 1].capitalize() for each in (b, a)] if not is_told else []
+        doubt = (
+            ""
+            if is_told
+            else f"{a}/{b} may be the {a}. of {names[0]} or the {b}. of {names[1]}, and nothing tells which"
+        )
+    return DateFormat(order, bool(first["clock"]), bool(first["zone"]), is_iso, doubt)
 
 
-Carried = tuple[int, int | None]
+Carried = tuple[int, int | None]  # what was added to the last stamp [ns], and that stamp; (0, None) at first
 
 
 def since_midnight(stamp: pa.Array, form: DateFormat, carried: Carried) -> tuple[pa.Array, Carried]:
-    """Return stamps of times of day that go on beyond midnight, and of days in doubt without the day.
-
-    Args:
-        stamp: Of a block of rows [ns].
-        form: Of the column.
-        carried: What was added to the last block's last stamp [ns], and that stamp; (0, None) for the first block.
-    """
-    values = np.asarray(stamp.to_numpy(zero_copy_only=False))
+    """Return a block's stamps [ns]: times of day that go on beyond midnight, days in doubt without the day."""
+    values = stamp.to_numpy(zero_copy_only=False)
+    if not len(values) or values.dtype.kind == "f" or (form.order and not form.doubt):  # rows without: as they are
+        return stamp, carried
     shift, last = carried
-    if not len(values) or values.dtype.kind == "f":  # rows without: nothing to go by but the numbers
-        return stamp, carried
+    last = values[0] if last is None else last
     if form.doubt:
-        shift = -(int(values[0]) // _DAY) * _DAY if last is None else shift
+        shift = shift or -(int(last) // _DAY) * _DAY
         return pa.array(values + shift), (shift, int(values[-1]))
-    if form.order:
-        return stamp, carried
-    steps = np.diff(values, prepend=values[0] if last is None else last)
-    turned = shift + _DAY * np.cumsum(steps < -_DAY // 2)
+    turned = shift + _DAY * np.cumsum(np.diff(values, prepend=last) < -_DAY // 2)
     return pa.array(values + turned), (int(turned[-1]), int(values[-1]))
-
-
-def _spread(days: Sequence[tuple[int, int]]) -> int:
-    """Return how far apart days (month, day) are."""
-    numbers = [31 * month + day for month, day in days]
-    return max(numbers) - min(numbers)
-
-
-def _name(month: int) -> str:
-    return _MONTHS[month - 1].capitalize()

@@ -171,8 +171,8 @@ def _names(
     heads: Sequence[str], used: int, rows: Sequence[tuple[int, list[str]]], dialect: TextDialect
 ) -> tuple[list[str], list[str]]:
     """Return a name for each column, and what there is to say; no names where no line has one for each."""
-    said = [text for line in heads if re.search(r"\w", text := COMMENT.sub("", line, count=1))]
-    told = [_words(line, used, dialect) for line in said[-2:]]
+    said = [line for line in heads if re.search(r"\w", line)][-2:]
+    told = [_words(COMMENT.sub("", line, count=1), used, dialect) for line in said]
     if not told:
         return [], []
     *above, cells = told
@@ -185,13 +185,15 @@ def _names(
     if len(cells) == used - 1 and len(texts) == len(cells) and _counts([row[0] for _, row in rows]):
         return ["row", *cells], ["its first column has no name and counts the rows"]  # R's write.table
     few = f"{len(cells)} names for {used} columns ({', '.join(map(cut, cells[:5]))}, ...): none was taken"
-    return [], [few] * (len(cells) > 1 and len(texts) == len(cells))
+    is_prose = COMMENT.match(said[-1]) and len(cells) < used / 2
+    return [], [few] * (len(cells) > 1 and len(texts) == len(cells) and not is_prose)
 
 
 def _words(line: str, used: int, dialect: TextDialect) -> list[str]:
     """Return the cells of a line above the rows, by the separator that makes as many as a row has."""
     ways = (dialect.separator, ",", ";", "\t", " ") if dialect.separator != " " else (",", ";", "\t", " ")
-    found = [TextDialect(separator, ".").split(line) for separator in ways]
+    split = (TextDialect(separator, ".").split(line) for separator in ways)
+    found = [cells[:used] if not any(cells[used:]) else cells for cells in split]
     return next((cells for cells in found if len(cells) == used), dialect.split(line))
 
 

@@ -84,6 +84,8 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
 def _read_text(path: Path, rows_per_second: float | None) -> FollowedFile:
     table = TextTable(path)
     columns = joined(list(table.blocks()))
+    if not columns:
+        raise FileFormatError(f"{path}: has no row of numbers")
     odd = next((column for column in table.head.columns if column.kind == "text"), None)
     if odd is not None:
         where = f", {odd.odd}" if odd.odd else ""
