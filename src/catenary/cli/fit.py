@@ -222,7 +222,8 @@ def refresh(
     """Bring a model up to date with minutes of a new day.
 
     Each joint gets what blocks of time of the new data show to pay, the least that does: nothing, a new zero, zero
-    and scale, or a new last layer. The card says from which model it comes, what moved, and since when.
+    and scale, or a new last layer; before that, the level of friction, where the model has friction states. The card
+    says from which model it comes, what moved, and since when.
     `catenary excite --refresh` drives minutes that show enough.
 
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz
