@@ -15,7 +15,7 @@ from catenary.calibration.friction_fit import find_friction
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.transmission.coupled_friction import coupled_friction
-from tests.recordings import COMPLIANCE, THRESHOLDS, coupled_arm
+from recordings import COMPLIANCE, THRESHOLDS, coupled_arm
 
 OPTIONS = FitOptions(kind="hysteretic")
 

@@ -11,7 +11,7 @@ from catenary.calibration.friction_level import at_level, find_level
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import LEVEL, refresh_model
 from catenary.plant import MotionLog
-from tests.recordings import coupled_arm
+from recordings import coupled_arm
 
 MINUTES = 400  # rows
 
