@@ -13,9 +13,11 @@ from catenary.calibration.fit_rows import choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.neural import BEST, PAPER
 from catenary.plant import MotionLog
+from catenary.transmission.coupled_friction import coupled_friction
 
 REACH = {"rad": 1.0, "m": 0.1}  # amplitude of the motion
 STEP = 0.1  # [s] between rows
+COMPLIANCE, THRESHOLDS = np.array([[1.4, -0.6], [-0.6, 0.95]]), np.array([0.07, 0.19])  # [rad] as on a da Vinci wrist
 
 
 def recording(
@@ -41,6 +43,20 @@ def recording(
         "time": time,
     }
     return MotionLog(**(fields | changes))
+
+
+def coupled_arm(seed: int = 0, rows: int = 1500, level: float = 1.0) -> MotionLog:
+    """A stiff base, a roll with a little play and a wrist of which one joint drags the other."""
+    rng = np.random.default_rng(seed)
+    reach = np.array([0.3, 1.5, 1.2, 1.2])
+    via = rng.uniform(-1.0, 1.0, (rows // 4 + 2, 4)) * reach
+    q = np.column_stack([np.interp(np.arange(rows), 4 * np.arange(len(via)), column) for column in via.T])
+    wrist = coupled_friction(COMPLIANCE, np.eye(2), [level * THRESHOLDS], [0.02, 0.02])
+    error = 2e-3 * rng.normal(size=q.shape)
+    error[:, 2:] += 0.9 * wrist.lag(q[:, 2:])[:, 0] + 0.01 * q[:, [1]]
+    error += [0.01, 0.02, -0.1, 0.05]
+    names = ("J1", "J4", "J5", "J6")
+    return MotionLog("wrist", names, ("rad",) * 4, q, np.ones(rows, dtype=bool), q + error, np.arange(rows) * 0.4)
 
 
 def data_of(*logs: MotionLog, **options: Any) -> CalibrationData:

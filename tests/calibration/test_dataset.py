@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from recordings import recording
@@ -150,3 +152,17 @@ def test_rate_is_that_of_most_steps() -> None:
 def test_rate_of_the_data_is_that_of_all_recordings(rates, common) -> None:
     rate = calibration_data([at_rate(rate) for rate in rates], PLAIN).rate_hz
     assert rate == (None if common is None else pytest.approx(common))
+
+
+def test_every_third_row_is_what_all_rows_say_there(rng) -> None:
+    log = recording(rng, rows=300)
+    features = choose_inputs([log], FitOptions(kind="linear", play=(0.1,))).features
+    limits = np.quantile(np.abs(log.q_encoder - log.q_nominal), 0.9, axis=0)
+    everything = calibration_data([log], features, max_error=limits)
+    third = calibration_data([log], features, max_error=limits, every=3)
+    same = np.isin(everything.places, third.places)
+    for name in ("X", "error", "time", "position", "recording"):
+        assert_array_equal(getattr(third, name), getattr(everything, name)[same])
+    assert third.sources[0].rows == 100
+    assert len(third) + third.sources[0].dropped == 100
+    assert "of 300 rows one in 3 is learnt from; memory follows them all" in data_notes([log], third)

@@ -9,10 +9,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.calibration import features as features_of_rows
 from catenary.calibration.arithmetic import run
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
+from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.fit_rows import choose_inputs
 from catenary.errors import InputError
-from recordings import recording
+from recordings import STEP, recording
 
 NAMES, UNITS = ("q:J1", "q:J2", "q:J3"), ("rad", "rad", "m")
 LOG = recording(np.random.default_rng(0), rows=12)
@@ -156,3 +159,19 @@ def test_previous_commands_do_not_reach_across_a_gap_in_time_and_play_does() -> 
     assert np.isnan(late[[40, 41], 1:3]).any(axis=1).all()
     assert_array_equal(np.delete(late, [40, 41], axis=0), np.delete(whole, [40, 41], axis=0))
     assert_array_equal(late[:, 3], whole[:, 3])
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_pieces_of_a_recording_give_the_bits_of_the_whole(rng, monkeypatch, every) -> None:
+    log = recording(rng, rows=500)
+    q = np.array(log.q_nominal)
+    q[260, 0] += 3.0  # a spike, and a gap in time, between and across pieces
+    time = np.arange(500) * STEP + np.where(np.arange(500) >= 330, 60.0, 0.0)
+    log = replace(log, q_nominal=q, time=time)
+    features = choose_inputs([log], FitOptions(kind="hysteretic", history=2, coupled=())).features
+    whole = features.rows(log)
+    monkeypatch.setattr(features_of_rows, "PIECE", 70)
+    parts = features.rows(log, every)
+    assert_array_equal(parts.X, whole.X[::every])
+    assert_array_equal(parts.leaping, whole.leaping[::every])
+    assert parts.spikes == whole.spikes

@@ -25,7 +25,7 @@ class TrainingSource:
 
     name: str
     sha256: str | None
-    rows: int  # in the recording
+    rows: int  # in the recording, of those that were asked for
     without_truth: int  # rows whose `ok` is not set
     without_history: int  # rows that lack predecessors
     dropped: int  # rows beyond the error limit that was asked for
@@ -52,6 +52,7 @@ class CalibrationData:
     has_time: bool
     robot: str | None = None
     rate_hz: float | None = None  # of the recordings' rows; None without time, or when they differ
+    every: int = 1  # of the recordings' rows that are among these or were left out: all, every second one, ...
     began: tuple[float, ...] = ()  # [s] of each source: what its own clock said at its time zero
 
     def __len__(self) -> int:
@@ -104,7 +105,7 @@ def date_of(seconds: float) -> str | None:
 
 
 def calibration_data(
-    logs: Sequence[MotionLog], features: FeatureSet, *, max_error: Floats | None = None
+    logs: Sequence[MotionLog], features: FeatureSet, *, max_error: Floats | None = None, every: int = 1
 ) -> CalibrationData:
     """Collect the usable rows of recordings of one robot.
 
@@ -112,6 +113,7 @@ def calibration_data(
 
     Args:
         max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
+        every: Take every such row of a recording alone; features follow all.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
@@ -127,10 +129,11 @@ def calibration_data(
     for i, log in enumerate(logs):
         if log.q_encoder is None:
             raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
-        X, leaping, spikes = features.rows(log)
-        error = log.q_encoder - log.q_nominal
+        X, leaping, spikes = features.rows(log, every)
+        q, ok = log.q_nominal[::every], log.ok[::every]
+        error = log.q_encoder[::every] - q
         complete = np.isfinite(X).all(axis=1)
-        usable = log.ok & complete
+        usable = ok & complete
         far = np.zeros(error.shape, dtype=bool)
         if max_error is not None:
             far[usable] = np.abs(error[usable]) > max_error
@@ -140,18 +143,18 @@ def calibration_data(
             TrainingSource(
                 name=log.name,
                 sha256=log.sha256,
-                rows=len(log),
-                without_truth=int((~log.ok).sum()),
-                without_history=int((log.ok & ~complete).sum()),
+                rows=len(q),
+                without_truth=int((~ok).sum()),
+                without_history=int((ok & ~complete).sum()),
                 dropped=int((usable & ~inside).sum()),
                 simulated=log.simulated,
                 leaps={name: count for name, count in spikes.items() if count},
                 beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
             )
         )
-        index = np.arange(len(log), dtype=float)
-        time = log.time if has_time and log.time is not None else index
-        columns = (X, log.q_nominal, error, leaping, np.full(len(log), i), index / len(log), time)
+        index = np.arange(0, len(log), every, dtype=float)
+        time = log.time[::every] if has_time and log.time is not None else index
+        columns = (X, q, error, leaping, np.full(len(q), i), index / len(log), time)
         parts.append(tuple(column[keep] for column in columns))
     X, q_nominal, error, leaping, recording, position, time = map(np.concatenate, zip(*parts, strict=True))
     if len(X) == 0:
@@ -178,6 +181,7 @@ def calibration_data(
         has_time=has_time,
         robot=next((log.robot for log in logs if log.robot is not None), None),
         rate_hz=_common_rate(logs),
+        every=every,
         began=tuple(log.began for log in logs),
     )
 
@@ -225,6 +229,9 @@ def counted(counts: Mapping[str, int]) -> str:
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     """Return what readers of recordings noted, and what rows were left out."""
     notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
+    if data.every > 1:
+        count = sum(len(log) for log in logs)
+        notes.append(f"of {count:,} rows one in {data.every} is learnt from; memory follows them all")
     for i, source in enumerate(data.sources):
         left_out = {
             "without measurement": source.without_truth,

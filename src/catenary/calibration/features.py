@@ -22,6 +22,7 @@ from catenary.units import TORQUE_UNIT
 Item = TypeVar("Item")
 Many = Annotated[tuple[Item, ...], Field(max_length=10_000)]  # of anything that a model has several of
 Positive = Annotated[float, Field(gt=0.0)]
+PIECE = 20_000  # rows that are computed at once
 GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
@@ -149,18 +150,22 @@ class FeatureSet:
         """
         return self.rows(log).X
 
-    def rows(self, log: MotionLog) -> FeatureRows:
-        """Return `matrix`, and what leaps on the way."""
+    def rows(self, log: MotionLog, every: int = 1) -> FeatureRows:
+        """Return `matrix`, and what leaps on the way; of rows 0, `every`, ... alone, though states follow all."""
         signals = self.signal_rows(log)
-        X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
-        leaping = np.zeros(len(log), dtype=bool)
-        starts = set(log.starts)
-        for first, last in pairwise(sorted({*starts, *log.gaps(), len(log)})):
+        count, memory, room = -(-len(log) // every), self.memory(), room_of(log, self.period)
+        X, leaping = np.empty((count, len(self.names))), np.zeros(count, dtype=bool)
+        starts, gaps = set(log.starts), set(log.gaps())
+        for first, last in pairwise(sorted({*starts, *gaps, *range(0, len(log), PIECE), len(log)})):
             if first in starts:
                 memory.clear()
-            memory.ring[:] = np.nan  # behind a gap, the previous rows are no previous commands
-            rows = slice(first, last)
-            run(self.row_steps(signals[rows], memory, X[rows], room[rows], leaping[rows]))
+            if first in gaps:
+                memory.ring[:] = np.nan  # behind a gap, the previous rows are no previous commands
+            rows, kept = slice(first, last), slice(-(-first // every), -(-last // every))
+            part = X[kept] if every == 1 else np.empty((last - first, X.shape[1]))
+            leaps = np.zeros(last - first, dtype=bool)
+            run(self.row_steps(signals[rows], memory, part, room[rows], leaps))
+            X[kept], leaping[kept] = part[-first % every :: every], leaps[-first % every :: every]
         return FeatureRows(X, leaping, self.spikes(memory))
 
     def signal_rows(self, log: MotionLog) -> Floats:

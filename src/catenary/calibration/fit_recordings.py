@@ -30,6 +30,7 @@ from catenary.robots.plausible import FARTHEST
 from catenary.units import DISPLAY
 from catenary.verdict.check import Passed, robot_of, verdict
 
+MOST_ROWS = 50_000  # that a fit learns from: time and memory grow with the states of all rows alone
 SMALLEST_TOLD = 0.01  # [deg, mm] zeros of recordings
 
 
@@ -130,7 +131,8 @@ def _rows(
     logs: Sequence[MotionLog], features: FeatureSet, run: FitRun
 ) -> tuple[CalibrationData, CalibrationData | None, CalibrationData]:
     """Return the rows that are fitted to, those held out, and all of them."""
-    everything = calibration_data(logs, features, max_error=error_limits(run.max_error, logs[0]))
+    every = -(-sum(len(log) for log in logs) // MOST_ROWS)  # neighbours in a longer recording tell hardly more
+    everything = calibration_data(logs, features, max_error=error_limits(run.max_error, logs[0]), every=every)
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)

@@ -42,7 +42,7 @@ def errors_with_left_out(
         after: (N, n) errors that models which did not see a row left there [rad|m]; this model's when None.
     """
     logs = [replace(log, ok=log.ok | left_out_rows(log)) for log in logs]
-    everything = calibration_data(logs, model.features)
+    everything = calibration_data(logs, model.features, every=data.every)
     kept = np.isin(everything.recording + everything.position, data.recording + data.position)
     gone = everything.rows(~kept)
     if not len(gone):

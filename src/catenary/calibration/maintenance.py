@@ -14,8 +14,9 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.card import valid_inputs
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
+from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_refresh import NOTHING, JointChange, Refreshed, refresh_model
+from catenary.calibration.model_refresh import BLOCKS, FEWEST_ROWS, NOTHING, JointChange, Refreshed, refresh_model
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import AS_TRAINED, Mend
@@ -143,7 +144,8 @@ def refresh_with(
     limits = error_limits(max_error, logs[0])
     found = judge_recordings(model, card, logs, accept=accept, max_error=limits, learning=True, done="refreshed")
     data = calibration_data(logs, model.features, max_error=limits)
-    refreshed = refresh_model(model, data)
+    day = find_level(model, logs, BLOCKS, limits) if len(data) >= FEWEST_ROWS else None
+    refreshed = refresh_model(model, data, day)
     notes = (*data_notes(logs, data), *found, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)
 

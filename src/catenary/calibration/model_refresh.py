@@ -1,10 +1,12 @@
 """A fitted model brought up to date by minutes of a new day: what drifted moves, what is still true stays.
 
-For each joint there are candidates, in the order of how much they change: nothing; a new zero; zero and scale, slopes
-of the correction and of the position; the linear layer onto the outputs, by ridge regression of what is left towards
-the old weights, ever less held. Each is judged on contiguous blocks of the new rows that it was not fitted to, and the
-first whose mean RMSE lies within one standard error of the best one's is taken (Breiman et al., Classification and
-Regression Trees, 1984, 3.4.3). The standard error is that of the paired differences: blocks are hard or easy for all.
+Friction of coupled joints comes first: where a day shows another level of it (friction_level.py), the model is taken
+there. Then, for each joint there are candidates, in the order of how much they change: nothing; a new zero; zero and
+scale, slopes of the correction and of the position; the linear layer onto the outputs, by ridge regression of what is
+left towards the old weights, ever less held. Each is judged on contiguous blocks of the new rows that it was not fitted
+to, and the first whose mean RMSE lies within one standard error of the best one's is taken (Breiman et al.,
+Classification and Regression Trees, 1984, 3.4.3). The standard error is that of the paired differences: blocks are hard
+or easy for all.
 
 Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. So what
 may be changed follows from what the minutes show of a joint: how much of the motion that the model was trained on, and
@@ -25,6 +27,7 @@ from catenary.calibration.conformal import estimate_intervals, rmse_of_other_min
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.fit_rows import largest_shown
+from catenary.calibration.friction_level import DayLevel
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.calibration.predictors import AnyPredictor, Constant, Linear, Network, Quadratic
@@ -33,7 +36,7 @@ from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standar
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
-NOTHING, ZERO, SCALE, LAYER = "nothing", "zero", "zero and scale", "last layer"
+NOTHING, ZERO, SCALE, LAYER, LEVEL = "nothing", "zero", "zero and scale", "last layer", "friction level"
 BLOCKS = 8  # of time, on which candidates are judged
 FEWEST_ROWS = 40  # five a block
 RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
@@ -43,6 +46,10 @@ LAYER_RIDGES = (1.0, 0.1, 0.01, 1e-3, 1e-4)
 SWEPT = 0.5  # of the trained range, from one side to the other, that makes a sweep
 # of a joint, for each kind of change: least share of the trained range, least number of sweeps
 SHOWN = {NOTHING: (0.0, 0), ZERO: (0.0, 2), SCALE: (0.6, 4), LAYER: (0.8, 8)}
+COUPLED_ZERO = (
+    0.0,
+    8,
+)  # of joints that friction couples: a neighbour, too, decides on which side of the slack they lie
 BEYOND_SLACK = 3.0  # RMS errors of the old model about their mean, beyond which a zero is no side of the slack
 FAR = 2.0  # times the change on the new rows that a candidate may bring over all of the trained motion
 SAMPLES = 256  # of the trained motion
@@ -55,7 +62,7 @@ class JointChange:
 
     name: str
     unit: str  # "deg" or "mm"
-    change: str  # NOTHING, ZERO, SCALE or LAYER
+    change: str  # NOTHING, ZERO, SCALE or LAYER, or LEVEL and one of these
     moved: float  # mean change of the correction over the new rows
     rmse_before: float  # of the old model on the new rows
     rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
@@ -74,17 +81,21 @@ class Refreshed:
     left: Floats  # (N, n) on blocks that the refreshed model's candidates were not fitted to [rad|m]
 
 
-def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
+def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel | None = None) -> Refreshed:
     """Bring a model up to date with rows of a new day.
 
     Rows outside the valid range count, and widen it, where the predictor with a new zero is nearer to the truth there
     than the fixed offset with one, on blocks, for every joint of its group. Elsewhere the predictor is changed by the
     rows inside alone.
 
+    Args:
+        day: What `find_level` gives; the model is taken from there, and its rows in place of `data`.
+
     Returns:
         A model of the same structure. Its fixed offset moves with the correction; its intervals are the wider of the
         old ones and those of the errors that were left on blocks, or none where the rows are too few to tell.
     """
+    model, data = (model, data) if day is None else (day.model, day.data)
     data.require_joints_of(model)
     if data.features != model.features:
         raise InputError("data: holds other features than the model takes")
@@ -104,7 +115,11 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
         for k, joint in enumerate(group.joints):
             offset[joint] += one.offset_moved[k]
             found[joint] = one.how[k]
-    old = model.correction(data.X, data.q_nominal)
+    old = model.correction(data.X, data.q_nominal) if day is None else data.error - day.before
+    if day is not None:
+        told = ", ".join(f"{name} {factor:.2f}" for name, factor in day.factors.items())
+        notes.append(f"friction of this day over the model's: {told}")
+        found |= {j: LEVEL if found[j] == NOTHING else f"{LEVEL}, {found[j]}" for j in day.joints}
     refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY), groups=tuple(groups))
     change = refreshed.correction(data.X, data.q_nominal) - old
     # where the new rows did not go, corrections moved as far as on them
@@ -238,6 +253,8 @@ def _refresh_group(
     if len(rows) < FEWEST_ROWS:
         return _only_offset(group, of_offset, block, notes)
     seen = [_motion_shown(group, model, data, joint) for joint in joints]
+    friction = model.features.friction
+    coupled = [friction is not None and f"q:{model.joint_names[joint]}" in friction.positions for joint in joints]
     designs = _designs(model, group, X, q, correction)
     parts = block[rows]
     residual = (error - correction)[rows]
@@ -253,11 +270,11 @@ def _refresh_group(
             for number, candidate in enumerate(candidates)
             if number < HOW.index(SCALE) or _stays_near(group.predictor, candidate, k, X[rows], elsewhere)
         ]
-        kept = [number for number in near if _is_shown(HOW[number], seen[k], residual[:, k])]
+        kept = [number for number in near if _is_shown(HOW[number], seen[k], residual[:, k], coupled[k])]
         chosen = kept[first_within_one_error(left[kept, :, k], parts)]
         wanted = near[first_within_one_error(left[near, :, k], parts)]
         if HOW[wanted] != HOW[chosen]:
-            notes = (*notes, _too_local(model.joint_names[joint], seen[k], HOW[wanted]))
+            notes = (*notes, _too_local(model.joint_names[joint], seen[k], HOW[wanted], coupled[k]))
         how.append(HOW[chosen])
         chosen_left[rows, k] = left[chosen, :, k]
         adjustments.append(candidates[chosen])
@@ -286,16 +303,21 @@ def _motion_shown(group: JointGroup, model: CalibrationModel, data: CalibrationD
     return float(np.ptp(q)) / max(box, RESOLUTION), sweeps
 
 
-def _is_shown(how: str, seen: tuple[float, int], residual: Floats) -> bool:
+def _asked(how: str, coupled: bool) -> tuple[float, int]:
+    """Return the share of the trained range, and the sweeps, that a kind of change asks for."""
+    return COUPLED_ZERO if coupled and how == ZERO else SHOWN[how]
+
+
+def _is_shown(how: str, seen: tuple[float, int], residual: Floats, coupled: bool) -> bool:
     """Return whether minutes show enough of a joint for a kind of change."""
-    share, sweeps = SHOWN[how]
+    share, sweeps = _asked(how, coupled)
     if how == ZERO and abs(residual.mean()) > BEYOND_SLACK * residual.std():
         return True
     return seen[0] >= share and seen[1] >= sweeps
 
 
-def _too_local(name: str, seen: tuple[float, int], wanted: str) -> str:
-    share, sweeps = SHOWN[wanted]
+def _too_local(name: str, seen: tuple[float, int], wanted: str, coupled: bool) -> str:
+    share, sweeps = _asked(wanted, coupled)
     return (
         f"{name}: these minutes are too local for a change of {wanted}: they show {seen[0]:.0%} of the trained range "
         f"in {seen[1]} sweeps, expected {share:.0%} and {sweeps}; drive `catenary excite --refresh`"

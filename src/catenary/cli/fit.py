@@ -221,8 +221,9 @@ def refresh(
 ) -> None:
     """Bring a model up to date with minutes of a new day.
 
-    Each joint gets the smallest change that blocks of time of the new data support: nothing, a new zero, zero
-    and scale, or a new last layer. The card says from which model it comes, what moved, and since when.
+    The level of friction comes first, where the model has friction states. Then each joint gets the smallest change
+    that blocks of time of the new data support: nothing, a new zero, zero and scale, or a new last layer. The card
+    says from which model it comes, what moved, and since when.
     `catenary excite --refresh` drives minutes that show enough.
 
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz

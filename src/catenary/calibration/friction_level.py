@@ -1,0 +1,111 @@
+"""The level of a day's friction: what differs most from one day to another of joints that friction couples.
+
+Springs and weights of a model stay; its thresholds are multiplied by a factor for each friction element. Factors are
+compared by what they leave of the coupled joints' errors about a new zero, and by how far from 1 they are, in
+logarithms of which days have a spread of LEVEL_SPREAD. Blocks of time that a factor was not found on judge it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.friction_fit import CORRELATED, LEVEL_SPREAD
+from catenary.calibration.model import CalibrationModel
+from catenary.plant import MotionLog
+
+FACTORS = np.exp([0.0, -0.25, 0.25, -0.5, -0.75])  # that are tried; the first changes nothing
+SURE = 2.0  # standard errors by which another level must be better
+WORSE = 0.1  # of what coupled joints gain, that another may lose
+
+
+class DayLevel(NamedTuple):
+    """A model at a day's level of friction."""
+
+    model: CalibrationModel
+    data: CalibrationData  # the day's rows, those of each block with features at the level that all others show
+    before: Floats  # (N, n) errors of the old model on these rows [rad|m]
+    factors: dict[str, float]  # of the friction of each coupled joint
+    joints: tuple[int, ...]  # that take friction states
+
+
+def at_level(model: CalibrationModel, factors: Floats) -> CalibrationModel:
+    """Return a model whose friction thresholds are multiplied by factors (m,)."""
+    friction = model.features.friction
+    if friction is None:
+        return model
+    thresholds = tuple(map(tuple, (np.array(friction.thresholds) * factors).tolist()))
+    return replace(model, features=replace(model.features, friction=replace(friction, thresholds=thresholds)))
+
+
+def find_level(
+    model: CalibrationModel, logs: Sequence[MotionLog], blocks: int, max_error: Floats | None = None
+) -> DayLevel | None:
+    """Return the model at the level of friction that recordings of a day show; None where they show no other.
+
+    Another level is taken where, on blocks of time that it was not found on, it leaves less of the coupled joints'
+    error than none does by SURE standard errors, and of no joint that takes friction states more than a tenth of that.
+
+    Args:
+        blocks: Of time, that the rows are cut into.
+        max_error: (n,) [rad|m]; rows with larger errors are left out.
+    """
+    friction = model.features.friction
+    if friction is None:
+        return None
+    m = len(friction.directions)
+    tried = np.array([*product(FACTORS, repeat=m)] if m == 2 else [np.full(m, factor) for factor in FACTORS])
+    names = [position.removeprefix("q:") for position in friction.positions]
+    lags = {name for name, _ in friction.columns}
+    columns = [i for i, name in enumerate(model.features.names) if name in lags]
+    taking = [j for group in model.groups if np.isin(columns, group.columns).any() for j in group.joints]
+    coupled = [k for k, j in enumerate(taking) if model.joint_names[j] in names]
+    if not coupled:
+        return None
+    parts = []
+    for factors in tried:
+        data = _rows_at(model, logs, factors, max_error)
+        parts.append((data.error - model.correction(data.X, data.q_nominal))[:, taking])
+    left = np.array(parts)
+    block = np.arange(left.shape[1]) * blocks // left.shape[1]
+    best = [_best(left[:, block != k][..., coupled], tried) for k in range(blocks)]
+    rmse = np.array(
+        [
+            [_rms_about(left[c, block == k], left[c, block != k].mean(axis=0)) for c in (0, best[k])]
+            for k in range(blocks)
+        ]
+    )
+    gain = np.log(rmse[:, 0] / rmse[:, 1])  # (K, joints)
+    of_coupled = gain[:, coupled].mean(axis=1)
+    chosen = _best(left[..., coupled], tried)
+    sure = of_coupled.mean() > SURE * of_coupled.std(ddof=1) / np.sqrt(blocks)
+    if chosen == 0 or not sure or (gain.mean(axis=0) < -WORSE * of_coupled.mean()).any():
+        return None
+    data, new = _rows_at(model, logs, tried[0], max_error), at_level(model, tried[chosen])
+    X = np.empty_like(data.X)
+    for c in set(best):
+        rows = np.isin(block, np.flatnonzero(np.array(best) == c))
+        X[rows] = _rows_at(model, logs, tried[c], max_error).X[rows]
+    before = data.error - model.correction(data.X, data.q_nominal)
+    factors = dict(zip(names, tried[chosen].tolist(), strict=False))
+    return DayLevel(new, replace(data, X=X, features=new.features), before, factors, tuple(taking))
+
+
+def _rows_at(
+    model: CalibrationModel, logs: Sequence[MotionLog], factors: Floats, max_error: Floats | None
+) -> CalibrationData:
+    return calibration_data(logs, at_level(model, factors).features, max_error=max_error)
+
+
+def _best(left: Floats, tried: Floats) -> int:
+    """Return which factors (C, m) leave least of errors (C, N, j) about their mean, nearest to 1 if alike."""
+    spread = 0.5 * left.shape[1] / CORRELATED * np.log(np.maximum(left.var(axis=1), 1e-30)).sum(axis=1)
+    return int(np.argmin(spread + 0.5 * np.square(np.log(tried) / LEVEL_SPREAD).sum(axis=1)))
+
+
+def _rms_about(errors: Floats, zero: Floats) -> Floats:
+    return np.asarray(np.sqrt(np.mean(np.square(errors - zero), axis=0)))
