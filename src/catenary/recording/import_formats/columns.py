@@ -32,6 +32,7 @@ class Stream:
     constants: Mapping[str, float] = field(default_factory=dict)  # single numbers of a file, such as a rate
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # arrays of texts of a file
     starts: tuple[int, ...] = (0,)  # rows of a table at which a recording begins
+    began: float = 0.0  # [s since 1970] at time zero of a table's first recording, where its container says it
     notes: tuple[str, ...] = ()
 
 
