@@ -25,7 +25,7 @@ _Convention = Literal["modified", "standard"] | None
 _Matrix = tuple[tuple[float, float, float, float], ...]
 
 
-class _TableRow(Recorded):
+class _DvrkJoint(Recorded):
     """A row of the table: lengths in m, angles in rad, strength in Nm or N."""
 
     name: str = ""
@@ -44,7 +44,7 @@ class _TableRow(Recorded):
 
 class _Table(Recorded):
     convention: _Convention = None
-    joints: tuple[_TableRow, ...] = Field(min_length=1, validation_alias=AliasChoices("joints", "links"))
+    joints: tuple[_DvrkJoint, ...] = Field(min_length=1, validation_alias=AliasChoices("joints", "links"))
 
 
 class _Kinematics(Recorded):
@@ -109,7 +109,7 @@ def _kinematics(path: Path, content: dict[str, Any]) -> _Kinematics:
     return found
 
 
-def _link(name: str, joint: _TableRow) -> dict[str, Any]:
+def _link(name: str, joint: _DvrkJoint) -> dict[str, Any]:
     turns = joint.type == "revolute"
     own: dict[str, Any] = {} if joint.ftmax is None else {"effort_nm" if turns else "effort_n": joint.ftmax}
     if joint.qmin is not None and joint.qmax is not None:
