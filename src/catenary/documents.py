@@ -25,7 +25,7 @@ LARGEST = 2**128  # of integers: seeds of NumPy have up to 128 bits
 SHOWN = 200  # characters of a value or a message that an error repeats
 
 # a text of JSON, which may hold // and /*, or a comment; one that does not end goes to the end of the file
-_TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+_TEXT_OR_COMMENT = re.compile(rb'"(?:\\.|[^"\\])*+(?:"|\\?\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 
 

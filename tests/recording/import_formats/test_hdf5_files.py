@@ -153,7 +153,7 @@ def test_matlab_s_version_7_3_reads_as_the_versions_before(tmp_path: Path) -> No
     assert_allclose(log.time, np.arange(200) / 20, atol=1e-9)
     (stream,) = Sources([tmp_path / "lab.mat"]).streams
     assert (stream.texts["robot"], stream.constants["fs"]) == (("dvrk_psm",), 20.0)
-    assert any("cells (holds references or lists)" in note for note in stream.notes)
+    assert any("cells (neither numbers nor texts)" in note for note in stream.notes)
 
 
 def test_arms_that_are_numbered_are_no_episodes(tmp_path: Path) -> None:
@@ -211,10 +211,10 @@ HARMFUL: dict[str, tuple[Callable[[Any], object], str]] = {
     "negative": (lambda f: f.create_dataset("q", (2**62, 1), dtype="i1", chunks=(1000, 1)), "more than its file"),
     "wide": (lambda f: f.create_dataset("q", (20_000, 20_000), dtype="i1", chunks=(100, 100)), "more than its file"),
     "many": (lambda f: [f.create_group(f"g{i}") for i in range(60)], "more than 50 groups and arrays"),
-    "nothing": (lambda f: f.create_group("a"), "holds no array of numbers"),
+    "nothing": (lambda f: f.create_group("a"), "holds no row of numbers"),
     "structures": (lambda f: f.create_dataset("q", data=[(1, 2.0)], dtype=[("a", "i4"), ("b", "f8")]), "holds"),
-    "references": (lambda f: f.create_dataset("q", (5,), dtype=h5py.ref_dtype), "references"),
-    "lists": (lambda f: f.create_dataset("q", (5,), dtype=h5py.vlen_dtype(np.float64)), "holds no array of numbers"),
+    "references": (lambda f: f.create_dataset("q", (5,), dtype=h5py.ref_dtype), "neither numbers nor texts"),
+    "lists": (lambda f: f.create_dataset("q", (5,), dtype=h5py.vlen_dtype(np.float64)), "holds no row of numbers"),
     "empty": (lambda f: f.create_dataset("q", data=h5py.Empty("f8")), "empty"),
     "no JSON": (lambda f: [f.create_dataset("q", data=joints(9, 2)), f.attrs.update({"env_args": "{"})], "env_args"),
 }

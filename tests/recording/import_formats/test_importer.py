@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import ConfigError, InputError
+from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
@@ -210,3 +211,31 @@ def test_bags_of_one_recording_and_a_csv_beside_them_are_one_log(tmp_path: Path)
     assert log.time is not None
     assert_allclose(log.signals["force"], np.sin(log.time), atol=1e-6)
     assert log.signal_units["force"] == "N"
+
+
+@pytest.mark.parametrize("left", ["cut off while it was recorded", "without metadata.yaml", "one of its files"])
+def test_bags_that_nobody_closed_are_read(tmp_path: Path, left: str) -> None:
+    bag = two_topics(tmp_path / "lab", "ros1" if left.startswith("cut") else "sqlite")
+    if left.startswith("cut"):  # rosbag renames it when it is closed
+        data = bag.read_bytes()
+        bag = tmp_path / "lab.bag.active"
+        bag.write_bytes(data[: len(data) * 3 // 4])
+    else:
+        (bag / "metadata.yaml").unlink()
+        bag = next(bag.glob("*.db3")) if left == "one of its files" else bag
+    log = import_recording(bag, BY_HAND, units="rad,rad,m")
+    assert log.time is not None
+    assert len(log) > 500
+    assert_allclose(log.q_nominal, true_q(log.time), atol=1e-9)
+
+
+@pytest.mark.parametrize("encoding", ["json", "protobuf"])
+def test_mcap_in_other_encodings_is_called_what_it_is(tmp_path: Path, encoding: str) -> None:
+    with (tmp_path / "lab.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/joints", encoding, writer.register_schema("lab.Joints", encoding, b"{}"))
+        writer.add_message(channel, 0, b'{"q": [0.1]}', 0)
+        writer.finish()
+    with pytest.raises(FileFormatError, match=f"/joints is in {encoding}, which is left out; .*PlotJuggler exports"):
+        import_recording(tmp_path / "lab.mcap", BY_HAND)

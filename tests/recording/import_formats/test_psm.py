@@ -13,6 +13,8 @@ from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
 from catenary.recording.topic_samples import topic_named
 from catenary.verdict.check import findings_of
+from catenary.workflows.import_recording import import_recording, propose_mapping
+from lab_bags import JOINT_STATE, joint_state, write_bag
 
 TIME = np.arange(4000) * 1e-3
 SPEED = np.array([0.1, -0.1, 0.02, 0.5, -0.4, 0.3])
@@ -72,3 +74,31 @@ def test_topics_of_others_are_not_taken_for_a_psms(name):
 def test_a_namespace_that_no_psm_has_is_refused():
     with pytest.raises(InputError, match=r'namespace "/MTML": expected one whose last word begins with PSM'):
         psm_topic("/MTML", "measured_js")
+
+
+SHORT = ("yaw", "pitch", "insertion", "roll", "wrist_pitch", "wrist_yaw")  # of the dVRK's present versions
+
+
+@pytest.mark.parametrize("count", [3, 6])  # without an instrument, and with one
+@pytest.mark.parametrize("names", [PSM_JOINTS, SHORT])
+def test_potentiometers_are_offered_as_what_measured_the_joints(tmp_path, count, names):
+    time = np.arange(600) * 1e-2
+    q = (0.2 * np.sin(np.outer(time, 1.0 + 0.3 * np.arange(6))) + [0, 0, 0.12, 0, 0, 0])[:, :count]
+    topics = ("/PSM1/measured_js", "/PSM1/setpoint_js", "/PSM1/io/pot/measured_js")
+    messages = [
+        (t, topic, joint_state(names[:count], row + 0.02 * ("pot" in topic)))
+        for topic in topics
+        for t, row in zip(time, q, strict=True)
+    ]
+    bag = write_bag(tmp_path / "psm", "ros1", dict.fromkeys(topics, JOINT_STATE), messages)
+    proposal = propose_mapping(bag, robot=ROBOT)
+    assert [question.partition(" are q_encoder")[0] for question in proposal.questions] == [
+        "whether the potentiometers /PSM1/io/pot/measured_js.position"
+    ]
+    assert (
+        "mm" not in proposal.toml.partition("[q_nominal]")[2]
+    )  # -80 mm is beyond the limit: no reason to read microns
+    log = import_recording(bag, [f"q_nominal={topics[0]}.position", f"q_encoder={topics[2]}.position"], robot=ROBOT)
+    assert log.joint_names == PSM_JOINTS[:count]
+    assert log.joint_units == ("rad", "rad", "m", "rad", "rad", "rad")[:count]
+    assert_allclose(log.q_encoder - log.q_nominal, 0.02, atol=1e-9)

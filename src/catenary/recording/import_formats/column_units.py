@@ -22,6 +22,7 @@ _TYPES_IN_SI = ("JointState", "JointTrajectoryControllerState")
 _LARGEST_TURN = 7.0  # [rad]: more than a turn; joints of arms stay within
 _LARGEST_SLIDE = 1.0  # [m]; what moves farther is in mm
 _BEYOND = 0.25  # of a joint's range, by which a recording may leave its limits
+_FAR_BEYOND = 3.0  # times a joint's limit, within which a number in rad or m may be an error of it; in deg or mm not
 _END = 0.05  # [rad] by which a range that is one whole turn may miss its ends
 _NEAR = 1.25  # factor within which ranges are taken for the same
 _SLIDING = ("insertion", "prismatic", "slide", "slider", "lift", "linear", "rail", "gantry")
@@ -90,7 +91,10 @@ def _is_normalised(one: Candidate) -> bool:
 
 
 def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> str | None:
-    """Return the unit in which a joint's range lies within its limits, SI's where both do; None where none does."""
+    """Return the unit in which a joint's range lies within its limits, SI's where both do; None where none does.
+
+    Numbers that SI's limits are merely a little short for are not of the smaller unit, where anything would lie within.
+    """
     lower, upper = model.lower[joint], model.upper[joint]
     if not (math.isfinite(lower) and math.isfinite(upper)):
         return None
@@ -101,6 +105,8 @@ def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> st
     margin = _BEYOND * (upper - lower)
     for unit in _IN_WORDS[model.joint_units[joint]]:
         scale = SI[unit][1]
+        if scale < 1.0 and max(abs(low), abs(high)) < _FAR_BEYOND * max(abs(lower), abs(upper)):
+            return None
         if lower - margin <= scale * low and scale * high <= upper + margin:
             return unit
     return None

@@ -6,6 +6,7 @@ of MATLAB's structs `log.q`. Nothing is followed out of the file, nor read that 
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,22 +17,21 @@ from numpy.typing import NDArray
 from catenary.archives import MOST, MOST_ARRAYS, RATIO
 from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError
-from catenary.recording.import_formats.columns import Stream
-from catenary.recording.import_formats.episodes import Episode, began_of, streams_of_episodes, wanted_episodes
-from catenary.recording.import_formats.table_files import DEEPEST
+from catenary.recording.import_formats.columns import Stream, natural
+from catenary.recording.import_formats.episodes import began_of, in_a_row, wanted_episodes
+from catenary.recording.import_formats.table_files import DEEPEST, streams_of_arrays
 from catenary.recording.import_formats.table_time import RATES
 
 if TYPE_CHECKING:
     import h5py
 
-ENDINGS = (".hdf5", ".h5", ".hdf")
 MAGIC = b"\x89HDF\r\n\x1a\n"
 MOST_NODES = 100_000  # groups and arrays of a file
 MOST_TEXTS = 1000  # of an array of texts, such as joints' names
 _EPISODE = re.compile(
     r"(?:(?:demo|episode|ep|traj|trajectory|trial|run|rec|recording|session|take)[_ -]?)?\d{1,9}", re.I
 )
-_UNREADABLE = (OSError, KeyError, ValueError, TypeError, RuntimeError, MemoryError, OverflowError, NotImplementedError)
+_UNREADABLE = (OSError, LookupError, ValueError, TypeError, RuntimeError, MemoryError, OverflowError)
 
 
 def is_hdf5(path: Path) -> bool:
@@ -70,38 +70,40 @@ class _Content:
     """What an open file holds."""
 
     def __init__(self, path: Path, file: "h5py.File") -> None:
-        self._path, self._file = path, file
+        self._path, self._file, self._left = path, file, list[str]()
         self._most = max(MOST, RATIO * path.stat().st_size)  # [B] that are still read
         self._nodes, self._seen = 0, set[int]()  # those counted; addresses of groups
-        self.left: list[str] = []
         self._found: dict[str, h5py.Dataset] = {}
         self._walk(file, "", 0)
         self._is_matlab = any("MATLAB_class" in each.attrs for each in self._found.values())
 
     def streams(self, wanted: str) -> list[Stream]:
-        """Return the arrays of its episodes."""
-        by_episode: dict[str, dict[str, str]] = {}  # path of an array by its name in the episode
-        outside: dict[str, str] = {}
+        """Return the arrays that all episodes have; of a file without episodes, all."""
+        of: dict[str, dict[str, str]] = {}  # paths of arrays by their names, by episode
         for path in self._found:
-            parts = path.split("/")
-            at = next((i for i, part in enumerate(parts[:-1]) if _EPISODE.fullmatch(part)), None)
-            own = outside if at is None else by_episode.setdefault("/".join(parts[: at + 1]), {})
-            own["/".join(parts if at is None else parts[at + 1 :])] = path
-        if not by_episode or not set[str].intersection(*map(set, by_episode.values())):
-            by_episode, outside = {"": {path: path for path in self._found}}, {}
-        names = sorted(by_episode, key=lambda name: [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", name)])
-        chosen = wanted_episodes(self._path, [name for name in names if name], wanted) if wanted or names[0] else names
-        shared = self._arrays(outside)
-        episodes = []
-        for name in chosen:
-            told = self._told(name)
-            rate = next((float(told[key]) for key in RATES if isinstance(told.get(key), int | float)), None)
-            episodes.append(Episode(name, shared | self._arrays(by_episode[name]), rate, began_of(told)))
-        if not any(array.dtype.kind in "biuf" for episode in episodes for array in episode.arrays.values()):
-            why = f"; {', '.join(self.left[:10])}" if self.left else ""
-            raise FileFormatError(f"{self._path}: holds no array of numbers of one or two dimensions{why}")
-        notes = [f"left out: {', '.join(dict.fromkeys(self.left[:10]))}"] * bool(self.left)
-        return streams_of_episodes(self._path, episodes, notes)
+            steps = path.split("/")
+            at = next((i for i, step in enumerate(steps[:-1]) if _EPISODE.fullmatch(step)), -1)
+            of.setdefault("/".join(steps[: at + 1]), {})["/".join(steps[at + 1 :])] = path
+        outside = of.pop("", {})
+        if not of or not set[str].intersection(*map(set, of.values())):
+            of, outside = {"": {path: path for path in self._found}}, {}
+        chosen = wanted_episodes(self._path, sorted(of, key=natural), wanted)
+        parts = [self._arrays(of[name]) for name in chosen]
+        alike = [name for name in parts[0] if len({part[name].shape[1:] if name in part else 0 for part in parts}) == 1]
+        self._left += [f"{name} (not alike in all episodes)" for name in parts[0] if name not in alike]
+        rows = [max((len(part[name]) for name in alike if part[name].ndim), default=0) for part in parts]
+        told = self._told(chosen[0])
+        rate = next((float(told[key]) for key in RATES if isinstance(told.get(key), int | float)), None)
+        whole = {name: np.concatenate([np.atleast_1d(part[name]) for part in parts]) for name in alike}
+        arrays = self._arrays(outside) | (whole if len(chosen) > 1 else parts[0])
+        if not any(array.dtype.kind in "biuf" for array in arrays.values()):
+            raise FileFormatError(f"{self._path}: holds no row of numbers; left out: {', '.join(self._left[:10])}")
+        first, *others = streams_of_arrays(self._path, arrays, rows_first=len(chosen) > 1)
+        constants = dict(first.constants) | ({} if rate is None else {"rate_hz": rate})
+        notes = [*in_a_row(self._path, chosen), *[f"left out: {', '.join(self._left[:10])}"] * bool(self._left)]
+        starts = tuple(np.cumsum([0, *rows[:-1]]).tolist()) if first.rows == sum(rows) else (0,)
+        first = replace(first, starts=starts, constants=constants, began=began_of(told), notes=(*notes, *first.notes))
+        return [first, *others]
 
     def _walk(self, group: "h5py.Group", prefix: str, depth: int) -> None:
         """Find the arrays, by hard links alone, which may lead to a group again, within itself even."""
@@ -109,7 +111,7 @@ class _Content:
 
         address = h5py.h5o.get_info(group.id).addr
         if address in self._seen:
-            self.left.append(f"{cut(prefix)} (a group that is there under another name)")
+            self._left.append(f"{cut(prefix)} (a group that is there under another name)")
             return
         self._seen.add(address)
         for name in group:
@@ -118,65 +120,51 @@ class _Content:
                 raise FileFormatError(f"{self._path}: more than {MOST_NODES} groups and arrays")
             path = f"{prefix}{name}"
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                self.left.append(f"{cut(path)} (a link)")
-                continue
-            node = group[name]
-            if isinstance(node, h5py.Group) and depth < DEEPEST and not (depth == 0 and name.startswith("#")):
-                self._walk(node, f"{path}/", depth + 1)
-            elif isinstance(node, h5py.Dataset):
+                self._left.append(f"{cut(path)} (a link)")
+            elif isinstance(node := group[name], h5py.Dataset):
                 self._found[path] = node
+            elif isinstance(node, h5py.Group) and depth < DEEPEST and not (depth == 0 and name.startswith("#")):
+                self._walk(node, f"{path}/", depth + 1)
 
     def _arrays(self, paths: Mapping[str, str]) -> dict[str, NDArray[Any]]:
         if len(paths) > MOST_ARRAYS:
             raise FileFormatError(f"{self._path}: {len(paths)} arrays, expected {MOST_ARRAYS} at most")
-        found = {}
-        for name, path in paths.items():
-            array = self._array(path, self._found[path])
-            if array is not None:
-                found[name.replace("/", ".") if self._is_matlab else name] = array
-        return found
+        read = {name: self._array(path, self._found[path]) for name, path in paths.items()}
+        join = "." if self._is_matlab else "/"
+        return {name.replace("/", join): array for name, array in read.items() if array is not None}
 
     def _array(self, path: str, data: "h5py.Dataset") -> NDArray[Any] | None:
         """Return an array's numbers or texts; None, and why, of what is neither, or stands in other files."""
         import h5py
 
-        shape, kind = data.shape, data.dtype.kind
-        text = h5py.check_string_dtype(data.dtype) is not None
+        shape, is_text = data.shape, h5py.check_string_dtype(data.dtype) is not None
         why = ""
-        if shape is None:
+        if shape is None or 0 in shape:
             why = "empty"
         elif data.external or data.is_virtual:
             why = "its numbers stand in another file"
-        elif not (text or kind in "biuf"):
-            why = f"holds {cut(str(data.dtype)) if kind != 'O' else 'references or lists'}"
-        elif sum(length > 1 for length in shape) > 2:
+        elif not (is_text or data.dtype.kind in "biuf"):
+            why = "neither numbers nor texts"
+        elif sum(length > 1 for length in shape) > 2 or (is_text and prod(shape) > MOST_TEXTS):
             why = f"of shape {shape}, no rows of numbers"
-        elif text and prod(shape) > MOST_TEXTS:
-            why = f"{prod(shape)} texts"
         if why:
-            self.left.append(f"{cut(path)} ({why})")
+            self._left.append(f"{cut(path)} ({why})")
             return None
         self._most -= prod(shape) * max(8, data.dtype.itemsize)
         if self._most < 0:
             raise FileFormatError(f"{self._path}: {cut(path)}: an array of shape {shape}, more than its file can hold")
-        values = np.asarray(data.asstr()[()] if text else data[()])
-        if text:
-            return np.squeeze(values.astype(str))
+        values = np.asarray(data.asstr()[()].astype(str) if is_text else data[()])
         if data.attrs.get("MATLAB_class") == b"char":
-            return np.array("".join(map(chr, values.ravel(order="C").tolist())))
+            return np.array("".join(map(chr, values.ravel().tolist())))
         return np.squeeze(values.T if self._is_matlab else values)
 
     def _told(self, episode: str) -> dict[str, Any]:
         """Return what attributes say, of the episode above all, then of what it is in; a simulator's own rate, too."""
         told: dict[str, Any] = {}
-        parts = episode.split("/") if episode else []
-        for depth in range(len(parts), -1, -1):
-            for key, value in self._file["/".join(parts[:depth]) or "/"].attrs.items():
+        inner = episode.split("/")
+        for depth in range(len(inner) + 1):
+            for key, value in self._file["/".join(inner[:depth]) or "/"].attrs.items():
                 plain = value.decode(errors="replace") if isinstance(value, bytes) else value
-                told.setdefault(
-                    key, plain.item() if isinstance(plain, np.generic | np.ndarray) and plain.size == 1 else plain
-                )
-        if isinstance(told.get("env_args"), str):
-            inner = json_table(told["env_args"], f"{self._path}: env_args").get("env_kwargs")
-            told = (inner if isinstance(inner, dict) else {}) | told
-        return told
+                told[key] = plain.item() if isinstance(plain, np.generic | np.ndarray) and plain.size == 1 else plain
+        simulator = json_table(str(told.get("env_args", "{}")), f"{self._path}: env_args").get("env_kwargs")
+        return (simulator if isinstance(simulator, dict) else {}) | told

@@ -20,6 +20,7 @@ from catenary.recording.series import WIDE, ClockStep, Series, clean_series, int
 from catenary.topics import SECOND
 
 APART = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
+APART_FROM_1970 = 10**9 * SECOND  # [ns] below which stamps count from a zero of their own
 BASE = "q_nominal"  # the quantity whose samples are the rows
 # of a quantity's rows, or of q_nominal's: a table that lacks more of them has the two at rates of their own
 OTHER_RATE = 0.5
@@ -84,6 +85,7 @@ class OneClock:
             self.rows_of_table = rows = series.values[:, -1].astype(np.int64)
             self._own_stamp = table.stamp[rows]
             self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
+        self._began = streams[self.base].began
         self._timed = table is None or table.column is not None
         self.reports = tuple(one.report for one in found.values())
         self.notes = stamps.notes + [note for report in self.reports for note in report.notes()]
@@ -115,13 +117,13 @@ class OneClock:
         if not self._timed:
             return None, 0.0
         stamp = self._own_stamp[whole]
+        began = int(stamp[0]) / SECOND + (self._began if stamp[0] < APART_FROM_1970 else 0.0)
         if self._seconds is None:
-            time = (stamp - stamp[0]) / SECOND
-            return time, int(stamp[0]) / SECOND
+            return (stamp - stamp[0]) / SECOND, began
         seconds = self._seconds[whole]
         if self._mapping.time_zero == "file":
             return seconds, 0.0
-        return seconds - seconds[0], int(stamp[0]) / SECOND
+        return seconds - seconds[0], began
 
     def rows(self, key: str) -> Floats:
         """Return a quantity at the stamps of q_nominal, (N, k); NaN in gaps."""
