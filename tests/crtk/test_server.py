@@ -434,3 +434,18 @@ def test_a_parked_arm_stays_disabled_where_it_was_put_and_obeys_nothing():
             command()
     with pytest.raises(InputError):
         ParkedArm(("a", "b"), ("rad", "m"), [0.5])
+
+
+def test_ticks_that_are_made_up_for_at_once_are_stamped_as_they_were_due() -> None:
+    robot = ServedRobot()
+    heard = [robot.hear(verb) for verb in ("setpoint_js", "measured_js")]
+    robot.tick(1200)
+    for topic in heard:
+        topic.take()
+    robot.clock.sleep(0.02)
+    for late in range(20, 0, -1):  # the clock stands meanwhile
+        robot.server.tick(late=1e-3 * late)
+    for topic in heard:
+        assert np.diff([one.message.header.stamp for one in topic.take()]).tolist() == pytest.approx(
+            [1e6] * 19, abs=2
+        )  # one is 1 ns behind the last

@@ -19,6 +19,7 @@ from catenary.recording.bag_writer import write_group_bags
 from catenary.recording.extract import extract, topic_file
 from catenary.recording.import_formats.raven_recordings import read_raven
 from catenary.recording.journal import About
+from catenary.recording.journal_reader import JournalReader
 from catenary.recording.topic_samples import topic_named
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
@@ -59,6 +60,18 @@ def test_ctrl_c_ends_a_recording_properly(robot: RobotOnLoopback, tmp_path: Path
 
 def stamps(folder: Path, topic: str) -> Any:
     return np.array([stamp for _, stamp, _ in open_recording(folder).messages((topic,))])
+
+
+def test_a_recorder_that_stood_still_says_when(robot: RobotOnLoopback, tmp_path: Path) -> None:
+    with TopicRecorder(robot.transport, tmp_path / "stood", raven_topics(), about=About(robot="raven2")) as recorder:
+        for pause in (0.0, 0.02, 3.0, 0.4):
+            robot.transport.sleep(pause)
+            recorder.collect()
+        assert [one for one in recorder.problems() if "stood" in one] == recorder.remarks
+    reader = JournalReader(tmp_path / "stood")
+    assert list(reader.messages())
+    (remark,) = [one for one in reader.problems if "stood" in one]
+    assert "stood still for 3.0 s, 0.0 s after the begin" in remark
 
 
 def test_topics_come_at_the_rates_they_are_recorded_at(journal: Path) -> None:

@@ -193,10 +193,13 @@ class Server:
         if button and transport.has_services:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
 
-    def tick(self) -> None:
-        """Read the commands that have come, move the arms by a tick, publish."""
+    def tick(self, late: float = 0.0) -> None:
+        """Read the commands that have come, move the arms by a tick, publish.
+
+        A tick that is `late` [s] is stamped as it was due: of several at once, each has the time of its own state.
+        """
         now = self.transport.steady()
-        stamp = self._stamps.next(now)
+        stamp = self._stamps.next(now - round(late * SECOND))
         self.transport.poll()
         arrivals = self.transport.inbox.arrivals
         if arrivals != self._arrivals or self._is_behind:  # else nothing waits

@@ -34,6 +34,7 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
 TICK = 0.02  # [s] between two `collect` of a recording without a motion of ours
 CLOCK_SET = 0.1  # [s] by which the machine's clock has to be set to be noted
+STOOD_STILL = 0.5  # [s] between two looks at what has come
 
 
 @dataclass
@@ -90,7 +91,8 @@ class TopicRecorder:
         self._kept: list[_Kept] = []
         self._transport, self._begin = transport, transport.steady()
         self._set = transport.clock.set_by()  # [ns]
-        self.clock_steps: list[str] = []  # in words
+        self._collected: int | None = None  # [ns] when last
+        self.remarks: list[str] = []  # on the machine's clock, and stalls of this program
         try:
             for topic in topics:
                 source = RAVENSTATE.name if topic.name == RAVENSTATE_100HZ.name else topic.name
@@ -108,6 +110,7 @@ class TopicRecorder:
     def collect(self) -> int:
         """Write what has arrived since the last call; return how many messages were kept."""
         self._note_clock()
+        self._note_stall()
         if self._after is not None:
             self.journal.note(self._after.gap(self._transport.steady()))
             self._after = None
@@ -139,8 +142,8 @@ class TopicRecorder:
         return tuple(kept.count for kept in self._kept)
 
     def problems(self) -> list[str]:
-        """Return the topics of which nothing came, or not all was collected, and when the clock was set."""
-        return [note for count in self.counts if (note := count.note()) is not None] + self.clock_steps
+        """Return the topics of which nothing came, or not all was collected, and remarks on clock and stalls."""
+        return [note for count in self.counts if (note := count.note()) is not None] + self.remarks
 
     def close(self) -> None:
         """Finish the recording; a second time does nothing."""
@@ -154,11 +157,24 @@ class TopicRecorder:
         if abs(step) < CLOCK_SET:
             return
         at, self._set = (self._transport.steady() - self._begin) / SECOND, by
-        self.clock_steps.append(
+        self._note(
             f"the machine's clock was set by {step:+.3f} s, {at:.1f} s after the begin; arrivals go on by the clock "
             "as it was, and nothing is lost"
         )
-        self.journal.note(self.clock_steps[-1])
+
+    def _note_stall(self) -> None:
+        """Note in the recording that this program stood still: peers lose what does not wait for it in their queues."""
+        now, last = self._transport.steady(), self._collected
+        self._collected = now
+        if last is not None and (stood := (now - last) / SECOND) > STOOD_STILL:
+            at = (last - self._begin) / SECOND
+            self._note(
+                f"the recorder stood still for {stood:.1f} s, {at:.1f} s after the begin; messages may be missing"
+            )
+
+    def _note(self, remark: str) -> None:
+        self.remarks.append(remark)
+        self.journal.note(remark)
 
     def _end_subscriptions(self) -> None:
         for kept in self._kept:
