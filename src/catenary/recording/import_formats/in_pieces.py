@@ -36,7 +36,9 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
     """
     table = sources.long_text
     optional = any(part is not None and part.optional for part in (mapping.qd, mapping.tau, *mapping.signals.values()))
-    if table is None or optional:  # a piece may have what another lacks
+    pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
+    registers = pose is not None and None in (pose.T_base_tracker, pose.T_marker_frame)
+    if table is None or optional or registers:  # a piece may have what another lacks, or be registered elsewhere
         yield synchronise(sources, mapping, model=model).log
         return
     sample = sources.streams[0]
