@@ -72,7 +72,7 @@ def test_files_and_names_of_the_package_that_a_page_names_exist(page: Path) -> N
 
 # packages that are imported by another name than they are installed by, or that come with ROS
 IMPORTED = {"sklearn": "scikit_learn", "serial": "pyserial"}
-OF_ROS = {"rospy", "rosgraph", "genpy", "xacro"}
+OF_ROS = {"rospy", "rosgraph", "genpy", "xacro", "rclpy", "rcl_interfaces", "crtk_msgs"}
 
 
 def _declared(requirements: list[str]) -> set[str]:

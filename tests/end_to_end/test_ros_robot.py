@@ -79,7 +79,7 @@ def test_served_robot_is_calibrated_to_its_report(meeting: Meeting, tmp_path, mo
     project = tmp_path / "project"
     with Program(programs, PATIENT_COMMAND, "serve", "--ros", ros, "--homed", "--json") as server:
         server.line()  # it is up
-        # a loaded machine loses messages and pairs what it has from up to 50 ms apart, which reads as a delay
+        # a client on a loaded machine loses messages, and pairs rows up to 50 ms apart
         accepted = ("--accept", "delay")
         outcome = catenary("calibrate", project, "--ros", ros, "--yes", "--simulated", "--json", *accepted)
     assert outcome.code == 0, outcome.err

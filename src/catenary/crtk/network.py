@@ -10,6 +10,8 @@ from catenary.crtk.dds.arguments import RosArguments, said_ros_arguments
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError, MissingPackageError, to_install
 
+# whose rclpy does not say which program sent a message: a served arm could not refuse a second one there
+_TELLING_NO_SENDER = ("humble", "iron", "jazzy")
 _logger = logging.getLogger(__name__)
 
 
@@ -40,6 +42,8 @@ def make_transport(ros: str, name: str) -> Transport:
 def _rclpy_transport(name: str, said: RosArguments) -> Transport | None:
     """Join ROS 2 by rclpy, where that is asked for, or not excluded and possible."""
     if said.transport == "dds" or (said.transport is None and said.distro is not None):
+        return None
+    if said.transport is None and os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
         return None
     if said.distro is not None:
         raise InputError("--ros-distro: does not go with --transport rclpy, which is of one distribution")

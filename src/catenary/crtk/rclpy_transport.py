@@ -131,7 +131,7 @@ class _Taken(CallbackGroup):  # type: ignore[misc]  # rclpy is not typed
         return False
 
 
-class _RclpyTopic(HeardTopic):
+class _ReadTopic(HeardTopic):
     """A topic that is heard.
 
     A reader that asks for more than a writer offers gets nothing of it, and one that asks for less gets nothing that
@@ -260,13 +260,13 @@ class RclpyTransport(Transport):
         while not self.inbox.closed:
             came = False
             try:
-                heard = [one for one in tuple(self._heard.values()) if isinstance(one, _RclpyTopic)]
+                heard = [one for one in tuple(self._heard.values()) if isinstance(one, _ReadTopic)]
                 for topic in heard:
                     came |= topic.take()
                 if time.monotonic() > looked + _LOOK:
                     looked = time.monotonic()
                     for one in (*heard, *tuple(self._publishers.values())):
-                        if isinstance(one, _RclpyTopic | _Publisher):
+                        if isinstance(one, _ReadTopic | _Publisher):
                             one.look()
             except Exception:  # one message, or one program, must not end it
                 _logger.exception("receiver of %s", self.name)
@@ -299,7 +299,7 @@ class RclpyTransport(Transport):
 
     def _hear(self, topic: str, type_name: str) -> HeardTopic:
         kind = self._kind(type_name, "msg")
-        return HeardTopic(type_name, lambda: None) if kind is None else _RclpyTopic(self, kind, topic, type_name)
+        return HeardTopic(type_name, lambda: None) if kind is None else _ReadTopic(self, kind, topic, type_name)
 
     def _serve(self, name: str, type_name: str, handler: Handler) -> None:
         kind = self._kind(type_name, "srv")
