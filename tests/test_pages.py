@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 DOCS = Path(__file__).parents[1] / "docs"
-GENERATED = {"public-robots"}  # by python -m tests.descriptions
+GENERATED = {"public-robots", "formats-read"}  # by python -m tests.descriptions, tests.gallery
 PAGES = [
     page
     for page in sorted(DOCS.rglob("*.md"))

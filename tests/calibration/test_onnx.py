@@ -172,7 +172,7 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(FileFormatError, match="cannot be written: No such file or directory"):
         save_onnx(model, CARD, tmp_path / "nowhere" / "a.onnx")
     monkeypatch.setitem(sys.modules, "onnx", None)  # what Python itself puts there to forbid an import
-    with pytest.raises(MissingPackageError, match=r"pip install catenary\[onnx\]"):
+    with pytest.raises(MissingPackageError, match=r"pip install .*onnx"):
         to_onnx(model, CARD)
 
 

@@ -142,7 +142,7 @@ NO_TEXT = b'<robot name="\xff\xfe"/>'
         ("a.xml", "<html/>", "expected <robot> (URDF) or <mujoco> (MJCF)"),
         ("a.npz", "", "cannot be read"),
         ("a.parquet", "", "it is empty"),
-        ("a.txt", "hello", 'ending ".txt"'),
+        ("a.txt", "hello", "no column of numbers among hello"),
         *((name, NO_TEXT, "cannot be read") for name in ("a.toml", "a.urdf", "a.xml")),
         *((f"a{ending}", None, "is a folder, expected a file") for ending in ("", ".npz", ".toml", ".urdf", ".parquet")),
     ],

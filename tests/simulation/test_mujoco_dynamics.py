@@ -99,7 +99,7 @@ def test_a_copy_is_another_one():
 
 def test_without_mujoco_one_is_told_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingPackageError, match=r"pip install catenary\[mujoco\]"):
+    with pytest.raises(MissingPackageError, match=r"pip install 'mujoco>="):
         MujocoDynamics(load_robot("two_link"))
 
 

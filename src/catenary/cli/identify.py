@@ -171,7 +171,7 @@ def payload(
     accept: Sequence[str] = ACCEPT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Estimate the payload of an identified arm, or the tool behind a force/torque sensor at its wrist.
+    """Estimate an arm's payload, or a wrist sensor's tool.
 
     The table of a wrist sensor has a row for each of four poses at rest or more: the joints by name in rad and m, fx,
     fy, fz in N and tx, ty, tz in Nm in the sensor's axes. Mass, centre of mass and the sensor's biases come out.

@@ -243,10 +243,10 @@ def run_loop(
             _hand_over(plant, finite.held)
         return report()
     except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
-        leave_safe(plant, finite.held, error)
         finished = False
         error.loop_report = report()  # type: ignore[attr-defined]
         error.add_note(f"the control loop ended after {ticks} ticks ({ticks * dt:.3f} s)")
+        leave_safe(plant, finite.held, error)
         raise
     finally:
         if clock is not None:
