@@ -215,6 +215,7 @@ def test_a_packed_csv_is_read_as_the_plain_one(tmp_path: Path) -> None:
         (gzip.compress(bytes(2**20)), r"run\.csv\.gz: .*"),
         (gzip.compress(bytes(129 * 2**20), 1), "unpacks to more than 134217728 bytes"),
     ],
+    ids=["no gzip", "cut", "no table", "large"],
 )
 def test_a_packed_csv_that_is_damaged_or_too_large_is_refused_by_its_own_name(
     content: bytes, words: str, tmp_path: Path
