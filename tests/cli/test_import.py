@@ -156,18 +156,18 @@ def test_a_question_is_answered_on_the_command_line_and_what_was_not_used_is_lis
     t = np.arange(0.0, 12.0, 0.02)
     q = np.column_stack([np.sin(t), np.cos(1.3 * t)])
     rows = np.column_stack([t, q, q + 0.02, q + 0.5, q])
-    head = "t,cmd_a,cmd_b,vicon_a,vicon_b,camera_a,camera_b,action1,action2"
+    head = "t,cmd_a,cmd_b,vicon_a,vicon_b,camera_a,camera_b,aux1,aux2"
     table, log = tmp_path / "lab.csv", tmp_path / "lab.parquet"
     np.savetxt(table, rows, delimiter=",", header=head, comments="", fmt="%.9f")
     units = ("--units", "rad")
     proposed = catenary("import", table, *units)
     assert "#   --answer q_encoder=camera_a   camera_a ... camera_b" in proposed.out
     asked = catenary("import", table, *units, "--json").json
-    assert asked["not_used"] == ["camera_a", "camera_b", "action1 ... action2"]
+    assert asked["not_used"] == ["camera_a", "camera_b", "aux1 ... aux2"]
     assert "--answer q_encoder=vicon_a or --answer q_encoder=camera_a" in asked["questions"][0]
     done = catenary("import", table, *units, "--answer", "q_encoder=cam", "--out", log)
     assert done.code == 0, done.err
-    assert "not used: vicon_a, vicon_b, action1 ... action2" in " ".join(done.err.split())
+    assert "not used: vicon_a, vicon_b, aux1 ... aux2" in " ".join(done.err.split())
     assert_allclose(read_log(log).q_encoder, q + 0.5, atol=1e-9)
     for answer, complaint in (
         ("q_encoder=laser", "expected one of vicon_a, camera_a"),

@@ -41,7 +41,7 @@ INPUTS = {
     "inverse_dynamics_on_moving_base": TURNING, "holding": ("q", "gravity", "omega", "alpha"),
 }  # fmt: skip
 INPUTS |= dict.fromkeys(("inverse_dynamics", "feedforward", "forward_dynamics"), MOVING)
-PACKAGES = {"jax": "jax", "casadi": "casadi", "sympy": "symbolic"}
+PACKAGES = ("jax", "casadi", "sympy")
 
 
 @pytest.fixture(autouse=True)
@@ -260,7 +260,7 @@ def test_sympy_prints_a_two_link_arm_as_one_writes_it():
 @pytest.mark.parametrize("target", PACKAGES)
 def test_a_package_that_is_missing_is_named(target, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, target, None)
-    with pytest.raises(MissingPackageError, match=rf"catenary\[{PACKAGES[target]}\]"):
+    with pytest.raises(MissingPackageError, match=f"pip install .*{target}"):
         export_function(load_robot("two_link"), "gravity", target)
 
 

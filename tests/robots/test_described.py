@@ -52,7 +52,7 @@ def test_a_table_cuts_an_arm_out_of_its_description(table, rng):
         (
             "",
             'description = "none.urdf"\n',
-            'description "none.urdf": expected a .urdf, .xml, .mjcf, .xacro file beside it',
+            'description "none.urdf": expected a .urdf, .xml, .mjcf, .xacro, .json file beside it',
         ),
         ('tip = "nose"\n', None, 'no frame "nose"'),
         ("[locked_m]\nelbow_joint = 0.1\n", None, '"elbow_joint" is in rad: expected locked_deg for it'),

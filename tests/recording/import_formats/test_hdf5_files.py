@@ -243,10 +243,10 @@ def test_a_file_that_was_cut_off_is_refused_by_name(tmp_path: Path, keep: float)
 def test_without_h5py_the_extra_and_other_ways_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = matlab(tmp_path / "lab.mat")
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(FileFormatError, match=r"pip install \"catenary\[hdf5\]\".*'-v7'"):
+    with pytest.raises(FileFormatError, match=r"pip install 'h5py.*'-v7'"):
         propose_mapping(path)
 
 
 def test_check_takes_a_file_and_an_episode(tmp_path: Path) -> None:
     path = robomimic(tmp_path / "lift.hdf5")
-    assert check_file(str(path)).kind == check_file(str(path / "demo_2")).kind == "recording of another make"
+    assert check_file(str(path)).kind == check_file(str(path / "demo_2")).kind == "third-party recording"

@@ -95,7 +95,7 @@ def test_an_episode_alone_keeps_its_name_and_the_date_of_the_dataset(tmp_path: P
     assert_array_equal(log.q_nominal, state(120, 2))
     assert log.time is not None
     assert_allclose(log.time, np.arange(120) / 30, atol=1e-6)  # timestamps are of single precision
-    assert check_file(str(path / named)).kind == "recording of another make"
+    assert check_file(str(path / named)).kind == "third-party recording"
 
 
 def test_columns_of_names_that_do_not_fit_are_numbered(tmp_path: Path) -> None:

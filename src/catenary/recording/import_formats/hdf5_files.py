@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from catenary.archives import MOST, MOST_ARRAYS, RATIO
 from catenary.documents import cut, json_table
-from catenary.errors import FileFormatError
+from catenary.errors import FileFormatError, to_install
 from catenary.recording.import_formats.columns import Stream, natural
 from catenary.recording.import_formats.episodes import began_of, in_a_row, wanted_episodes
 from catenary.recording.import_formats.table_files import DEEPEST, streams_of_arrays
@@ -54,7 +54,7 @@ def read_hdf5(path: Path, wanted: str = "") -> list[Stream]:
         import h5py
     except ImportError as error:
         raise FileFormatError(
-            f'{path}: is HDF5, which needs h5py: pip install "catenary[hdf5]"; or save its arrays as .npz, '
+            f"{path}: is HDF5, which needs h5py: {to_install('hdf5')}; or save its arrays as .npz, "
             "or in MATLAB save('log.mat', '-v7')"
         ) from error
     try:
