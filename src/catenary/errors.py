@@ -75,9 +75,11 @@ def to_install(extra: str) -> str:
     try:
         every = metadata.requires("catenary") or []
     except metadata.PackageNotFoundError:  # its files alone
-        return f"pip install -e '.[{extra}]' in a clone of the repository"
+        every = []
     wanted = [one.partition(";")[0].strip() for one in every if re.search(rf"extra == .{extra}.$", one)]
-    return f"pip install {shlex.join(wanted)}"
+    return (
+        f"pip install {shlex.join(wanted)}" if wanted else f"pip install -e '.[{extra}]' in a clone of the repository"
+    )
 
 
 class UnreachablePoseError(CatenaryError, ValueError):
