@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
@@ -103,7 +104,13 @@ def test_other_threads_change_no_handlers() -> None:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("number", [signal.SIGINT, *ENDS])
 @pytest.mark.parametrize("where", ["callback of C", "__del__"])
-def test_what_interrupts_where_python_ignores_it_interrupts_again(number: signal.Signals, where: str) -> None:
+def test_what_interrupts_where_python_ignores_it_interrupts_again(
+    number: signal.Signals, where: str, request: pytest.FixtureRequest
+) -> None:
+    # a shell has what it runs in the background ignore Ctrl-C
+    request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
     class Ending:
         def __del__(self) -> None:
             signal.raise_signal(number)
