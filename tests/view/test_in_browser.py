@@ -69,7 +69,8 @@ def test_a_held_button_moves_a_robot_on_ros_2_and_letting_go_or_leaving_stops_it
                 looked.page.mouse.up()
                 until(lambda: at_rest(looked, commands))
                 sent = taken(commands)
-                assert (np.diff([goal[0] for goal in sent]) >= -1e-9).all()
+                # a page that gets no time lets go for a moment, and begins again where the arm is
+                assert (np.diff([goal[0] for goal in sent]) >= -1e-3).all()
                 hold(looked, "shoulder -")
                 until(lambda: len(commands) > 20)
             # the browser is gone while the button was held
