@@ -157,7 +157,8 @@ def complete_commands() -> list[str]:
 @pytest.mark.slow
 @pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize("line", complete_commands())
-def test_commands_within_sentences_run(line: str) -> None:
+def test_commands_within_sentences_run(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     assert catenary(*shlex.split(line)).code == 0
 
 
