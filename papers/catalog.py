@@ -49,7 +49,6 @@ MODULES = {
     "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
     "beyond-wrist-memory": "papers.beyond.wrist_memory",
-    "beyond-memory": "papers.beyond.memory",
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
     "beyond-rules": "papers.beyond.rules",
