@@ -154,7 +154,6 @@ class Program:
         self._came = came
         self._takers: dict[int, Callable[[], None]] = {}
         self._stopped = False
-        self.each_look: Callable[[], None] | None = None  # what else is to be done, by the receiver
         try:
             self._participant = DomainParticipant(enter_domain(), Qos(Policy.Userdata(b"enclave=/;")))
             self.gid: bytes = self._participant.guid.bytes
@@ -222,8 +221,6 @@ class Program:
                 self._came(end)
             for take in tuple(self._takers.values()):
                 take()
-            if self.each_look is not None:
-                self.each_look()
             if not self._is_told:
                 self._is_told = True
                 ends: tuple[list[bytes], list[bytes]] = ([], [])

@@ -88,8 +88,7 @@ class Node:
             )
         os.environ["ROS_MASTER_URI"] = uri  # rospy knows no other way, and asks again for services
         configure, rospy.core.configure_logging = rospy.core.configure_logging, lambda *_, **__: None
-        peers.bound_what_is_read()
-        peers.read_greetings_apart()
+        peers.change_rospy()
         try:
             # no arguments of the program, whose names could otherwise be remapped
             rospy.init_node(name, argv=[], disable_signals=True, disable_rosout=True, disable_rostime=True)
