@@ -59,7 +59,7 @@ Gid = bytes  # 16 of them
 
 
 @cache
-def _types(gid_bytes: int) -> tuple[Any, Any, Any]:
+def discovery_types(gid_bytes: int) -> tuple[Any, Any, Any]:
     """Return DDS's classes of a number, of what a program tells of a node, and of all that it tells."""
     gid = _struct("Gid", data=array[idl.uint8, gid_bytes])
     gids = sequence[gid]
@@ -71,11 +71,6 @@ def _struct(name: str, **members: Any) -> Any:
     return make_idl_struct(f"{name}_", f"rmw_dds_common::msg::dds_::{name}_", members)
 
 
-def discovery_type(gid_bytes: int) -> Any:
-    """Return DDS's class of what a program tells, with numbers of so many bytes."""
-    return _types(gid_bytes)[-1]
-
-
 def discovery_profile(depth: int = 1) -> Qos:
     """Return the policies of `ros_discovery_info`; a reader keeps more than one, since programs are not told apart."""
     return profile(Quality(is_latched=True), depth)
@@ -85,23 +80,13 @@ def presence(
     gid_bytes: int, program: Gid, namespace: str, node: str, readers: Iterable[Gid], writers: Iterable[Gid]
 ) -> Any:
     """Return what a program of one node tells of itself; `namespace` begins with a slash."""
-    number_type, node_type, program_type = _types(gid_bytes)
+    number_type, node_type, program_type = discovery_types(gid_bytes)
 
     def gid(number: Gid) -> Any:
         return number_type(data=list(number.ljust(gid_bytes, b"\0")))
 
     ends = ([gid(number) for number in listed] for listed in (readers, writers))
     return program_type(gid(program), [node_type(namespace, node, *ends)])
-
-
-def node_names(told: Any) -> tuple[Gid, dict[Gid, str]]:
-    """Return a program's number, and the names of the nodes that its ends of topics belong to."""
-    names: dict[Gid, str] = {}
-    for node in told.node_entities_info_seq:
-        name = f"{node.node_namespace.rstrip('/')}/{node.node_name}"
-        for gid in (*node.reader_gid_seq, *node.writer_gid_seq):
-            names[bytes(gid.data)[:16]] = name
-    return bytes(told.gid.data)[:16], names
 
 
 MANY = 1000  # of anything that is taken at once
@@ -150,11 +135,14 @@ class Directory:
                 elif handle not in known:
                     known[handle] = _endpoint(sample)
                     came.append(known[handle])
-        for sample in _taken(self._discovery):
-            if sample.sample_info.valid_data:
+        for told in _taken(self._discovery):
+            if told.sample_info.valid_data:
                 self.changes += 1
-                gid, names = node_names(sample)
-                self._nodes[gid] = names
+                self._nodes[bytes(told.gid.data)[:16]] = {
+                    bytes(gid.data)[:16]: f"{node.node_namespace.rstrip('/')}/{node.node_name}"
+                    for node in told.node_entities_info_seq
+                    for gid in (*node.reader_gid_seq, *node.writer_gid_seq)
+                }
         return came
 
     def node(self, end: Endpoint) -> str:

@@ -33,7 +33,7 @@ from catenary.crtk.dds.directory import (
     Endpoint,
     Quality,
     discovery_profile,
-    discovery_type,
+    discovery_types,
     presence,
     profile,
 )
@@ -157,7 +157,7 @@ class Program:
         try:
             self._participant = DomainParticipant(enter_domain(), Qos(Policy.Userdata(b"enclave=/;")))
             self.gid: bytes = self._participant.guid.bytes
-            topic = Topic(self._participant, DISCOVERY, discovery_type(distribution.gid))
+            topic = Topic(self._participant, DISCOVERY, discovery_types(distribution.gid)[-1])
             self._presence = DataWriter(self._participant, topic, discovery_profile())
             self.directory = Directory(
                 self._participant, DataReader(self._participant, topic, discovery_profile(MANY)), (self.gid, self.node)
