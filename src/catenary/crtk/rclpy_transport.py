@@ -78,17 +78,13 @@ class _Publisher(Publisher):
         self._encode, self._node, self._lock = codec(type_name, CDR).encode, node, threading.Lock()
         self._is_latched = profile.durability == _LATCHED[1]
         self._made = node.create_publisher(kind, topic, profile)
-        self._subscribers: tuple[str, ...] = ()
-
-    def subscribers(self) -> tuple[str, ...]:
-        return self._subscribers
 
     def look(self) -> None:
         """Ask who listens."""
         with self._lock:
             is_heard = not self.is_closed and self._made.get_subscription_count()
             listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if is_heard else []
-            self._subscribers = _names(_ends(listed))
+            self._listeners = _names(_ends(listed))
 
     def _send(self, message: Message) -> None:
         if self._is_latched or self._made.get_subscription_count():
@@ -97,7 +93,7 @@ class _Publisher(Publisher):
     def _end(self) -> None:
         with self._lock:
             self._node.destroy_publisher(self._made)
-            self._subscribers = ()
+            self._listeners = ()
 
 
 class _Taken(CallbackGroup):  # type: ignore[misc]  # rclpy is not typed
@@ -168,17 +164,17 @@ class _ReadTopic(HeardTopic):
 
     def _origin(self, told: Mapping[str, Any] | None) -> Origin | None:
         """Say where a message came from: rclpy tells it since Kilted; before, it is clear where one publishes alone."""
+        known = self._publishers
         if told is None:
-            ends = tuple(self._publishers.values())
-            return ends[0][0] if len(ends) == 1 else None
+            return next(iter(known.values()))[0] if len(known) == 1 else None
         gid = bytes(told["data"])
-        if gid not in self._publishers:
+        if gid not in known:
             self.look()
-        return self._publishers[gid][0] if gid in self._publishers else None
+        found = self._publishers.get(gid)
+        return None if found is None else found[0]
 
 
 def _type(name: str) -> str:
-    """Return a type's name without ROS 2's middle word."""
     return current_name(name.replace("/msg/", "/"))
 
 

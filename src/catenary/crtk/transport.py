@@ -54,6 +54,7 @@ class Publisher:
         self.is_closed = False
         self._encode = codec(type_name).encode
         self._sent = 0  # messages so far: `seq` in their headers
+        self._listeners: tuple[str, ...] = ()
 
     @property
     def missed(self) -> Mapping[str, int]:
@@ -74,7 +75,7 @@ class Publisher:
 
     def subscribers(self) -> tuple[str, ...]:
         """Return the names of the nodes that listen."""
-        return ()
+        return self._listeners
 
     def close(self) -> None:
         """Publish no more."""
