@@ -23,6 +23,7 @@ help:
 	@echo "make test        set up, run the tests (11 minutes from nothing on two processors)"
 	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
 	@echo "make test-ros2   served robots and rclpy itself, from its wheels, both ways: DISTROS=\"kilted jazzy\" (minutes the first time)"
+	@echo "make acceptance  programs of dVRK and CRTK against a served PSM, over ROS 1 and 2 (PROGRAMS=a folder of their clones); rewrites a table of docs/crtk.md"
 	@echo "make lint        format, lint, types, import order"
 	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
 	@echo "make campaign-short  those parts of it whose cases are short, a minute, always the same seeds"
@@ -133,4 +134,5 @@ clean:
 
 # PROGRAMS: a folder with clones of dvrk_python, crtk_python_client and crtk_msgs
 acceptance: $(VENV)/.development
-	PYTHONPATH=tests:$$PYTHONPATH $(BIN)/python -m tests.acceptance $(PROGRAMS)
+	CRTK_MSGS=$(abspath $(PROGRAMS))/crtk_msgs .ci/ros2 $(DISTROS)
+	PYTHONPATH=tests:$$PYTHONPATH $(BIN)/python -m tests.acceptance $(PROGRAMS) --page docs/crtk.md

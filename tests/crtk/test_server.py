@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import command_message
@@ -23,7 +23,7 @@ from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
 def living_client(state: str, command: str, *, dialect: DialectName = "raven", stamp: int = 0) -> ServedRobot:
     """A robot that starts on a network where a client has latched a command of its own."""
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    network = LoopbackNetwork(clock=SetClock(BEGIN))
     client = Loopback("client", network)
     publisher = client.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
     publisher.publish(command_message(command, stamp))
@@ -166,7 +166,7 @@ def test_a_person_at_the_server_presses_the_button_and_commands():
 
 
 def test_a_published_rate_is_a_part_of_the_robots():
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    network = LoopbackNetwork(clock=SetClock(BEGIN))
     server = make_server(Serving(), Loopback("robot", network), rate_hz=200.0)
     heard = Loopback("client", network).subscribe("/arm1/setpoint_js", "sensor_msgs/JointState")
     for _ in range(100):

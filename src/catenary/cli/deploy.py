@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from catenary.cli.gravity_options import GravityOptions
+from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import AS_JSON, argument, option
 from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project, step_progress
 from catenary.cli.robot_choice import NODE_NAME, ros_transport
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 def deploy(
-    gravity: GravityOptions,
     model: Path = argument("MODEL", "A calibration model of the project's robot."),
     project: Path | None = argument(
         "PROJECT", "Folder of the project; none with --ros.", None, not_with=("ros", "ros_distro")
@@ -35,6 +34,7 @@ def deploy(
     dialect: str | None = option(
         None, "With --ros: raven or crtk. [default: raven; of a dVRK PSM crtk]", goes_with="ros"
     ),
+    gravity: str | None = GRAVITY_TOPIC,
     namespace: str | None = replace(ARM_NAMESPACE, goes_with="ros"),
     rate: float = option("HZ", "With --ros: rate of the robot's messages.", 1000.0, goes_with="ros"),
     name: str | None = replace(NODE_NAME, goes_with="ros"),
@@ -55,7 +55,6 @@ def deploy(
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     from catenary.calibration.model_file import load_model
 
-    imu = gravity.source()
     loaded, _ = load_model(model)
     loaded = replace(loaded, mends={}) if no_mend else loaded
     if project is not None:
@@ -64,11 +63,11 @@ def deploy(
     from catenary.crtk.network import node_name
     from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 
-    if gravity_torque and imu is None:
-        print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
+    if gravity_torque and gravity is None:
+        print_notes(["gravity torques are those of a level base; --gravity tells of another"])
     with (
         ros_transport(ros or 1, node_name("deploy", name)) as transport,
-        reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, imu=imu) as client,
+        reader_of(loaded.joint_names, transport, arm, dialect=dialect, namespace=namespace, gravity=gravity) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate, gravity_torque=gravity_torque)
         failure: BaseException | None = None

@@ -13,7 +13,6 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.crtk.gravity_topic import ImuTopic
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.conventions import Convention
     from catenary.sensing.imu import SensedGravity
@@ -168,32 +167,9 @@ class RuleOptions:
         return rules_for(self.mounting_on, noise=noise, changes=changes)
 
 
-@group
-class GravityOptions(RuleOptions):
-    """Options that say where gravity comes from; nominal gravity without any."""
-
-    gravity: str | None = option(
-        "TOPIC", "With --ros: gravity of `catenary gravity-node`, as /gravity.", goes_with="ros", not_with="imu"
-    )
-    imu: str | None = option("TOPIC", "With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw.", goes_with="ros")
-    mounting: Path | None = replace(MOUNTING_FILE, goes_with="imu")
-
-    def source(self) -> "ImuTopic | None":
-        """Return the topic that gravity comes from; None for nominal gravity."""
-        if self == GravityOptions():
-            return None
-        if self.imu is None and replace(self, gravity=None) != GravityOptions():
-            raise InputError(
-                "--mounting-on, --sensor-noise, --rule and --hanging go with --imu; a gravity node and a simulated "
-                "robot have their own"
-            )
-        from catenary.crtk.gravity_topic import ImuTopic, published_gravity
-        from catenary.sensing.mounting import Mounting, load_mounting
-
-        if self.gravity is not None:
-            return published_gravity(self.gravity)
-        mounting = Mounting() if self.mounting is None else load_mounting(self.mounting)
-        return ImuTopic(self.imu or "", mounting=mounting, rules=self.rules())
+GRAVITY_TOPIC = option(
+    "TOPIC", "With --ros: gravity of `catenary gravity-node`, as /gravity. [default: nominal]", goes_with="ros"
+)
 
 
 @group

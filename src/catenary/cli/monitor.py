@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catenary.cli.gravity_options import GravityOptions
+from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import option
 from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_choice import RECORD, WatchedRobot, chosen_robot, recorded
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 def monitor(
     robot: WatchedRobot,
-    gravity: GravityOptions,
     recordings: ModelRecordingOptions,
     log: Path | None = option(
         "FILE",
@@ -32,6 +31,7 @@ def monitor(
     speed: float = option(None, "With --log: factor on its own speed.", 1.0, goes_with="log"),
     rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
+    gravity: str | None = GRAVITY_TOPIC,
     moving: bool = option(None, "The simulated robot moves at random.", False, not_with="ros"),
     record: Path | None = RECORD,
     as_json: bool = option(None, "Print a line of JSON for each sample, SI.", False, flag="--json"),
@@ -50,7 +50,6 @@ def monitor(
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0
     if not 0.0 < hertz <= 200.0:
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
-    source = gravity.source()
     with ExitStack() as stack:
         if log is not None:
             from catenary.calibration.model_file import load_model
@@ -68,7 +67,7 @@ def monitor(
             from catenary.workflows.robot.snapshots import watch_robot
 
             announce("preparing the robot ...")
-            opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, imu=source))
+            opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name
             observe = stack.enter_context(recorded(opened, record))

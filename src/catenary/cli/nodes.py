@@ -58,16 +58,10 @@ def serve(
         flag="--encoders/--no-encoders",
     ),
     start: bool = option(None, "Press the silver button at once; with crtk: enable and home.", False),
-    grav_dir: str | None = option(
+    grav_dir: Triple | None = option(
         "X,Y,Z",
         "Gravity compensation of the robot's own, by this gravity in whole cm/s2, z down: 0,0,980 as on the "
         "real one. [default: none]",
-    ),
-    torque_arm: str | None = option(
-        "gold|green",
-        "Dialect raven: this arm's servo_jp carries torques of its motors in mNm, as on the robot that the UW "
-        "changed for its torque controller. [default: none]",
-        choices=("gold", "green"),
     ),
     duration: float | None = DURATION,
     as_json: bool = LINES_AS_JSON,
@@ -80,7 +74,6 @@ def serve(
     Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
     """
     from catenary.crtk.network import make_transport, node_name
-    from catenary.crtk.serving.server import whole_numbers
     from catenary.crtk.transport import Sending
     from catenary.nodes.serve import Serving, make_server, prepare
     from catenary.nodes.serve import serve as run
@@ -88,16 +81,12 @@ def serve(
 
     is_raven = robot == "raven2"
     dialect = dialect or ("raven" if is_raven else "crtk")
-    by = None if grav_dir is None else whole_numbers(grav_dir)
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     if is_raven and namespace is not None:
         raise InputError("--namespace: a RAVEN-II has none; its arms are /arm1 and /arm2")
-    where = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=by)
-    serving = Serving(
-        robot, dialect, where, green, encoders,  # type: ignore[arg-type]
-        torque_arm=torque_arm, namespace=namespace or "/PSM1",
-    )  # fmt: skip
+    where = Simulated(seed, tilted_base(base_tilt_deg), payload, homed=homed, grav_dir=grav_dir)
+    serving = Serving(robot, dialect, where, green, encoders, namespace=namespace or "/PSM1")  # type: ignore[arg-type]
     if qos != "reliable" and ros != "2":
         raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
     with make_transport(ros, node_name("robot", name)) as transport:
@@ -206,7 +195,8 @@ def encoders(
     from catenary.crtk.network import make_transport, node_name
     from catenary.devices.encoder_board import EncoderBoard
     from catenary.devices.encoder_rig import EncoderRig
-    from catenary.nodes.encoder_node import EncoderNode, publish_encoders
+    from catenary.nodes.encoder_node import RATE, EncoderNode
+    from catenary.nodes.publishing import publish
 
     rig = EncoderRig(bits=bits, direction=np.array(direction))
     with make_transport(ros, node_name("encoders", name)) as transport, EncoderBoard(port, rig, baud=baud) as board:
@@ -214,7 +204,7 @@ def encoders(
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
         show = _shown(_encoder_line, as_json)
-        final = publish_encoders(node, duration=duration, show=show)
+        final = publish(node, rate_hz=RATE, duration=duration, show=show)
     show(final, final=True)
     if not final.reading.is_valid:
         raise typer.Exit(1)
@@ -256,7 +246,8 @@ def gravity_node(
     from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.nodes.gravity_node import GravityNode, LevelBaseArm, publish_gravity
+    from catenary.nodes.gravity_node import GravityNode, LevelBaseArm
+    from catenary.nodes.publishing import publish
     from catenary.robots.catalog import load_robot
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import Mailbox
@@ -283,9 +274,11 @@ def gravity_node(
         angular = angular and not no_gyroscope
         source = sensing.source(mailbox, told, angular=angular, feed=feed)
         arm = None if delta_of is None else LevelBaseArm(load_robot(delta_of), joints)
-        node = GravityNode(transport, source, topic=topic, frame_id=frame, urscript=urscript, arm=arm)
+        node = GravityNode(
+            transport, source, topic=topic, frame_id=frame, urscript=urscript, arm=arm, link=lambda: asdict(counts)
+        )
         show = _shown(_gravity_line, as_json)
-        final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)
+        final = publish(node, rate_hz=rate, duration=duration, show=show)
     show(final, final=True)
     if "live" not in node.tally.report().ticks:
         raise typer.Exit(1)

@@ -12,7 +12,6 @@ from catenary.cli.options import group, option, robots_beginning
 from catenary.cli.terminal import announce, print_notes
 
 if TYPE_CHECKING:
-    from catenary.crtk.gravity_topic import ImuTopic
     from catenary.crtk.transport import Transport
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
@@ -95,7 +94,7 @@ def ros_transport(version: int, name: str) -> "Iterator[Transport]":
 
 @contextmanager
 def chosen_robot(
-    chosen: WatchedRobot, command: str, *, moves: bool = True, homed: bool = True, imu: "ImuTopic | None" = None
+    chosen: WatchedRobot, command: str, *, moves: bool = True, homed: bool = True, gravity: str | None = None
 ) -> "Iterator[OperatedRobot]":
     """Open a robot for a command: simulated in this process, enabled and homed, or one on ROS, as it is."""
     from catenary.crtk.client import CrtkClient
@@ -113,7 +112,7 @@ def chosen_robot(
     asks = not simulated and not (isinstance(chosen, MovedRobot) and chosen.yes)
     with ros_transport(chosen.ros, node_name(command, chosen.name)) as transport:
         is_read = not isinstance(chosen, MovedRobot)
-        there = OverTopics(transport, chosen.dialect, chosen.namespace, simulated, imu, only_read=is_read)
+        there = OverTopics(transport, chosen.dialect, chosen.namespace, simulated, gravity, only_read=is_read)
         opened = operated_robot(robot, there)
         client = cast(CrtkReader, opened.plant)
         with client:

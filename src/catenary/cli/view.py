@@ -11,7 +11,7 @@ from pathlib import Path
 from socket import gethostname
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from catenary.cli.gravity_options import GravityOptions
+from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, option, robots_beginning
 from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_choice import DIALECT, NAMESPACE, NODE_NAME, MovedRobot, WatchedRobot, chosen_robot
@@ -27,7 +27,6 @@ HERE = "127.0.0.1"
 
 def view(
     recordings: ModelRecordingOptions,
-    gravity: GravityOptions,
     what: str | None = argument(
         "[ROBOT | PROJECT]",
         "raven2, another robot of the catalogue, a robot file, or the folder of a project. "
@@ -42,6 +41,7 @@ def view(
     ros: int | None = option("1|2", "Watch a robot on ROS 1 or 2, read-only.", choices=(1, 2), joins_ros=True),
     dialect: str | None = DIALECT,
     namespace: str | None = NAMESPACE,
+    gravity: str | None = GRAVITY_TOPIC,
     name: str | None = replace(NODE_NAME, goes_with="ros"),
     control: bool = option(
         None, "With --ros: buttons that move the robot while they are held, as teleop does.", False, goes_with="ros"
@@ -93,7 +93,6 @@ def view(
                 robot = MovedRobot(**vars(asked), yes=yes) if control else asked
                 shown = _beside(stack, robot, model, gravity)
             else:
-                gravity.source()
                 announce(f"{page.url}: preparing the robot ...")
                 shown = _simulated(what or "raven2", model, robot_seed)
             _open(page, shown.title, shown.runs.shown(f"catenary: {Path(shown.title).name}"), as_json=as_json)
@@ -125,14 +124,14 @@ def _simulated(robot: str, model: Path | None, seed: int | None) -> _Titled:
     return _Titled(robot, DrivenArm(robot, model=model, seed=seed, rng=np.random.default_rng(0)))
 
 
-def _beside(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: GravityOptions) -> _Titled:
+def _beside(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: str | None) -> _Titled:
     """Return a robot on ROS, which is only read unless the options are those of one that is moved."""
     from catenary.view.controlled import ControlledArm
     from catenary.view.shapes import shapes_of
     from catenary.view.watched import WatchedArm
 
-    source, moved = gravity.source(), isinstance(robot, MovedRobot)
-    opened = stack.enter_context(chosen_robot(robot, "view", moves=moved, imu=source))
+    moved = isinstance(robot, MovedRobot)
+    opened = stack.enter_context(chosen_robot(robot, "view", moves=moved, gravity=gravity))
     arm = (ControlledArm if moved else WatchedArm)(opened, shapes_of(robot.robot, opened.model)[0], model)
     return _Titled(robot.robot, arm)
 

@@ -65,7 +65,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         payload: float = 0.0,
         base: MovingBase | None = None,
         substeps: int = 2,
-        grav_dir: Sequence[int] | None = None,
+        grav_dir: Sequence[float] | None = None,
     ) -> None:
         """Put an arm on a base.
 
@@ -136,14 +136,14 @@ class CablePlant(FirmwarePlant[TickLog]):
         return None if self._written_gravity is None else grav_dir_of(self._own_gravity.gravity)
 
     @grav_dir.setter
-    def grav_dir(self, grav_dir: Sequence[int]) -> None:
+    def grav_dir(self, grav_dir: Sequence[float]) -> None:
         gravity = gravity_of(grav_dir)
         if self._written_gravity is None:
             raise InputError("grav_dir: this robot was made without gravity compensation of its own")
         if self._own_gravity.weighs:
             self._own_gravity.gravity = gravity
 
-    def switch_own_gravity(self, grav_dir: Sequence[int] | None) -> None:
+    def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
         """Switch the robot's own gravity compensation on, by a gravity as `grav_dir` has it, or off.
 
         As if its program had been made so: it outlasts `disable` and homing. No topic of the robot's software does it.

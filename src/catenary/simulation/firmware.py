@@ -245,7 +245,7 @@ class OwnGravity(TreeWork):
     gravity: PerJoint  # in base axes [m/s2]
 
 
-def gravity_of(grav_dir: Sequence[int]) -> Floats:
+def gravity_of(grav_dir: Sequence[float]) -> Floats:
     """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], whose z points down."""
     given = np.asarray(grav_dir, dtype=float)
     if given.shape != (3,) or not (np.abs(given) <= MOST).all() or (given != np.round(given)).any():
