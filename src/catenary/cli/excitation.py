@@ -128,9 +128,6 @@ def excitation(
     harmonics: int = option("N", "Harmonics of the motion, 3 or more.", 5),
     rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz"),
     trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1),
-    torque_noise: float | None = option(
-        "S", "Standard deviation of the torques, Nm and N, for expected errors. [default: 1 % of their limits]"
-    ),
     gravity: Triple | None = GRAVITY,
     imu_reading: Triple | None = IN_PLACE_OF_GRAVITY,
     seed: int = option("N", "Seed of everything random.", 0, least=0),
@@ -145,7 +142,7 @@ def excitation(
     import numpy as np
 
     from catenary.identification.motion_limits import room_of
-    from catenary.workflows.excitation import comparison_table, design_excitation, write_excitation, write_trajectory
+    from catenary.workflows.excitation import design_excitation, write_excitation, write_trajectory
 
     model = carried.on(description.load(robot))
     given = vars(limits).copy()
@@ -161,7 +158,6 @@ def excitation(
         np.random.default_rng(seed),
         gravity=np.array(gravity_vector(gravity, imu_reading)),
         static=static,
-        noise=torque_noise,
         **shape,
     )
     design = result.design
@@ -178,7 +174,4 @@ def excitation(
     print(f"condition: {design.condition:.4g} for {design.n_base} base parameters")
     for line in result.kept():
         print(line)
-    if result.comparison is not None:
-        title = "Beside other motions of equal length and limits"
-        print(comparison_table(result.comparison, title).text())
     print(f"file: {out}" if trajectory is None else f"file: {out}\ntrajectory: {trajectory}")

@@ -16,6 +16,7 @@ none that does not; the plain recursion spreads it to all.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple, Union
 
 import numpy as np
@@ -29,6 +30,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "tanh": np.tanh, "sign": np.sign, "exp": np.exp, "abs": np.abs, "sqrt": np.sqrt, "inverse": np.reciprocal,
 }  # fmt: skip
 ODD = ("tanh", "sign", "inverse")
+ANGLES = ("sin", "cos")
 
 
 class Operation(NamedTuple):
@@ -85,6 +87,12 @@ class Symbol:
 
     def __mul__(self, other: Term) -> Term:
         return self.trace.multiply(self, other)
+
+    def __truediv__(self, other: Term) -> Term:
+        return self.trace.multiply(self, self.trace.apply("inverse", other))
+
+    def __rtruediv__(self, other: float) -> Term:
+        return self.trace.multiply(self.trace.apply("inverse", self), other)  # type: ignore[arg-type]  # a symbol
 
     __radd__ = __add__
     __rmul__ = __mul__
@@ -221,6 +229,19 @@ class Trace:
         return Symbol(self, step.a, x.sign), step.b
 
 
+class TracedFunctions:
+    """Functions of symbols by the names that NumPy has for numbers."""
+
+    def __init__(self, trace: Trace) -> None:
+        """Record on a trace."""
+        self._trace = trace
+
+    def __getattr__(self, name: str) -> Callable[[Term], Term]:
+        if name in ANGLES:
+            return lambda x: self._trace.sine_cosine(x)[ANGLES.index(name)]
+        return partial(self._trace.apply, name)
+
+
 def _operands(step: Operation) -> tuple[int, ...]:
     if step.kind == "in":
         return ()
@@ -259,9 +280,6 @@ def evaluate(
             other = b if kind.endswith("k") else values[int(b)]
             values.append(values[a] * other if "*" in kind else values[a] - other if kind == "-" else values[a] + other)
     return [r if isinstance(r, float) else r[0] * values[r[1]] for r in line.results]
-
-
-ANGLES = ("sin", "cos")
 
 
 def widths_of(line: Line) -> dict[str, int]:
