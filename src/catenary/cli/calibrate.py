@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 def extract(
     project: Path = BEGUN_FOLDER,
     bag: str | None = option(None, "Also write bags: ros1 or mcap.", choices=("ros1", "mcap")),
-    csv: bool = option(None, "Also write the published 252-column CSV.", False),
     columns: Names | None = option(
         "NAME,...", "Further columns of raven_state for the logs to carry, or all. [default: none]"
     ),
@@ -45,9 +44,7 @@ def extract(
     Writes a motion log NAME.parquet for each, and a report. Of a recording that was interrupted it takes
     what is whole, and says what is lost.
     """
-    from catenary.recording.import_formats.raven_recordings import write_raven_csv
     from catenary.reports.page import Table, TableColumn
-    from catenary.workflows.project.kinds import arm_of
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
     from catenary.workflows.project.state import ExtractionFile, read_state
 
@@ -81,10 +78,6 @@ def extract(
             if bag is not None:
                 written = write_bags(opened, name, "ros1" if bag == "ros1" else "mcap")
                 found[name]["bags"] = [str(path) for path in written]
-            if csv:
-                table = opened.folder / f"{name}.csv"
-                write_raven_csv(opened.folder / "extracted" / name, table, arm=arm_of(opened.settings))
-                found[name]["csv"] = str(table)
     if as_json:
         print_json(found)
     else:

@@ -119,7 +119,7 @@ def mends_of(logs: Sequence[MotionLog]) -> dict[str, tuple[str, ...]]:
 
 def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
     """Return the key of a step in `settled`, and its text as it holds for recordings in another order."""
-    array, words = _parts(text)
+    array, words = units_of(text)
     if step == "units":
         words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
     elif step in ("swap", "sign", "scale"):
@@ -140,18 +140,11 @@ def si_units(units: Sequence[str]) -> tuple[str, ...]:
 
 
 def units_of(text: str) -> tuple[str | None, tuple[str, ...]]:
-    """Return the array that `--units` names, if any, and the units."""
-    array, words = _parts(text)
-    return array, words
-
-
-def _parts(text: str) -> tuple[str | None, tuple[str, ...]]:
-    array, colon, rest = text.partition(":")
-    if not colon:
-        array, rest = "", text
-    words = tuple(word.strip() for word in rest.split(","))
+    """Return the array that an option such as `--units` names, if any, and the words behind it."""
+    array, _, rest = text.partition(":")
     # a joint's name may hold a colon of its own
-    return (array, words) if array in ARRAYS else (None, tuple(word.strip() for word in text.split(",")))
+    words = tuple(word.strip() for word in (rest if array in ARRAYS else text).split(","))
+    return (array if array in ARRAYS else None), words
 
 
 def _joint(log: MotionLog, name: str, option: str) -> int:
@@ -169,7 +162,7 @@ def _array(log: MotionLog, array: str | None, option: str) -> tuple[str, Floats]
 
 
 def _units(log: MotionLog, text: str) -> MotionLog:
-    array, units = _parts(text)
+    array, units = units_of(text)
     if any("=" in word for word in units):
         named = dict(word.rpartition("=")[::2] for word in units)
         units = tuple(named.get(n, u) for n, u in zip(log.joint_names, log.joint_units, strict=True))
@@ -187,7 +180,7 @@ def _units(log: MotionLog, text: str) -> MotionLog:
 
 
 def _swap(log: MotionLog, text: str) -> MotionLog:
-    array, names = _parts(text)
+    array, names = units_of(text)
     if len(names) != 2:
         raise InputError(f"--swap: expected two joints such as J1,J2, got {text!r}")
     i, j = (_joint(log, name, "--swap") for name in names)
@@ -197,24 +190,28 @@ def _swap(log: MotionLog, text: str) -> MotionLog:
 
 
 def _sign(log: MotionLog, text: str) -> MotionLog:
-    array, names = _parts(text)
-    key, values = _array(log, array, "--sign")
-    values[:, [_joint(log, name, "--sign") for name in names]] *= -1.0
-    return replace(log, **{key: values})  # type: ignore[arg-type]
+    array, names = units_of(text)
+    return _times(log, array, dict.fromkeys(names, -1.0), "--sign")
 
 
 def _scale(log: MotionLog, text: str) -> MotionLog:
-    array, parts = _parts(text)
-    key, values = _array(log, array, "--scale")
+    array, parts = units_of(text)
+    factors = {}
     for part in parts:
         name, _, number = part.rpartition("=")
         try:
-            factor = float(number)
+            factors[name] = float(number)
         except ValueError:
-            factor = np.nan
-        if not np.isfinite(factor) or factor == 0.0:
+            factors[name] = np.nan
+        if not np.isfinite(factors[name]) or factors[name] == 0.0:
             raise InputError(f"--scale: expected JOINT=FACTOR such as J3=0.5, got {part!r}")
-        values[:, _joint(log, name, "--scale")] *= factor
+    return _times(log, array, factors, "--scale")
+
+
+def _times(log: MotionLog, array: str | None, factors: Mapping[str, float], option: str) -> MotionLog:
+    key, values = _array(log, array, option)
+    for name, factor in factors.items():
+        values[:, _joint(log, name, option)] *= factor
     return replace(log, **{key: values})  # type: ignore[arg-type]
 
 

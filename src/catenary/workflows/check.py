@@ -27,7 +27,6 @@ from catenary.identification.samples import Samples, prepare
 from catenary.identification.torque_doubts import torque_findings
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in
-from catenary.recording.extract import is_extraction
 from catenary.recording.import_formats.sources import is_bag, is_other_make
 from catenary.recording.journal_reader import is_journal
 from catenary.recording.logs import Reading, read_recording, read_torque_recording
@@ -116,7 +115,7 @@ def check_file(
 
 def _is_no_recording(folder: Path) -> bool:
     inside = bags_in(folder)
-    return inside == [folder] and not (is_extraction(folder) or is_journal(folder) or (folder / METADATA).is_file())
+    return inside == [folder] and not (is_journal(folder) or (folder / METADATA).is_file())
 
 
 def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tuple[float, ...] | None) -> FileReport:

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as McapWriter
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.files import partial_folder
-from catenary.recording.bag_reader import METADATA, Source, open_recording
+from catenary.recording.bag_reader import METADATA, Source, open_recording, rescue_of
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.bag_writer import ROS2_VERSION
 from catenary.recording.journal import JournalWriter
@@ -57,15 +56,11 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     source = _opened(path)
     is_bag = isinstance(source, BagStream) and source.is_ros1
     place = _place(path, out, is_bag=is_bag)
-    arrivals: dict[str, list[int]] = {topic.name: [] for topic in source.topics}
-    for topic, arrival, _ in source.messages():
-        arrivals.setdefault(topic, []).append(arrival)
-    each = {topic: np.array(there, dtype=np.int64) for topic, there in arrivals.items()}
-    rescue = Rescue.of(each, source.holes, ends_early=source.ends_early)
+    rescue = rescue_of([source])
     problems = tuple(source.problems)
     if not source.damage:
         return Recovery(path, None, rescue, problems)
-    if not any(arrivals.values()):
+    if not any(topic.kept for topic in rescue.topics):
         raise FileFormatError(f"{path}: no whole message is in it, nothing can be recovered: {problems[0]}")
     try:
         with partial_folder(place.parent) as folder:

@@ -16,11 +16,10 @@ from catenary.errors import InputError, RecordingError, TransportError
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
 from catenary.recording.bag_reader import open_recording
 from catenary.recording.bag_writer import write_group_bags
-from catenary.recording.extract import extract, topic_file
 from catenary.recording.import_formats.raven_recordings import read_raven
+from catenary.recording.import_formats.sources import Sources
 from catenary.recording.journal import About
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.topic_samples import topic_named
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.workflows.robot import topic_recorder
@@ -79,18 +78,16 @@ def test_topics_come_at_the_rates_they_are_recorded_at(journal: Path) -> None:
         assert_allclose(len(stamps(journal, topic.name)), SECONDS * topic.rate, atol=2)
 
 
-def test_stamps_and_numbers_are_the_robots_own(journal: Path, robot: RobotOnLoopback, tmp_path: Path) -> None:
-    extract([journal], tmp_path)
-    file = topic_file(tmp_path, RAVENSTATE_100HZ)
-    content = file.read(["stamp", "arrival", "jpos:gold_insertion"])
-    assert (content["stamp"] <= content["arrival"]).all()
-    assert (content["arrival"] - content["stamp"] < 2_000_000).all()  # loopback: the same tick
+def test_stamps_and_numbers_are_the_robots_own(journal: Path, robot: RobotOnLoopback) -> None:
+    sources = Sources([journal])
+    columns = {RAVENSTATE_100HZ.name: ["jpos[gold_insertion]"], EXT_JPOS.name: ["position[shoulder]"]}
+    state, encoders = (sources.read(columns)[name] for name in columns)
+    assert (state.stamp <= state.arrival).all()
+    assert (state.arrival - state.stamp < 2_000_000).all()  # loopback: the same tick
     held = robot.robot.plant.measured_js().q[2]
-    assert_allclose(content["jpos:gold_insertion"][-1], held, atol=1e-6)  # float32 on the way
-    file = topic_file(tmp_path, EXT_JPOS)
-    assert file.about.robot == "raven2"
-    shoulder = file.read(["ext_jpos:shoulder"])["ext_jpos:shoulder"]
-    assert_allclose(shoulder, robot.robot.plant.state.q[0], atol=1e-3)
+    assert_allclose(state.columns["jpos[gold_insertion]"][-1], held, atol=1e-6)  # float32 on the way
+    assert sources.about.robot == "raven2"
+    assert_allclose(encoders.columns["position[shoulder]"], robot.robot.plant.state.q[0], atol=1e-3)
 
 
 def test_bags_of_it_are_made_like_any_others(journal: Path, tmp_path: Path) -> None:
@@ -144,15 +141,13 @@ def test_setting_the_machines_clock_costs_no_message_and_is_noted(tmp_path: Path
             robot.clock.sleep(0.02)
             recorder.collect()
     assert any(f"set by {by:+.3f} s, 0.2 s after" in problem for problem in recorder.problems())
-    extraction = extract([tmp_path / "r"], tmp_path / "x")
-    assert any(f"set by {by:+.3f} s" in problem for problem in extraction.problems)
-    for name in extraction.messages:
-        arrival = topic_file(tmp_path / "x", topic_named(name)).read(["arrival"])["arrival"]
-        assert (np.diff(arrival) > 0).all(), name
-        assert np.diff(arrival).max() < 0.05 * SECOND, name
-    assert extraction.messages["/ravenstate"] >= 12
-    log = read_raven([tmp_path / "x"]).log
-    assert len(log) == extraction.messages["/ravenstate"]
+    read = read_raven([tmp_path / "r"])
+    assert any(f"set by {by:+.3f} s" in note for note in read.log.notes)
+    for topic in read.topics:
+        assert topic.longest_gap < 0.05, topic
+        assert not topic.shuffled, topic
+    log = read.log
+    assert len(log) >= 12
     assert log.time is not None
     assert_allclose(log.time[-1], 0.4, atol=0.05)
     assert log.ok[2:-2].all()
@@ -209,7 +204,7 @@ def test_a_simulated_arm_is_recorded_at_its_topics_rates(tmp_path: Path) -> None
     counts = Counter(topic for topic, _, _ in open_recording(tmp_path / "run").messages())
     assert counts["/ravenstate"] == pytest.approx(30, abs=3)
     assert counts["/ext_jpos"] > 10
-    assert extract([tmp_path / "run"], tmp_path / "out").problems == ()
+    assert not open_recording(tmp_path / "run").damage
 
 
 def test_a_full_disk_ends_only_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -122,7 +122,7 @@ class Synchronisation:
     topics: tuple[TopicReport, ...]
     without_encoder: int  # rows whose `ok` is not set
     dropped: int  # rows left out since something that a log must have was not there
-    rows: NDArray[np.int64]  # (N,) of a table that each row of the log is
+    rows: NDArray[np.int64]  # (N,) of q_nominal's stream that each row of the log is
 
 
 class NoRowError(InputError):
@@ -130,7 +130,7 @@ class NoRowError(InputError):
 
 
 def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, Collection[str]]:
-    """Return the columns that a mapping wants of each stream, those of time among them."""
+    """Return the columns that a mapping wants of each stream, those of time among them; q_nominal's stream first."""
     return _Columns.of(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
 
 
@@ -239,7 +239,7 @@ def synchronise(
     if model is not None:
         in_order = Joints(tuple(name for name in model.joint_names if name in names))
         log = log.in_order_of(in_order, of=f'robot "{model.name}" has')
-    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()), clock.rows_of_table[whole])
+    return Synchronisation(log, clock.reports, int((~log.ok).sum()), int((~whole).sum()), clock.rows_of_base[whole])
 
 
 def _scale(
