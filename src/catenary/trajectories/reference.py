@@ -69,7 +69,7 @@ class GoneOn(SampledTrajectory):
         """Go on with a motion from `begin` [s] of it."""
         if not 0.0 <= begin <= motion.duration:
             raise InputError(f"begin: expected 0 to {motion.duration:g} s, got {begin:g}")
-        self._motion, self._begin = motion, begin
+        self._motion, self.begin = motion, begin
         self.lead = min(LEAD, 2.0 * begin)  # [s] until it is at `begin`
         self.duration = self.lead + motion.duration - begin
 
@@ -78,7 +78,7 @@ class GoneOn(SampledTrajectory):
         t = as_array("times", times, (None,))
         u = np.clip(t / self.lead, 0.0, 1.0) if self.lead else np.ones(len(t))
         # the pace rises as 3 u^2 - 2 u^3
-        place = self._begin - 0.5 * self.lead + self.lead * (u**3 - 0.5 * u**4) + np.maximum(t - self.lead, 0.0)
+        place = self.begin - 0.5 * self.lead + self.lead * (u**3 - 0.5 * u**4) + np.maximum(t - self.lead, 0.0)
         pace = (3.0 * u**2 - 2.0 * u**3)[:, np.newaxis]
         rise = (6.0 * u * (1.0 - u) / self.lead if self.lead else np.zeros(len(t)))[:, np.newaxis]
         q, qd, qdd = self._motion.sample(place)

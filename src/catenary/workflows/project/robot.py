@@ -21,13 +21,12 @@ from catenary.config import plain_data
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
-from catenary.plant import JointState
 from catenary.recording.journal import About, LeftOff
 from catenary.recording.recorder import Recorder
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.trajectories.reference import GoneOn, Reference, Trajectory
+from catenary.trajectories.reference import GoneOn, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
@@ -43,15 +42,9 @@ from catenary.workflows.robot.homing import (
     have_done,
     home_client,
 )
-from catenary.workflows.robot.motion import (
-    at_rest_afterwards,
-    check_motion,
-    move_to,
-    pause,
-    paused_if_interrupted,
-    run_trajectory,
-)
-from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off, refuse_missing
+from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, pause, paused_if_interrupted
+from catenary.workflows.robot.recorded_passes import record_passes
+from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off
 from catenary.workflows.simulated_recording import driven
 
 _log = logging.getLogger(__name__)
@@ -237,8 +230,6 @@ def left_at(project: Project, step: str) -> Path:
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
-COLLECT_EVERY = 20  # ticks between two looks at what has come
-PASS = 20.0  # [s] of a motion, which a recording that is cut off loses at most
 SOON = 3.0  # [s] in which encoders that are mounted read, once the robot has homed
 
 
@@ -301,13 +292,19 @@ class RosRobot(ProjectRobot):
             motion = GoneOn(take.trajectory, 0.0 if left is None else left.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
-                move_to(client, motion(0.0).q, joints=joints)
                 if left is None:
                     set_aside(project, take.name)
                 else:
                     _set_pass_aside(project, take.name, left)
                     self._guide.say(f"{take.name}: {left.gap(self._transport.steady())}")
-                self._record(client, take, kind, about, motion, left)
+                required = [topic.name for topic in kind.required]
+                with TopicRecorder(self._transport, take.folder, kind.topics, about=about, after=left) as recorder:
+                    self._comes(lambda: recorder.silent(required) or None)
+                    recorder.require(required)  # before anything moves
+                    record_passes(client, recorder, motion, joints=joints, progress=take.progress)
+                    recorder.require(required)
+        for problem in recorder.problems():
+            self._guide.say(problem)
 
     def deploy(
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
@@ -364,36 +361,6 @@ class RosRobot(ProjectRobot):
     def _no_encoders(self, kind: ProjectKind) -> str | None:
         topic = kind.required[-1].name
         return None if topic in self._transport.topics() else f"nobody publishes {topic}"
-
-    def _record(
-        self, client: CrtkClient, take: Take, kind: ProjectKind, about: About, motion: GoneOn, left: LeftOff | None
-    ) -> None:
-        begins = 0.0 if left is None else left.begins
-        tick, lead = 0, round(motion.lead / client.period)
-        next_pass = begins + PASS
-
-        with TopicRecorder(self._transport, take.folder, kind.topics, about=about, after=left) as recorder:
-
-            def observe(_: JointState, __: Reference) -> None:
-                nonlocal tick, next_pass
-                tick += 1
-                if tick == lead:
-                    recorder.pass_over()
-                elif tick > lead and tick % COLLECT_EVERY == 0:
-                    recorder.collect()
-                    at = begins + (tick - lead) * client.period
-                    if at >= next_pass:
-                        recorder.journal.begin_pass(at)
-                        next_pass = at + PASS
-
-            def progress(done: float) -> None:
-                take.progress(1.0 - (1.0 - done) * motion.duration / (motion.duration + begins))
-
-            run_trajectory(client, motion, joints=kind.joints, observe=observe, progress=progress)
-            recorder.collect()
-            refuse_missing(recorder.counts, [topic.name for topic in kind.required])
-        for problem in recorder.problems():
-            self._guide.say(problem)
 
 
 def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:

@@ -15,6 +15,8 @@ from catenary.trajectories.reference import Reference, Rest, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 
 HOLD_TICKS = 20  # during which a robot is told to stay where it is
+ARRIVAL = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
+ARRIVED = 1e-6  # [rad|m]
 
 
 @contextmanager
@@ -64,7 +66,8 @@ def pause(plant: Plant) -> None:
     plant.state_command("pause")
 
 
-Observer = Callable[[JointState, Reference], None]  # after each tick: what is measured, what was commanded
+# after each tick: what is measured, what was commanded, and the motion's time [s], below 0 on the way there
+Observer = Callable[[JointState, Reference, float], None]
 
 # A go-to nobody asked to be fast: about ten times slower than RAVEN-II's servo limits, 2.5 rad/s and 0.05 m/s
 GENTLE_VELOCITY = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
@@ -161,7 +164,7 @@ def move_to(
     moved = _named_indices(plant, joints)
     goal = as_array("q", q, (len(moved),))
     motion = _approach(plant, moved, goal, max_velocity, max_acceleration)
-    _stream(plant, motion, moved, observe, progress)
+    _stream(plant, motion, moved, observe, progress, is_way=True)
 
 
 def run_trajectory(
@@ -197,18 +200,33 @@ def run_trajectory(
     whole = approach.duration + trajectory.duration
     share = approach.duration / whole if whole > 0.0 else 0.0
     if approach.duration > 0.0:
-        _stream(plant, approach, moved, observe, lambda done: progress(share * done))
+        _stream(plant, approach, moved, observe, lambda done: progress(share * done), is_way=True)
     _stream(plant, trajectory, moved, observe, lambda done: progress(share + (1.0 - share) * done))
 
 
+def arrive(plant: Plant, q: Floats) -> None:
+    """Wait until a robot behind a transport has taken up the last setpoint (n,) [rad|m]; half a second at most."""
+    for _ in range(round(ARRIVAL / plant.period)):
+        if plant.operating_state().state != "ENABLED" or np.abs(plant.setpoint_js().q - q).max() <= ARRIVED:
+            return
+        plant.wait()
+
+
 def _stream(
-    plant: Plant, trajectory: Trajectory, moved: NDArray[np.int64], observe: Observer | None, progress: Progress
+    plant: Plant,
+    trajectory: Trajectory,
+    moved: NDArray[np.int64],
+    observe: Observer | None,
+    progress: Progress,
+    *,
+    is_way: bool = False,
 ) -> None:
-    """Send one setpoint a tick; the last one is the trajectory's end."""
+    """Send one setpoint a tick; the last one is the trajectory's end. On a way there observers get times below 0."""
     held = np.array(plant.setpoint_js().q)
     none = np.zeros(len(held))
     finite = FiniteTicks(plant.joint_names, plant.measured_js().q)
     ticks = int(np.ceil(trajectory.duration / plant.period - 1e-9))
+    begin = -ticks * plant.period if is_way else 0.0
     progress(0.0)
     for first in range(1, ticks + 1, _BLOCK):
         last = min(first + _BLOCK, ticks + 1)
@@ -233,7 +251,7 @@ def _stream(
             if observe is not None:
                 velocity, acceleration = none.copy(), none.copy()
                 velocity[moved], acceleration[moved] = qd[k], qdd[k]
-                observe(measured, Reference(rows[k], velocity, acceleration))
+                observe(measured, Reference(rows[k], velocity, acceleration), begin + (first + k) * plant.period)
         progress((last - 1) / ticks)
     if ticks == 0:
         progress(1.0)
