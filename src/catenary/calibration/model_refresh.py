@@ -149,7 +149,7 @@ def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:
     if new is None:
         return None
     inside = np.maximum(old.inside, new.inside)
-    return Intervals(old.level, inside, np.maximum(inside, np.maximum(old.outside, new.outside)))
+    return replace(old, inside=inside, outside=np.maximum(inside, np.maximum(old.outside, new.outside)))
 
 
 @dataclass(frozen=True)
