@@ -32,6 +32,7 @@ class TrainingSource:
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
     beyond: Mapping[str, int] = field(default_factory=dict)  # by joint, rows dropped for its error
+    runs: tuple[str, ...] = ()  # hashes of the recordings in it, as of `MotionLog.runs`
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ def calibration_data(
             TrainingSource(
                 name=log.name,
                 sha256=log.sha256,
+                runs=log.runs,
                 rows=len(q),
                 without_truth=int((~ok).sum()),
                 without_history=int((ok & ~complete).sum()),

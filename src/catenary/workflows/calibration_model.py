@@ -95,8 +95,7 @@ class HeldAgainst:
     def evaluate(self, window: float | None = None) -> EvaluationResult:
         """Return the model's errors, also over windows of time [s], each a tenth of the data when None."""
         data = calibration_data(self.logs, self.model.features, max_error=self.limits)
-        trained_on = {source["sha256"] for source in self.card["data"]}
-        seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
+        seen = tuple(log.name for log in self.logs if log.is_among(self.card["data"]))
         notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
         notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
         found = evaluate(self.model, data, window=window)

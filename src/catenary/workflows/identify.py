@@ -128,8 +128,8 @@ def identify_files(
     if gains is not None:
         result = result.with_gains(gains.gains)
     notes = [*(f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes), *held, *gaps]
-    seen = {log.sha256 for log in read}
-    again = [log.name for log in read_tests if log.sha256 in seen]
+    known = [{"sha256": log.sha256, "runs": log.runs} for log in read]
+    again = [log.name for log in read_tests if log.is_among(known)]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += filter_notes(model, options)
     notes += [f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons]
