@@ -35,6 +35,7 @@ OVER = {
 }
 BEFORE = "<!-- made by `make acceptance` -->"  # the table in a page
 LIMIT = 600.0  # [s] of a program
+RATE = "200"  # [Hz] of what is served: a dVRK's is 100 to 200
 
 
 def recipe() -> str:
@@ -67,7 +68,7 @@ def outcome(ros: str, by: str, program: str, programs: Path) -> str:
     """Serve a PSM, run a program against it and say how it ended."""
     clone, given, enabled = PROGRAMS[program]
     with tempfile.TemporaryDirectory() as name, network(ros, programs, Path(name)) as (environment, (path, python)):
-        arguments = ["serve", "--robot", "dvrk_psm", "--homed", "--ros", "1" if ros == "1" else "2"]
+        arguments = ["serve", "--robot", "dvrk_psm", "--homed", "--rate", RATE, "--ros", "1" if ros == "1" else "2"]
         ours = {**environment, "PYTHONPATH": str(ROOT / "src")}
         if ros != "1":
             ours["CYCLONEDDS_URI"] = LOOPBACK
@@ -88,7 +89,8 @@ def outcome(ros: str, by: str, program: str, programs: Path) -> str:
                 )  # fmt: skip
                 ended = f"{found.returncode}, {time.monotonic() - begin:.0f} s"
                 if found.returncode:
-                    ended += f": {(found.stderr.strip() or found.stdout.strip()).splitlines()[-1]}"
+                    said = (found.stderr.strip() or found.stdout.strip()).splitlines()
+                    ended += f": {'; '.join(line for line in said if 'Error' in line or ' ! ' in line) or said[-1]}"
             except subprocess.TimeoutExpired:
                 ended = f"no end within {LIMIT:.0f} s"
             finally:
