@@ -21,17 +21,14 @@ from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.recording_zeros import recording_zeros
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.mend import mends_of
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import FARTHEST
-from catenary.units import DISPLAY
 from catenary.verdict.check import Passed, robot_of, verdict
 
 MOST_ROWS = 50_000  # that a fit learns from: time and memory grow with the states of all rows alone
-SMALLEST_TOLD = 0.01  # [deg, mm] zeros of recordings
 
 
 @dataclass(frozen=True)
@@ -162,8 +159,6 @@ def _concluded(
     model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
     if model.features.friction is not None and options.friction is not None:
         notes = (*notes, *friction_notes(logs, options.friction))
-    if options.takes_zeros:
-        notes = (*notes, *zero_notes(logs, model, data))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
     left_out = errors_with_left_out(
@@ -206,20 +201,6 @@ def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]
     for log, logarithms in zip(logs, found.levels if len(logs) > 1 else (), strict=False):
         levels = ", ".join(f"{name} {level:.2f}" for name, level in zip(names, np.exp(logarithms), strict=True))
         notes.append(f"{log.name}: friction, over the recordings' mean: {levels}")
-    return notes
-
-
-def zero_notes(logs: Sequence[MotionLog], model: CalibrationModel, data: CalibrationData) -> list[str]:
-    """Return in a sentence for each joint how far the zeros of recordings lie apart, where a fit took them out."""
-    notes = []
-    for group in (each for each in model.groups if len(each.columns)):
-        zeros = recording_zeros(data.X[:, group.columns], data.error[:, group.joints], data.recording)
-        for joint, of_joint in zip(group.joints, zeros.T, strict=True):
-            unit, scale = DISPLAY[model.joint_units[joint]]
-            of_logs = sorted(zip((scale * of_joint).tolist(), (log.name for log in logs), strict=True))
-            told = ", ".join(f"{name} {zero:+.2f}" for zero, name in of_logs)
-            if np.abs(scale * of_joint).max() >= SMALLEST_TOLD:
-                notes.append(f"{model.joint_names[joint]}: zero over the recordings' mean: {told} {unit}")
     return notes
 
 
