@@ -248,7 +248,7 @@ def test_orientations_in_another_order_are_a_fault_and_too_few_are_refused() -> 
     with pytest.raises(InputError, match="at least 4"):
         fit_orientations(up[:3], up[:3])
     with pytest.raises(InputError, match="tilt about two axes"):
-        fit_orientations(up[[0, 1, 0, 1]], up[[0, 1, 0, 1]])
+        fit_orientations(9.81 * up[[0, 1, 0, 1]], up[[0, 1, 0, 1]])
 
 
 def test_a_csv_is_replayed_and_calibrated_by_the_command(tmp_path: Path) -> None:

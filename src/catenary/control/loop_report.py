@@ -203,11 +203,6 @@ def _known(gravity: GravityReport | None) -> dict[str, Any]:
     return {} if gravity is None else {"gravity_ticks": dict(gravity.ticks), "faults": dict(gravity.faults)}
 
 
-def _farthest(q: Floats) -> Floats:
-    largest: Floats = np.abs(q - q[0]).max(axis=0)
-    return largest
-
-
 @dataclass(frozen=True)
 class Holding:
     """Where an arm went that nothing but gravity compensation held."""
@@ -222,17 +217,14 @@ class Holding:
     @property
     def drift(self) -> Floats:
         """How far each joint was from where it began, at most, (n,) [rad|m], true positions."""
-        return _farthest(self.q_true)
-
-    @property
-    def reported_drift(self) -> Floats:
-        """The same of the positions that the robot reports."""
-        return _farthest(self.q)
+        farthest: Floats = np.abs(self.q_true - self.q_true[0]).max(axis=0)
+        return farthest
 
     def as_data(self) -> dict[str, Any]:
         """Plain data in deg and mm."""
         scale = np.array([DISPLAY[unit][1] for unit in self.joint_units])
-        columns = self.drift * scale, self.reported_drift * scale, (self.q_true[-1] - self.q_true[0]) * scale
+        reported = np.abs(self.q - self.q[0]).max(axis=0)
+        columns = self.drift * scale, reported * scale, (self.q_true[-1] - self.q_true[0]) * scale
         return {
             "simulated": True,
             "seconds": float(self.time[-1]),

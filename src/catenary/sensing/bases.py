@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from catenary.errors import InputError
-from catenary.sensing.checks import GravityCheck, SensorRules
+from catenary.sensing.checks import SensorRules
 from catenary.sensing.delay_free_filter import CUTOFF_BY_WINDOW
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -105,11 +105,6 @@ def attitude_time_for(base: str | BaseSpectrum) -> float:
     """Return the time over which the direction of `fade` is averaged [s]: a period of the slowest motion."""
     spectrum = base_spectrum(base)
     return 2.0 if spectrum.slow_acceleration == 0.0 else max(2.0, 1.0 / spectrum.slowest_hz)
-
-
-def unseen_swing(rules: SensorRules) -> float:
-    """Return how far gravity may swing by a gyroscope without showing in readings [m/s2], standard deviation."""
-    return rules.rest_spread + GravityCheck.MEMORY * rules.slow_jerk
 
 
 def cutoff_for(base: str | BaseSpectrum) -> float:

@@ -221,7 +221,7 @@ class GravityCheck:
         self._jump_since = math.inf
         self._impossible = False
         self.doubted_until = -math.inf  # [s] by a disagreement, whose end may be a jump
-        self._mean, self._variance = np.zeros(3), 0.0
+        self.mean, self._variance = np.zeros(3), 0.0  # of readings of late
         self._mean_length, self._mean_since = 0.0, math.inf
         self.steady_since = math.inf
 
@@ -313,7 +313,7 @@ class GravityCheck:
             fits = self._is_gravity(self._mean_length, outwards + (slow if young else 0.0))
             if self.is_steady:
                 # what stands still for half a second is at rest, or in the middle of a slow acceleration
-                fits = self._is_gravity(norm(self._mean), outwards + slow) and (fits or slow == 0.0)
+                fits = self._is_gravity(norm(self.mean), outwards + slow) and (fits or slow == 0.0)
             return Fault.NONE if fits else Fault.MAGNITUDE
         off = 0.15 + slow / STANDARD_GRAVITY
         in_g, stripped = abs(length - 1.0) <= off, length < 2.5
@@ -339,11 +339,11 @@ class GravityCheck:
             share = max(dt / (stamp - self._mean_since), 1.0 - math.exp(-dt / self._rules.mean_time))
             self._mean_length += share * (length - self._mean_length)
         if not 0.0 < dt < self.REST:
-            self._mean, self._variance, self.steady_since = gravity, 0.0, stamp
+            self.mean, self._variance, self.steady_since = gravity, 0.0, stamp
             return
         share = 1.0 - math.exp(-dt / self.MEMORY)
-        off = gravity - self._mean
-        self._mean = self._mean + share * off
+        off = gravity - self.mean
+        self.mean = self.mean + share * off
         self._variance = (1.0 - share) * (self._variance + share * float(off @ off))
         if self._variance > self._rules.rest_spread**2:
             self.steady_since = math.inf

@@ -34,11 +34,9 @@ class Trajectory(Protocol):
 
     def __call__(self, t: float) -> Reference:
         """Return the reference at `t` [s] after the start."""
-        ...
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
-        ...
 
 
 class SampledTrajectory(ABC):
@@ -74,7 +72,7 @@ class GoneOn(SampledTrajectory):
         self.duration = self.lead + motion.duration - begin
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        """Return references at many times (N,) [s]."""
         t = as_array("times", times, (None,))
         u = np.clip(t / self.lead, 0.0, 1.0) if self.lead else np.ones(len(t))
         # the pace rises as 3 u^2 - 2 u^3
@@ -151,12 +149,7 @@ class Embedded(SampledTrajectory):
     """A trajectory of the joints numbered `joints`, the others held at `q_hold`."""
 
     def __init__(self, trajectory: Trajectory, joints: Sequence[int], q_hold: ArrayLike) -> None:
-        """Place a trajectory among a robot's joints.
-
-        Args:
-            joints: Where they are among the robot's, each once.
-            q_hold: (n,) where the robot's joints stand [rad or m]; not read for those that move.
-        """
+        """Place a trajectory at the numbers `joints` of a robot's, which stand at q_hold (n,) [rad or m]."""
         self._trajectory, self._joints, self.duration = trajectory, list(joints), trajectory.duration
         self._hold = as_array("q_hold", q_hold, (None,)).copy()
         moving = len(trajectory(0.0).q)

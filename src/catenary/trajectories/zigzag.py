@@ -89,16 +89,9 @@ def zigzag_rows(
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
 ) -> Floats:
-    """Return the rows of a zig-zag path as published: joint positions, equal distances apart, corners sharp.
+    """Return the rows of a path as published: joint positions (rows, 3) [rad or m], equally far apart, corners sharp.
 
-    Args:
-        sparsity: Distance between sweeps in the unit cube, 0.01 to 1.
-        form: Of J1-J2-J3; the other directions have one form, `generator`.
-        lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
-        upper: (3,) upper end [rad or m].
-
-    Returns:
-        (rows, 3) [rad or m].
+    The arguments are those of `zigzag`.
     """
     matrix, shift = _placement(direction, form, lower, upper)
     joints: Floats = unit_zigzag(sparsity) @ matrix.T + shift
@@ -130,9 +123,6 @@ def zigzag(
         upper: (3,) upper end [rad or m].
         rows_per_second: Speed: how many rows of `zigzag_rows` are played in a second, positive.
         blend: Time over which the velocity changes at a corner [s], positive.
-
-    Raises:
-        InputError: An argument outside its range, an unknown direction or form.
     """
     matrix, shift = _placement(direction, form, lower, upper)
     rate = float(as_positive("rows_per_second", rows_per_second))

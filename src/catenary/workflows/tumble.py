@@ -19,7 +19,7 @@ from catenary.sensing.agreement import accelerations, compare, integrated
 from catenary.sensing.checks import Fault, SensorRules
 from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import align, fit_orientations, fit_tumble, length_faults, level_and_tilts, rest_faults
+from catenary.sensing.tumble import align, fit_orientations, fit_tumble, level_and_tilts
 from catenary.sensing.vector import Kind, Mailbox, SensorSample, tilt_of, tilted_gravity
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
@@ -243,11 +243,9 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _
             f"the recording has {len(still)} rests of {SHORTEST:g} s or more, the orientations are {len(up)}: "
             "expected as many, in the same order"
         )
-    means = np.array([s.force for s in still])
-    faults = [*length_faults(means), *rest_faults(means, up)]
-    if faults:
-        return _outcome(start, still, faults, float("nan"))
-    fit = fit_orientations(means, up)
+    fit = fit_orientations([s.force for s in still], up)
+    if np.isnan(fit.residual):
+        return _outcome(start, still, list(fit.faults), fit.residual)
     wrong, checked = check_gyroscope(recording)
     known = replace(start, rotation=fit.rotation, bias=fit.bias, scale=fit.scale, checked=checked)
     return _outcome(known, still, [*fit.faults, *wrong], fit.residual)
