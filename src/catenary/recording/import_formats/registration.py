@@ -139,7 +139,6 @@ def register(
     """Find the transforms that are not given, and the chosen joints' offsets.
 
     Args:
-        model: The robot.
         tracked: Poses; rows that are not finite are left out.
         chosen: Joints that were recorded, as indices.
         frame: The robot's frame that the marker is fixed to; its tip when None.

@@ -129,8 +129,6 @@ def joints_from_poses(
     frame where it sits is nearest.
 
     Args:
-        model: The robot.
-        tracked: Frame, whether the orientation counts, and how near is near.
         poses: Of the marker, and what the robot reported then; NaN where one has none.
         base: T_base_tracker.
         marker: T_frame_marker.
