@@ -115,7 +115,7 @@ def registered(
     marker = None if tracked.T_marker_frame is None else tracked.T_marker_frame.pose().inverse()
     if base is not None and marker is not None:
         return base, marker, []
-    made = register(model, poses, chosen, frame=tracked.frame, base=base, marker=marker)
+    made = register(model, poses, chosen, frame=tracked.frame, base=base, marker=marker, zeros=tracked.zeros)
     names, units = ([of[j] for j in chosen] for of in (model.joint_names, model.joint_units))
     return made.found.base, made.found.marker, made.notes(names, units)
 
