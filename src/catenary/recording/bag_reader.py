@@ -132,10 +132,8 @@ def _file(path: Path, *, any_types: bool) -> BagStream | SqliteBag:
 def open_recording(path: Path, *, salvage: bool = False, any_types: bool = False) -> Source:
     """Open a journal (folder or file), a ROS 1 bag, an MCAP file, a SQLite file or a ROS 2 bag (folder).
 
-    Args:
-        path: Of the recording.
-        salvage: Open a bag, too, that was cut off or is damaged, to read what is whole.
-        any_types: Types that bear the names of ours may differ from them.
+    `salvage` opens a bag, too, that was cut off or is damaged, to read what is whole; with `any_types` types that bear
+    the names of ours may differ from them.
     """
     if not path.exists():
         raise FileFormatError(f"{path}: no such recording")
@@ -158,10 +156,7 @@ def open_recording(path: Path, *, salvage: bool = False, any_types: bool = False
 
 
 def open_recordings(paths: Sequence[Path], *, salvage: bool = False) -> tuple[Source, ...]:
-    """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them.
-
-    `salvage` as in `open_recording`.
-    """
+    """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them."""
     found = [bag for path in paths for bag in bags_in(path)]
     if not found:
         raise FileFormatError("recording: expected at least one file, got none")

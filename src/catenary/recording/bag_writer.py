@@ -37,9 +37,6 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
     They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc, with nothing in them but /ravenstate,
     measured_js and /ext_jpos [raven2_CRTK_Python_controller, r2_enc_CRTK_recorder.launch]; beside these
     record_joint_enc, record_other for other topics, and record_about, which says of which robot they are.
-
-    Returns:
-        What was written, in order.
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:

@@ -46,13 +46,9 @@ RAVEN_STATE = Layout("RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)")
 
 
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
-    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js.
+    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js; `namespace` is such as /PSM1.
 
     A row is a message of measured_js: `q_nominal`, `qd` and `tau` are its positions, velocities and efforts.
-
-    Args:
-        paths: Journal or bags.
-        namespace: Of the arm, such as /PSM1.
     """
     psm_topic(namespace, "measured_js")  # refuses a namespace that no PSM has
     return synchronise(Sources(paths), layout_mapping("recording/dvrk_psm", namespace=f"/{namespace.strip('/')}"))
@@ -101,12 +97,7 @@ def read_layout(
 ) -> MotionLog:
     """Read a recording of a known layout, but a motion log.
 
-    Args:
-        paths: The file; bags may be several.
-        layout: Which one it has.
-        model: The robot, where the layout needs one.
-        units: "rad" or "m" per joint, for a file that does not state them.
-        joint_names: For a file that does not state them.
+    `units` ("rad" or "m" per joint) and `joint_names` are for a file that does not state them.
     """
     path = paths[0]
     if layout in (RAVEN_BAG, RAVEN_CSV):

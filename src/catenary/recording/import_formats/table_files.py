@@ -29,12 +29,7 @@ DEEPEST = 8  # structs and cells within each other
 
 
 def read_rows(path: Path, names: Sequence[str]) -> Floats:
-    """Read columns of a table by their names, (N, k).
-
-    Raises:
-        FileFormatError: No table.
-        InputError: Columns are missing.
-    """
+    """Read columns of a table by their names, (N, k)."""
     (stream,) = read_table_file(path)
     missing = [name for name in names if name not in stream.columns]
     if missing:

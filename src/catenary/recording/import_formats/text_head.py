@@ -85,10 +85,7 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = ()) -> Tex
     above numbers. The line of names is the last line before them, or the last comment, that has a cell for each
     column; a line of units behind it goes into the names. A table without names has `data[0]`, `data[1]`, ...
 
-    Args:
-        where: The file, for errors.
-        lines: Its first lines, empty ones too.
-        last: Its last lines, where they are not among the first.
+    `lines` are its first ones, empty ones too, `last` its last ones, where they are not among the first.
     """
     lines = [lines[0].lstrip("\ufeff"), *lines[1:]] if lines else []
     plain = [k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
