@@ -86,11 +86,8 @@ class Recorder:
         """Begin a recording.
 
         Args:
-            folder: Where the journal goes.
-            topics: What to record.
             available: Names of telemetry's columns.
             rng: Draws the instants of messages.
-            about: What the recording is of.
             start_ns: Stamp of time 0 [ns].
             jitter: Of the intervals, as a share of the period.
             max_bytes: Of a file, before the next one begins.
