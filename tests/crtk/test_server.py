@@ -330,7 +330,7 @@ def test_they_move_as_the_joints_do_and_not_as_the_robot_believes(robot):
     c, q = positions(counts), positions(read)
     moved = q[-1] - q[0]
     assert (np.abs(moved) > [0.2, 0.1, 5e-4]).all()  # they do move
-    resolution = 1.0 / robot.plant.rig.counts
+    resolution = 1.0 / robot.plant.encoders.rig.counts
     assert (np.abs(moved - true) < 3.0 * resolution + 1e-3 * np.abs(true)).all()
     assert (np.abs(believed - true) > np.abs(moved - true)).all()
     assert (c == np.rint(c)).all()

@@ -69,6 +69,7 @@ def pipeline(seed: int, folder: Path) -> None:
     import warnings
 
     from catenary.calibration.fit_options import FitOptions, FitRun
+    from catenary.recording.logs import Reading
     from catenary.workflows.project import calibrate
     from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
@@ -88,10 +89,10 @@ def pipeline(seed: int, folder: Path) -> None:
         return [motion_log_path(opened(), "train")], [motion_log_path(opened(), "test")]
 
     def fit() -> None:
-        calibrate.fit_models(opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None)
+        calibrate.fit_models(opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None, Reading())
 
     def conclude() -> None:
-        calibrate.conclude(opened(), models, *logs(), None)
+        calibrate.conclude(opened(), models, *logs(), None, Reading(), FitRun())
 
     steps: list[tuple[str, Callable[[], object]]] = [
         ("extract train", lambda: extract_recording(opened(), "train")),

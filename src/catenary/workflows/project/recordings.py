@@ -26,9 +26,7 @@ def extract_recording(project: Project, name: str) -> bool:
 
     Raises:
         ConfigError: There is no such recording.
-        FileFormatError: Nothing in it can be read, or a topic without which there is no log is not there.
-        InputError: Such a topic has no message.
-        InUseError: Another process is writing in the project.
+        FileFormatError, InputError: Nothing in it can be read, or a topic without which there is no log lacks messages.
     """
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
     recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report]
@@ -70,11 +68,7 @@ def extract_recording(project: Project, name: str) -> bool:
 def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
     """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless that was done; return them.
 
-    What a killed command has left half written is no bag, and goes away.
-
-    Raises:
-        InputError: Bags are there that no step of this project wrote.
-        InUseError: Another process is writing in the project.
+    What a killed command has left half written is no bag, and goes away; bags of others are never overwritten.
     """
     step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
     files = [project.folder / written for written in project.outputs_of(step) or {}]

@@ -109,30 +109,22 @@ class ProjectRobot(ABC):
         """Run a model in its 1 kHz loop along a trajectory, and return its `Deployment` as plain data."""
 
 
-def set_aside(project: Project, name: str) -> None:
-    """Move what was recorded under a name before to replaced/NAME, or NAME.2 and so on: it cannot be made again."""
-    folder = project.folder / "recordings" / name
+def set_aside(project: Project, name: str, left: LeftOff | None) -> None:
+    """Move what was recorded under a name before, or the pass of it that was cut off, to replaced/NAME, NAME.2, ..."""
+    folder, kept = project.folder / "recordings" / name, project.folder / "replaced"
     if not folder.exists():
         return
-    place = _place_aside(project, name)
-    folder.rename(place)
-    _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
-
-
-def _place_aside(project: Project, name: str) -> Path:
-    kept = project.folder / "replaced"
     kept.mkdir(exist_ok=True)
     numbered = (kept / (name if number == 1 else f"{name}.{number}") for number in count(1))
-    return next(path for path in numbered if not path.exists())
-
-
-def _set_pass_aside(project: Project, name: str, left: LeftOff) -> None:
-    """Move the files of a pass that was cut off to where what was recorded before lies: the robot makes it again."""
-    place = _place_aside(project, name)
-    place.mkdir()
-    for file in left.dropped:
-        file.rename(place / file.name)
-    _log.warning("%s: goes on from %.1f s; the pass that was cut off lies in %s", name, left.begins, place)
+    place = next(path for path in numbered if not path.exists())
+    if left is not None:
+        place.mkdir()
+        for file in left.dropped:
+            file.rename(place / file.name)
+        _log.warning("%s: goes on from %.1f s; the pass that was cut off lies in %s", name, left.begins, place)
+    else:
+        folder.rename(place)
+        _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
 
 
 def empty(folder: Path) -> None:
@@ -279,12 +271,11 @@ class RosRobot(ProjectRobot):
         Unless the robot had to home since: its joints' zeros are not those of the passes before.
         """
         with self._connected(project) as client, paused_if_interrupted(client):
-            joints = kind_of(project.settings).joints
-            check_motion(client, take.trajectory, joints=joints)
+            kind = kind_of(project.settings)
+            check_motion(client, take.trajectory, joints=kind.joints)
             was_homed = client.operating_state().is_homed
             self._make_homed(client, project)
             client.require_free()
-            kind = kind_of(project.settings)
             about = About(robot=kind.recorded_as, simulated=self._simulated, configuration={"motion": take.motion})
             left = left_off(take.folder, about, kind.topics, self._transport.steady(), in_passes=True)
             if not was_homed:
@@ -292,16 +283,14 @@ class RosRobot(ProjectRobot):
             motion = GoneOn(take.trajectory, 0.0 if left is None else left.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
-                if left is None:
-                    set_aside(project, take.name)
-                else:
-                    _set_pass_aside(project, take.name, left)
+                set_aside(project, take.name, left)
+                if left is not None:
                     self._guide.say(f"{take.name}: {left.gap(self._transport.steady())}")
                 required = [topic.name for topic in kind.required]
                 with TopicRecorder(self._transport, take.folder, kind.topics, about=about, after=left) as recorder:
                     self._comes(lambda: recorder.silent(required) or None)
                     recorder.require(required)  # before anything moves
-                    record_passes(client, recorder, motion, joints=joints, progress=take.progress)
+                    record_passes(client, recorder, motion, joints=kind.joints, progress=take.progress)
                     recorder.require(required)
         for problem in recorder.problems():
             self._guide.say(problem)
@@ -341,11 +330,10 @@ class RosRobot(ProjectRobot):
         if isinstance(self._guide, AnswerYes) or client.dialect == "crtk":  # a dVRK has no pedal that enables it
             client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
 
-        def missing() -> str | None:
-            now = client.operating_state().state
-            return None if now == "ENABLED" else f"the robot is {now}"
-
-        self._have("press the pedal, so that the robot is ENABLED", missing)
+        self._have(
+            "press the pedal, so that the robot is ENABLED",
+            lambda: None if (now := client.operating_state().state) == "ENABLED" else f"the robot is {now}",
+        )
 
     def _have(self, text: str, missing: Check) -> None:
         have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)

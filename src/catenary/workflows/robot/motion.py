@@ -95,8 +95,6 @@ def check_motion(
 
     Raises:
         LimitError: The first violation: which joint, when, value and limit.
-        InputError: A joint that there is not, another number of joints than the trajectory moves, or a step
-            or velocity that is not positive.
     """
     moved = _indices(limits, trajectory, joints)
     lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
@@ -116,7 +114,12 @@ def check_motion(
         bad = ~((q >= lower) & (q <= upper) & (np.abs(qd) <= fastest))
         if bad.any():
             k, j = (int(i) for i in np.argwhere(bad)[0])
-            raise LimitError(_violation(limits, int(moved[j]), times[k], q[k, j], qd[k, j], fastest[j]))
+            unit = limits.joint_units[moved[j]]
+            how = f"velocity {qd[k, j]:.6g} {unit}/s beyond {fastest[j]:.6g} {unit}/s"
+            if not lower[j] <= q[k, j] <= upper[j]:
+                low, high = limits.lower[moved[j]], limits.upper[moved[j]]
+                how = f"position {q[k, j]:.6g} {unit} outside [{low:.6g}, {high:.6g}]"
+            raise LimitError(f'joint "{limits.joint_names[moved[j]]}" at {times[k]:.3f} s: {how}')
 
 
 def gentle_way(
@@ -155,10 +158,7 @@ def move_to(
 
     Raises:
         LimitError: The goal lies outside the limits; nothing has moved.
-        NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way.
         NotFiniteError: Measured positions were not finite for 20 ticks in a row; the robot holds, and is paused.
-        UnsupportedCommandError: It has no servo_jp.
-        InputError: An argument has another shape, or a joint that there is not.
     """
     require_ready(plant, "servo_jp")
     moved = _named_indices(plant, joints)
@@ -188,8 +188,7 @@ def run_trajectory(
         progress: Called with the share done, from 0 to 1.
 
     Raises:
-        LimitError: The trajectory leaves the limits; nothing has moved.
-        NotReadyError, NotFiniteError, UnsupportedCommandError, InputError: As `move_to`.
+        LimitError, NotFiniteError: As `move_to`.
     """
     require_ready(plant, "servo_jp")
     moved = _indices(plant, trajectory, joints)
@@ -295,12 +294,3 @@ def _indices(limits: Bounded, trajectory: Trajectory, joints: Sequence[str] | No
             f"{', '.join(limits.joint_names[j] for j in moved)}"
         )
     return moved
-
-
-def _violation(limits: Bounded, joint: int, time: float, q: float, qd: float, fastest: float) -> str:
-    name, unit = limits.joint_names[joint], limits.joint_units[joint]
-    low, high = limits.lower[joint], limits.upper[joint]
-    where = f'joint "{name}" at {time:.3f} s'
-    if not low - _AT_LIMIT <= q <= high + _AT_LIMIT:
-        return f"{where}: position {q:.6g} {unit} outside [{low:.6g}, {high:.6g}]"
-    return f"{where}: velocity {qd:.6g} {unit}/s beyond {fastest:.6g} {unit}/s"

@@ -1,0 +1,136 @@
+"""Recordings over a network that are interrupted: by a kill, a server that stands still, a master that dies."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catenary.crtk.message_bytes import codec
+from catenary.recording.journal_reader import JournalReader
+from meeting import Meeting
+from oracles.waves import Waves
+from patience import until
+from ros import PATIENT_COMMAND, Master, Program
+
+pytestmark = pytest.mark.slow
+
+MOTION = Waves(12.0, larger=2.0)
+EXCITE = """
+import sys
+from pathlib import Path
+from catenary.crtk import client
+from catenary.crtk.network import make_transport
+from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.robot import RosRobot
+from catenary.workflows.robot import recorded_passes
+from catenary.workflows.robot.homing import AnswerYes
+from oracles.waves import Waves
+
+recorded_passes.PASS = 1.0
+client.CrtkClient.__init__.__kwdefaults__ |= {"stale_after": 2.0, "connect_timeout": 60.0}
+ros, folder = sys.argv[1:]
+project = Project(Path(folder), ProjectSettings(connection=f"ros{ros}"))
+with make_transport(ros, "catenary_excite") as transport, project:
+    robot = RosRobot(transport, AnswerYes(), simulated=True)
+    robot.home(project)
+    motion = Waves(12.0, larger=2.0)
+    robot.record(project, "train", motion, "waves", after="home", progress=lambda done: print(done, flush=True))
+print("done", flush=True)
+"""
+
+
+def driven_to(program: Program, share: float) -> bool:
+    """Wait until a share of the motion is done; return whether all of it is."""
+    while (line := program.line()) != "done":
+        if float(line) > share:
+            return False
+    return True
+
+
+def test_it_is_finished_with_no_sample_twice_and_none_missing_but_the_told_gaps(
+    meeting: Meeting, tmp_path: Path
+) -> None:
+    network, ros = meeting
+    folder = tmp_path / "project"
+    with Program(network, PATIENT_COMMAND, "serve", "--ros", ros, "--homed", "--rate", "200") as server:
+        server.line()  # it is up
+        with Program(network, EXCITE, ros, str(folder)) as program:
+            driven_to(program, 0.35)  # killed
+        with Program(network, EXCITE, ros, str(folder)) as program:
+            driven_to(program, 0.6)
+            with server.standing_still():
+                _, errors = program.finish()
+            assert program.process.returncode == 1
+            assert "nothing has come from the robot" in errors
+        with Program(network, EXCITE, ros, str(folder)) as program:
+            driven_to(program, 0.8)
+            if isinstance(network, Master):
+                network.kill()
+        if isinstance(network, Master):
+            network.start()
+            time.sleep(3.0)  # the server comes back to it
+        with Program(network, EXCITE, ros, str(folder)) as program:
+            assert driven_to(program, 2.0)
+    holds_the_motion_once(folder / "recordings" / "train")
+
+
+def holds_the_motion_once(folder: Path) -> None:
+    reader = JournalReader(folder)
+    decode = codec("sensor_msgs/JointState").decode
+    messages = [decode(data) for name, _, data in reader.messages() if name == "/ext_jpos"]
+    stamps = 1e-9 * np.array([message.header.stamp for message in messages])
+    q = np.array([message.position for message in messages])
+    assert (np.diff(stamps) > 0.0).all()  # nothing twice
+    assert (reader.lost, reader.damage, reader.ends_early) == (0, [], False)
+    told = [remark for remark in reader.problems if "cut off, and went on" in remark]
+    seams = np.flatnonzero(np.diff(stamps) > 1.5)
+    assert len(told) == len(seams) == 3
+    grid = np.linspace(0.0, MOTION.duration, 2401)
+    path, rate, _ = MOTION.sample(grid)
+    fastest = np.abs(rate).max(axis=0)
+    # 0.1 s of the motion: messages that come late, by now and then a few ticks of a machine that is busy
+    assert (np.abs(q[seams + 1] - q[seams]) < 0.1 * fastest).all()
+    # the rig's own zeros: what the whole recording is off by
+    scale = 1.0 / fastest
+    offset = np.median([row - path[np.argmin(np.abs((path - row) * scale).max(axis=1))] for row in q], axis=0)
+    away = np.array([np.abs((path - (row - offset)) * scale).max(axis=1).min() for row in q])
+    assert away.max() < 0.1  # it is the motion all along
+    whole = [np.abs((q - offset - at) * scale).max(axis=1).min() for at in path[::20]]
+    # each tenth of a second of it is there, but where the recorder says that the machine let it stand still
+    stood = sum(
+        float(remark.split("stood still for ")[1].split(" s")[0]) for remark in reader.problems if "stood" in remark
+    )
+    assert 0.1 * np.sum(np.array(whole) > 0.1) <= stood
+
+
+def test_what_others_do_is_recorded_on_after_a_kill_and_a_silence_is_told(meeting: Meeting, tmp_path: Path) -> None:
+    network, ros = meeting
+    folder = tmp_path / "project" / "recordings" / "test"
+    record = ("record", str(tmp_path / "project"), "--ros", ros, "--no-motion", "--hours", "0.003", "--simulated")
+
+    def kept() -> int:
+        return sum(path.stat().st_size for path in folder.glob("*.mcap"))
+
+    with Program(network, PATIENT_COMMAND, "serve", "--ros", ros, "--homed", "--rate", "200") as server:
+        server.line()  # it is up
+        with Program(network, PATIENT_COMMAND, *record):
+            until(lambda: kept() > 100_000)  # killed
+        before = kept()
+        with Program(network, PATIENT_COMMAND, *record, "--json") as program:
+            until(lambda: kept() > before + 100_000)
+            with server.standing_still():
+                time.sleep(2.0)
+            out, errors = program.finish()
+    assert program.process.returncode == 0, errors
+    assert json.loads(out)["seconds"] == pytest.approx(10.8, abs=0.5)
+    reader = JournalReader(folder)
+    decode = codec("sensor_msgs/JointState").decode
+    stamps = [decode(data).header.stamp for name, _, data in reader.messages() if name == "/ext_jpos"]
+    assert (np.diff(stamps) > 0).all()
+    assert (reader.lost, reader.damage) == (0, [])
+    told = [remark for remark in reader.problems if "cut off, and went on" in remark or "nothing came" in remark]
+    assert sum("cut off, and went on" in remark for remark in told) == 1
+    assert sum("/ext_jpos: nothing came for" in remark for remark in told) >= 1
+    assert np.sum(1e-9 * np.diff(stamps) > 1.5) == 2
