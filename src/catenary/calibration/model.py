@@ -68,7 +68,7 @@ class JointGroup:
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
         of_joints = np.ones((len(self.joints), len(self.watched)))
         if bearing is not None:
-            of_joints = np.ascontiguousarray(bearing[np.ix_(self.joints, self.watched)])
+            of_joints = np.ascontiguousarray(bearing[list(self.joints)][:, self.watched])
         return [
             Step(arithmetic.take, (X, self.columns), (taken,)),
             Step(arithmetic.finite, (taken,), (known,)),
@@ -221,7 +221,7 @@ class CalibrationModel:
             joints = np.array(group.joints, dtype=np.int64)
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
             far = None if interval is None or self.intervals is None else np.empty((len(X), len(joints)))
-            steps += group.steps(X, known, prediction, far, None if far is None else self.intervals.bearing)
+            steps += group.steps(X, known, prediction, far, None if self.intervals is None else self.intervals.bearing)
             if self.target == "position":
                 steps.append(Step(arithmetic.errors_of_positions, (q, joints), (prediction,)))
             chosen_from = (prediction, known, q, joints, self.offset, *bounds)

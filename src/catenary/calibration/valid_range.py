@@ -47,13 +47,15 @@ class ValidRange:
         centred, projection = np.empty_like(X), np.empty_like(X)
         ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
         bounds = np.array([self.seen, FARTHEST])
-        has_distance = far is not None and bearing is not None
+        distances: list[Step] = []
+        if far is not None and bearing is not None:
+            distances = [Step(distance, (X, self.lower, self.upper, bearing, bounds), (far,))]
         return [
             Step(between, (X, self.lower, self.upper), (inside,)),
             Step(standardise, (X, self.mean, ones), (centred,)),
             Step(dense, (centred, self.axes, zeros), (projection,)),
             Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
-            *([Step(distance, (X, self.lower, self.upper, bearing, bounds), (far,))] if has_distance else []),
+            *distances,
         ]
 
 

@@ -19,7 +19,7 @@ from catenary.reports.joint_errors import (
     window_blocks,
 )
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text, write_page
-from catenary.reports.tip import TipErrors, arm_picture, kinematics_of, tip_blocks, tip_errors
+from catenary.reports.tip import TipErrors, arm_picture, kinematics_of, tip_blocks, tip_errors, tip_rmse
 from catenary.robots.model import RobotModel
 
 MOST_JOINTS = 6  # that a sentence can name with their numbers
@@ -60,19 +60,20 @@ def write_calibration_report(
     ]
     gains = [joint.raw_rmse / joint.rmse if joint.rmse > 0.0 else 1.0 for joint in evaluation.joints]
     first = pictures.pop(gains.index(max(gains)))  # what the correction does, before any table
+    note_blocks: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
+    over_blocks: list[Block] = (
+        [Heading("Cross-validation over blocks of time"), spread_table(spread, name)] if spread else []
+    )
     blocks: list[Block] = [
         *first,
         *opening,
         *error_blocks(evaluation, name),
-        *note_blocks(notes),
+        *note_blocks,
         *tip_part(tip, evaluation, name),
         *coverage_blocks(evaluation),
-    ]
-    blocks += [block for picture in pictures for block in picture]
-    blocks += window_blocks(evaluation, name)
-    if spread:
-        blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread, name)]
-    blocks += [
+        *(block for picture in pictures for block in picture),
+        *window_blocks(evaluation, name),
+        *over_blocks,
         *further,
         Heading("The model"),
         Facts([("model", model_name(model)), *card_facts(card)]),
@@ -86,11 +87,6 @@ def write_calibration_report(
     lead = f"Tested on {tested_on}: {len(evaluation.data):,} rows, {when}."
     verdict = headline(evaluation, unseen=unseen, spread=spread, tip=tip)
     write_page(path, title, lead, blocks, verdict=verdict, simulated=simulated)
-
-
-def note_blocks(notes: Sequence[str]) -> list[Block]:
-    """Return what a reader must know about the data, under a heading."""
-    return [Heading("Notes on the data"), Remarks(notes)] if notes else []
 
 
 def tip_part(tip: TipErrors | None, evaluation: Evaluation, name: str) -> list[Block]:
@@ -200,7 +196,7 @@ def headline(
     if not unseen and not on_blocks:
         return f"{sentence}; whether to use it, other data must show."
     if tip is not None and unseen:
-        sentence += f", and the tip's from {1e3 * tip.raw.rmse:.3f} to {1e3 * tip.model.rmse:.3f} mm"
+        sentence += f", and the tip's from {tip_rmse(tip)[0]:.3f} to {tip_rmse(tip)[1]:.3f} mm"
     narrow = [
         joint.name
         for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)

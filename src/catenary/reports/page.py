@@ -160,6 +160,14 @@ def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     return Picture(base64.b64encode(buffer.getvalue()).decode(), caption, alt)
 
 
+def joint_panels(n: int, height: float, columns: int = 1, *, spare: float = 0.0) -> tuple["Figure", Any]:
+    """Return a figure with a row of axes for each of n joints, `height` [inch] each, and these axes (n, columns)."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, height * n + spare), layout="constrained")
+    return figure, figure.subplots(n, columns, sharex=True, squeeze=False)
+
+
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
     """Write a matplotlib figure of the kind that the name ends in, PNG where that is none of `endings`.
 

@@ -83,7 +83,7 @@ def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[lis
         place: (n,) which command each measurement follows.
     """
     findings = [*_copied(pairs), *_mixed(pairs, place)]
-    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving):
+    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
         r, name = float(pairs.correlation[i, place[i]]), pairs.names[i]
         spread, of_command = float(pairs.m[:, i].std()), float(pairs.q[:, place[i]].std())
         if r < -FOLLOWS:
