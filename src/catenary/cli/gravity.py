@@ -336,6 +336,7 @@ def hold(
     q_deg: Numbers | None = Q_DEG,
     controller: str = option("NAME", "sg (gravity of a level base) or dg (sensed gravity).", "dg"),
     seconds: float = option("S", "How long to watch.", 10.0),
+    calibrated: bool = option(None, "Know the joints as they truly are, in place of as the robot reports them.", False),
     report: Path | None = REPORT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
@@ -354,8 +355,8 @@ def hold(
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
     felt = arm.plant.measured_js().gravity
-    result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing))
-    settings = {"robot": robot, "controller": controller}
+    result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
+    settings = {"robot": robot, "controller": controller, "calibrated": calibrated}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
     shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
