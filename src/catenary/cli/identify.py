@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -19,11 +20,14 @@ from catenary.cli.options import (
     require_one,
     robots_beginning,
 )
-from catenary.cli.out_files import NAMED_AS_TYPED, PARAMETERS, URDF
+from catenary.cli.out_files import EXTERNAL, NAMED_AS_TYPED, PARAMETERS, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 from catenary.files import card_path
+
+if TYPE_CHECKING:
+    from catenary.recording.logs import Reading
 
 LOGS = argument(
     "LOG", "Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map."
@@ -167,23 +171,33 @@ def payload(
         "FRAME X Y Z", "Place of the payload in a frame, in m. [default: anywhere]"
     ),
     unloaded: Sequence[Path] = option("LOG", "A recording of the same day without payload; may be repeated."),
+    external: Path | None = option(
+        "FILE",
+        "In place of a payload: torques that something outside asks of the joints, row by row, as .csv.",
+        writes=EXTERNAL,
+        not_with=("at", "wrist_sensor"),
+    ),
     cutoff_hz: float | None = CUT_OFF,
     accept: Sequence[str] = ACCEPT,
     as_json: bool = TABLES_AS_JSON,
 ) -> None:
-    """Estimate an arm's payload, or a wrist sensor's tool.
+    """Estimate an arm's payload, a wrist sensor's tool, or what pushes the arm.
 
     The table of a wrist sensor has a row for each of four poses at rest or more: the joints by name in rad and m, fx,
     fy, fz in N and tx, ty, tz in Nm in the sensor's axes. Mass, centre of mass and the sensor's biases come out.
 
     Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
     Example: catenary payload poses.csv --wrist-sensor ur10e
+    Example: catenary payload pushed.npz --model ur.npz --external pushed.csv
     """
     from catenary.workflows.identify import payload_of_files
 
     require_one(model=model, wrist_sensor=wrist_sensor)
     if model is None:
         _wrist_tool(data, wrist_sensor or "", sensor_frame, gravity_vector(gravity, None), as_json)
+        return
+    if external is not None:
+        _external(data, model, unloaded, cutoff_hz, recordings.reading(), accept, external, as_json)
         return
     place = None if at is None else (at[0], at[1:])
     result = payload_of_files(
@@ -219,6 +233,45 @@ def payload(
         ]
         title = "Links that could carry it, and what it would explain of the residual there"
         print(Table(columns, [best, *result.candidates], title).text())
+
+
+def _external(
+    data: Sequence[Path],
+    model: Path,
+    unloaded: Sequence[Path],
+    cutoff_hz: float | None,
+    reading: "Reading",
+    accept: Sequence[str],
+    out: Path,
+    as_json: bool,
+) -> None:
+    from catenary.reports.page import Table, TableColumn
+    from catenary.workflows.identify import external_torques_of_file
+
+    if len(data) != 1:
+        raise InputError(f"--external: expected one recording, got {len(data)}")
+    found = external_torques_of_file(
+        data[0], model, unloaded=unloaded, cutoff_hz=cutoff_hz, reading=reading, accept=accept
+    )
+    found.write(out)
+    if as_json:
+        print_json({**found.summary(), "file": str(out)})
+        return
+    print_notes(found.notes)
+    columns = [
+        TableColumn("joint", "joint"),
+        TableColumn("largest", "largest", ".3g"),
+        TableColumn("at [s]", "time", ".2f"),
+        TableColumn("95 % within", "half_width", ".3g"),
+        TableColumn("unit", "unit"),
+        TableColumn("beyond", lambda joint: 100.0 * joint.beyond, ".1f", " %"),
+    ]
+    print(Table(columns, found.joints, f"External torques in {found.log}; 5 % lie beyond where nothing touches").text())
+    if (strongest := found.strongest()) is not None:
+        told = [f"{v:.2f} ± {w:.2f}" for v, w in zip(strongest["wrench"], strongest["half_width"], strict=True)]
+        print(f"largest force on {found.model.tip}: {', '.join(told[:3])} N in base axes at {strongest['time']:.2f} s")
+        print(f"moment then: {', '.join(told[3:])} Nm")
+    print(f"rows: {out}")
 
 
 def _wrist_tool(data: Sequence[Path], robot: str, frame: str | None, gravity: Triple, as_json: bool) -> None:

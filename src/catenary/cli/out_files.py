@@ -146,6 +146,7 @@ MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "car
 PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), _CARD)
 LOG = FileKind("a motion log", (".parquet",), _is_log)
 EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
+EXTERNAL = FileKind("external torques", (".csv",), _holds(b"external:"))
 TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"', b'"points"'))
 MOUNTING = FileKind("a mounting file", (".toml",), _holds(b"[accelerometer]", b"[mounting]"))
 HEADER = FileKind("a C header", (".h",), _holds(b"written by catenary"))

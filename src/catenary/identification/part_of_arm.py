@@ -1,6 +1,6 @@
 """Some joints of a longer arm: the others are held where recordings hold them, the rest is a robot of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +13,10 @@ from catenary.robots.model import RobotModel
 STILL = {"rad": 0.02, "m": 0.005}  # by which a joint may move that is held
 
 
-def part_of_arm(model: RobotModel, joints: Sequence[str], logs: Sequence[MotionLog]) -> tuple[RobotModel, list[str]]:
-    """Return the robot of some joints alone, and a note on where the others are held.
+def part_of_arm(
+    model: RobotModel, joints: Sequence[str], logs: Sequence[MotionLog]
+) -> tuple[RobotModel, dict[str, float]]:
+    """Return the robot of some joints alone, and where the others are held.
 
     Recordings that have the other joints too must hold them, all at one place. Where none has them they are at zero,
     or at the limit next to it.
@@ -33,11 +35,21 @@ def part_of_arm(model: RobotModel, joints: Sequence[str], logs: Sequence[MotionL
             )
         held[name] = float(np.clip(np.mean(where), model.lower[i], model.upper[i]))
     if not held:
-        return model, []
+        return model, held
     if model.actuation is not None:  # its numbers are what is sought
         model = replace(model, actuation=replace(model.actuation, values=None))
-    told = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
-    return lock_joints(model, held), [f"{', '.join(joints)} are identified; held: {told}"]
+    return lock_joints(model, held), held
+
+
+def require_held(logs: Sequence[MotionLog], held: Mapping[str, float]) -> None:
+    """Refuse recordings that move joints which were held when an arm was identified, or hold them elsewhere."""
+    for log in logs:
+        for name, unit, q in zip(log.joint_names, log.joint_units, log.q_nominal.T, strict=True):
+            if name in held and np.abs(q - held[name]).max() > STILL[unit]:
+                raise InputError(
+                    f'recording "{log.name}": joint {name} goes from {q.min():.4g} to {q.max():.4g} {unit}, and was '
+                    f"held at {held[name]:.4g} when others were identified: expected it there, within {STILL[unit]:g}"
+                )
 
 
 def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
