@@ -94,9 +94,7 @@ class BagStream:
                 begin = file.read(len(ROS1_MAGIC))
         except OSError as problem:
             raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
-        self.is_journal = self.is_last = (
-            False  # messages are numbered; it says that it is the last file of its recording
-        )
+        self.is_journal = self.is_last = False  # messages are numbered; it is the last file of its recording
         self.lost = 0  # numbered messages that are missing
         self.remarks: list[str] = []  # of the recorder
         self._following: dict[str, int] = {}  # number of the next message, by topic
@@ -110,14 +108,14 @@ class BagStream:
         self.encoding: Encoding = "ros1" if self.is_ros1 else "cdr"
         self.about: About | None = None
         self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
-        self._types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         for name, number, first in self._guarded(self._counts):
             if name == ABOUT_TOPIC:
                 self.about = about_of(path, first, self.encoding)
             else:
                 self.counts[name] = self.counts.get(name, 0) + number
-        self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
+        types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
+        self.topics = tuple(JournalTopic(*each) for each in types.items())
 
     @property
     def problems(self) -> list[str]:
@@ -126,7 +124,7 @@ class BagStream:
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all."""
-        require_topics(self.path, topics, self._types)
+        require_topics(self.path, topics, self.connections)
         for message in self._guarded(self._messages):
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
@@ -305,15 +303,12 @@ class BagStream:
     def _keep(self, number: int, connection: BagConnection) -> None:
         """Keep a topic and its type."""
         name, kind = connection.topic, current_name(connection.type)
-        if name not in self._types and len(self._types) >= MOST_TOPICS:
+        known = current_name(self.connections.setdefault(name, connection).type)
+        if len(self.connections) > MOST_TOPICS:
             raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
-        known = self._types.setdefault(name, kind)
         if known != kind:
-            raise FileFormatError(
-                f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(connection.type)}"
-            )
+            raise FileFormatError(f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(kind)}")
         self._names[number] = name
-        self.connections.setdefault(name, connection)
 
     def _mcap_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
         """Yield every chunk of MCAP with the records of its messages."""

@@ -218,40 +218,33 @@ def _times(log: MotionLog, array: str | None, factors: Mapping[str, float], opti
 def _shift(log: MotionLog, text: str) -> MotionLog:
     if not re.fullmatch(r"-?\d{1,9}", text):
         raise InputError(f"--shift: expected rows such as 4, got {text!r}")
-    rows = int(text)
-    if log.q_encoder is None:
-        raise InputError(f'recording "{log.name}": --shift: it has no measured joint positions')
-    measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)
-    for first, last in pairwise(sorted({*log.starts, *log.gaps(), len(log)})):
-        if abs(rows) < last - first:
-            target = slice(first + max(0, -rows), last - max(0, rows))
-            source = slice(target.start + rows, target.stop + rows)
-            measured[target], ok[target] = log.q_encoder[source], log.ok[source]
-    if not ok.any():
-        raise InputError(f'recording "{log.name}": --shift {rows}: no row of {len(log)} is left')
-    return replace(log, q_encoder=measured, ok=ok)
+    return _later(log, np.arange(float(len(log))), float(text), f"--shift {text}")
 
 
 def _delay(log: MotionLog, text: str) -> MotionLog:
+    if log.time is None:
+        raise InputError(f'recording "{log.name}": --delay: it has no time stamps: give --shift ROWS')
+    return _later(log, log.time, float(text), f"--delay {text}")
+
+
+def _later(log: MotionLog, time: Floats, by: float, option: str) -> MotionLog:
     """Read measurements that much later, between neighbouring rows that were measured."""
-    seconds, whose = float(text), f'recording "{log.name}": --delay'
-    if log.q_encoder is None or log.time is None:
-        lacks = "measured joint positions" if log.q_encoder is None else "time stamps: give --shift ROWS"
-        raise InputError(f"{whose}: it has no {lacks}")
+    whose = f'recording "{log.name}": {option}'
+    if log.q_encoder is None:
+        raise InputError(f"{whose}: it has no measured joint positions")
     measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)
     for first, last in pairwise(sorted({*log.starts, *log.gaps(), len(log)})):
-        t, at = log.time[first:last], log.time[first:last] + seconds
-        after = np.searchsorted(t, at)  # the row at or after that instant
-        inside = (at >= t[0]) & (at <= t[-1])
-        after = np.clip(after, 1, len(t) - 1) if len(t) > 1 else after * 0
-        both = inside & log.ok[first:last][after] & log.ok[first:last][after - 1]
-        rows = np.flatnonzero(both)
-        share = ((at - t[after - 1]) / np.maximum(t[after] - t[after - 1], 1e-12))[rows, None]
-        seen = log.q_encoder[first:last]
-        measured[first + rows] = seen[after[rows] - 1] * (1.0 - share) + seen[after[rows]] * share
+        t, seen, trusted = time[first:last], log.q_encoder[first:last], log.ok[first:last]
+        at = t + by
+        after = np.clip(np.searchsorted(t, at), min(1, len(t) - 1), len(t) - 1)  # the row at or after that instant
+        share = np.clip((at - t[after - 1]) / np.maximum(t[after] - t[after - 1], 1e-12), 0.0, 1.0)
+        before = np.where(share < 1.0, after - 1, after)
+        rows = np.flatnonzero((at >= t[0]) & (at <= t[-1]) & trusted[after] & trusted[before])
+        near = share[rows, None]
+        measured[first + rows] = seen[before[rows]] * (1.0 - near) + seen[after[rows]] * near
         ok[first + rows] = True
     if not ok.any():
-        raise InputError(f"{whose} {text}: no row of {len(log)} is left")
+        raise InputError(f"{whose}: no row of {len(log)} is left")
     return replace(log, q_encoder=measured, ok=ok)
 
 

@@ -39,7 +39,7 @@ class SqliteBag:
         self.about: About | None = None
         self.first: int | None = None  # [ns] arrival of the first message
         self.last: int | None = None  # of the last one that was read
-        counts, types = Counter[str](), dict[str, str]()
+        counts = Counter[str]()
         try:
             self._size = path.stat().st_size
             self._database = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
@@ -57,9 +57,7 @@ class SqliteBag:
             if isinstance(error, FileFormatError):
                 raise
             raise FileFormatError(f"{path}: cannot be read as SQLite: {error}") from error
-        for name, found in self.connections.items():
-            if name != ABOUT_TOPIC:
-                types[name] = current_name(found.type)
+        types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
         self.counts: dict[str, int] = {name: counts[name] for name in types}
         if self.damage and not counts:
             raise FileFormatError(f"{self.damage[0]}; nothing in it can be saved")

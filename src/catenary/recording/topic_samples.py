@@ -1,4 +1,4 @@
-"""Thousands of messages of a topic at once: to its columns in SI, as it is extracted, and back to bytes."""
+"""Topics by their names, and thousands of messages of one at once: from its columns in SI to bytes."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
