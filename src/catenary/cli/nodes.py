@@ -69,7 +69,7 @@ def serve(
     """Serve a simulated robot over ROS, in real time.
 
     Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state
-    command, or `grav-dir 0,0,980` and `grav-dir off` for the robot's own gravity compensation.
+    command.
 
     Examples: catenary serve --ros none --homed --duration 2; catenary serve --robot dvrk_psm --namespace /PSM1
     """

@@ -82,6 +82,10 @@ class LoopbackPublisher(Publisher):
                 for heard in self._shared.heard.values():
                     heard.give(data, network.clock.steady(), self.origin)
 
+    def subscribers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that listen."""
+        return () if self.is_closed else tuple(self._shared.heard)
+
     def _end(self) -> None:
         with self._transport.network.lock:
             self._shared.publishers.pop(self._transport.name, None)

@@ -79,15 +79,17 @@ class _Publisher(Publisher):
         self._is_latched = profile.durability == _LATCHED[1]
         self._made = node.create_publisher(kind, topic, profile)
 
+    def is_heard(self) -> bool:
+        return not self.is_closed and bool(self._made.get_subscription_count())
+
     def look(self) -> None:
         """Ask who listens."""
         with self._lock:
-            is_heard = not self.is_closed and self._made.get_subscription_count()
-            listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if is_heard else []
+            listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if self.is_heard() else []
             self._listeners = _names(_ends(listed))
 
     def _send(self, message: Message) -> None:
-        if self._is_latched or self._made.get_subscription_count():
+        if self._is_latched or self.is_heard():
             self._made.publish(self._encode(message))
 
     def _end(self) -> None:

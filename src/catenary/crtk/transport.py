@@ -77,6 +77,10 @@ class Publisher:
         """Return the names of the nodes that listen."""
         return self._listeners
 
+    def is_heard(self) -> bool:
+        """Return whether anybody listens; cheap enough for a tick."""
+        return bool(self.subscribers())
+
     def close(self) -> None:
         """Publish no more."""
         if not self.is_closed:

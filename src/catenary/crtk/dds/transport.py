@@ -145,6 +145,10 @@ class DdsPublisher(Publisher):
             self._matched = len(handles)
             return program.directory.names(program.ends(program.directory.subscriptions, handles))
 
+    def is_heard(self) -> bool:
+        """Return whether anybody listens."""
+        return not self.is_closed and bool(self._writer.get_publication_matched_status().current_count)
+
     def _send(self, message: Message) -> None:
         if self._sent % _ASK == 0 or not self._matched:
             self._matched = self._writer.get_publication_matched_status().current_count

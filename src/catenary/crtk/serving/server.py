@@ -210,10 +210,10 @@ class Server:
         if self._encoders is not None:
             self._encoders.publish(now, stamp)
         self.ticks += 1
+        # a topic a tick: whoever has just connected reads at once, as of a robot that publishes to nobody too
+        self._heard[self.ticks % len(self._heard)].watch()
         if not 0 <= now - self._watched < WATCH:
             self._watched = now
-            for lazy in self._heard:
-                lazy.watch()
             for source in self._sources:
                 source.watch(now)
             for name, arm in self.arms.items():
@@ -230,6 +230,9 @@ class Server:
             free = left - MOST // 2 if k < self._others else left  # state commands leave half to the others
             count = min(len(source), OF_A_TOPIC, free // source.cost)
             left -= count * source.cost
+            if count and k < self._others:  # who asks for a state reads the robot next
+                for lazy in self._heard:
+                    lazy.watch()
             for message in source.take(now, count) if count else ():
                 self.commands += 1
                 self._obey(source, message, now)
