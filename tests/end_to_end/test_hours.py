@@ -15,7 +15,11 @@ from ros import PATIENT_COMMAND, Program
 MINUTES = float(os.environ.get("ENDURANCE_MINUTES", "1"))
 # [MB] of a program beyond what it had after a quarter of the time; an hour's messages of 200 Hz alone take 200
 GROWTH = 30.0
-pytestmark = [pytest.mark.slow, pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(600.0 + 90.0 * MINUTES),
+    pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"]),
+]
 
 
 class Tool:

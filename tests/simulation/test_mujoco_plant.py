@@ -237,7 +237,7 @@ def test_payload_taken_up_and_put_down_again_needs_its_own_torque():
         if carried is not model:
             plant.attach(payload)
         elif plant.payload is not None:
-            plant.attach(None)
+            plant.detach()
         assert_allclose(ticks(plant, 100, gravity_torque(carried, q, LEVEL))[-1], q, atol=1e-12)
     assert plant.payload is None
 

@@ -202,6 +202,10 @@ class MujocoPlant(SimulatedPlant):
         self._dynamics, self._payload = dynamics, payload
         self._joints = drive_parameters(self.model, self._hardware, dynamics.dof, dynamics.at)
 
+    def detach(self) -> None:
+        """Carry nothing from now on."""
+        self.attach(None)
+
     def rub(self, friction: ArrayLike) -> None:
         """Rub with other Coulomb friction from now on, one number for all joints or (n,) [Nm|N]."""
         self._hardware = replace(self._hardware, friction=friction)

@@ -138,7 +138,7 @@ class Surroundings:
         elif mass > 0.0:
             self.plant.attach(Payload(mass))
         else:
-            self.plant.attach(None)
+            self.plant.detach()
 
     def _break_sensor(self, fault: str) -> None:
         kind = FAULTS.get(fault)

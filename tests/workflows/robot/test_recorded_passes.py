@@ -129,6 +129,7 @@ def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.slow  # minutes of a robot's ticks
+@pytest.mark.timeout(600.0 + 120.0 * MINUTES)
 def test_minutes_that_are_interrupted_three_times(tmp_path: Path) -> None:
     motion = Waves(60.0 * MINUTES, START[:3])
     folder = interrupted(tmp_path, motion, dict.fromkeys((0.2, 0.5, 0.9), interrupt))
