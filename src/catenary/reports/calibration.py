@@ -71,7 +71,7 @@ def write_calibration_report(
     blocks += [block for picture in pictures for block in picture]
     blocks += window_blocks(evaluation, name)
     if spread:
-        blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread, name)]
+        blocks += [Heading("Cross-validation"), spread_table(spread, name)]
     blocks += [
         *further,
         Heading("The model"),
@@ -172,7 +172,7 @@ def gains_of(evaluation: Evaluation) -> list[JointGain]:
 
 
 def gains_on_blocks(spread: Sequence[Spread]) -> list[JointGain]:
-    """Return what the correction does for each joint on blocks of time, as a cross-validation saw it."""
+    """Return what the correction does for each joint, as a cross-validation saw it."""
     return [
         JointGain(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean, _against(s.rmse_mean, s.offset_rmse_mean))
         for s in spread
@@ -187,12 +187,12 @@ def headline(
     A correction is recommended for a joint where its error is at least 3 % below the fixed offset's, by the factor
     that a simpler kind of model is preferred within, and its inputs lie in the trained range.
 
-    Of data that the model was fitted to, which `unseen` denies, the errors over blocks of time in `spread` count.
+    Of data that the model was fitted to, which `unseen` denies, the errors of the cross-validation in `spread` count.
     """
     on_blocks = not unseen and bool(spread)
     gains = gains_on_blocks(spread) if on_blocks else gains_of(evaluation)
     if on_blocks:
-        start = "On blocks of time that it did not see, the correction brings joints' RMS error after the fixed offset"
+        start = "On data that it did not see, the correction brings joints' RMS error after the fixed offset"
     else:
         start = "The" if unseen else "No test, since the model was fitted to this data: the"
         start += " correction brings the RMS error of joints as reported"
