@@ -41,7 +41,7 @@ def test_fit_writes_a_model_and_its_card_and_tells_its_error_on_unseen_data(tmp_
     card = json.loads((tmp_path / "out.card.json").read_text())
     assert (card["kind"], card["rows"]) == ("linear", 300)
     outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", "--held-out", "0.2")
-    assert "RMSE on blocks of time that the fit did not see" in outcome.out
+    assert "RMSE on data that the fit did not see" in outcome.out
     assert "RMSE and largest error on the held-out part" in outcome.out
 
 

@@ -84,7 +84,7 @@ def test_the_page_needs_nothing_else_and_has_a_picture_of_every_joint(page: str)
 
 def test_table_notes_and_card_stand_on_the_page_with_names_escaped(page: str) -> None:
     for words in (
-        "one note", "Cross-validation over blocks of time", "The whole card", "Tested on the rest: 200 rows, recording without a date.",
+        "one note", "Cross-validation", "The whole card", "Tested on the rest: 200 rows, recording without a date.",
         "&lt;b&gt;J1&lt;/b&gt; &amp; co",
     ):  # fmt: skip
         assert words in page
@@ -201,7 +201,7 @@ def test_errors_on_training_data_are_no_verdict(evaluation: Evaluation) -> None:
     assert "recommended" not in said
     spread = [Spread(f"J{j}", "deg", 5, 0.25, 0.01, 0.75, 0.01) for j in range(3)]
     said = headline(evaluation, unseen=False, spread=spread)
-    assert said.startswith("On blocks of time that it did not see")
+    assert said.startswith("On data that it did not see")
     assert "after the fixed offset from 0.750 to 0.250 deg (J0)" in said
     assert "recommended for every joint" in said
 

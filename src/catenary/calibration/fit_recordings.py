@@ -1,10 +1,9 @@
 """A whole fit: which rows it sees, the model, its error on data that it did not see, and its card."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import reduce
-from typing import NamedTuple
+from functools import partial, reduce
 
 import numpy as np
 
@@ -14,11 +13,11 @@ from catenary.calibration.conformal import estimate_intervals, expected, fewest_
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
+from catenary.calibration.fit_options import FitOptions, FitRun, Kind, Progress, part_of, require_folds, silent
 from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
-from catenary.calibration.kind_choice import JointChoice, choose, composed, joined, tried
+from catenary.calibration.kind_choice import SIMPLEST_FIRST, JointChoice, choose, composed, joined
 from catenary.calibration.left_out import LeftOut, errors_with_left_out, left_out_findings
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError
@@ -65,63 +64,42 @@ def fit_logs(
     _rows_of_kind(logs, options, run)  # what cannot be fitted to is refused before anything takes long
     limits = error_limits(run.max_error, logs[0])
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
-    options = with_friction(logs, options, run)
-    kinds: dict[str, FitOptions] = {options.kind: options}
-    if options.kind == "auto":
-        inputs, data = _rows_of_kind(logs, options, run)
-        kinds = tried(options, len(inputs.features.names), len(data))
-    of_kinds = {name: _rows_of_kind(logs, of_kind, run) for name, of_kind in kinds.items()}
+    options = _with_friction(logs, options, run)
+    names = SIMPLEST_FIRST if options.kind == "auto" else (options.kind,)
+    kinds = {kind: options.of_kind(kind, options.preset) for kind in names}
+    of_kinds = {kind: _rows_of_kind(logs, of_kind, run) for kind, of_kind in kinds.items()}
     shared = reduce(np.intersect1d, (data.places for _, data in of_kinds.values()))  # all kinds are asked about these
-    attempts = {
-        name: _attempt(
-            chosen, data.rows(np.isin(data.places, shared)), kinds[name], run, part_of(progress, i, len(kinds))
-        )
-        for i, (name, (chosen, data)) in enumerate(of_kinds.items())
+    rows = {kind: data.rows(np.isin(data.places, shared)) for kind, (_, data) in of_kinds.items()}
+    parts = [part_of(progress, k, len(kinds) + 1) for k in range(len(kinds) + 1)]
+
+    def fitted(kind: Kind, data: CalibrationData, tell: Progress) -> CalibrationModel:
+        return fit(data, of_kinds[kind][0], kinds[kind], progress=tell)
+
+    validations = {
+        kind: cross_validate(rows[kind], partial(fitted, kind), folds=run.folds, progress=tell)
+        for kind, tell in zip(kinds if run.folds else (), parts, strict=False)
     }
-    if options.kind == "auto":
-        validations = {name: validation for name, (validation, _) in attempts.items() if validation}
-        choices = choose(validations)
-        needed = dict.fromkeys(choice.chosen for choice in choices)
-        model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
-        validation: CrossValidation | None = joined(validations, choices)
-    else:
-        choices, attempt = (), attempts[options.kind]
-        model, validation = attempt.fitted(progress), attempt.validation
+    choices = choose(validations) if options.kind == "auto" else ()
+    needed = dict.fromkeys(choice.chosen for choice in choices) if choices else kinds
+    models = {kind: fitted(kind, rows[kind], parts[-1]) for kind in needed}
+    model = composed(models, choices) if choices else models[options.kind]
+    validation = joined(validations, choices) if choices else validations.get(options.kind)
     return _concluded(logs, options, run, model, validation, choices, found, shared)
 
 
-def with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
+def _with_friction(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> FitOptions:
     """Return options with the friction of coupled joints, where the model may take it and joints are coupled."""
-    if not options.takes_friction or options.friction is not None:
+    signals = choose_inputs(logs, options, held_out=run.held_out or 0.0).features.signals
+    if not options.takes_friction(signals) or options.friction is not None:
         return options
     limits = error_limits(run.max_error, logs[0])
     found = find_friction(logs, options, held_out=run.held_out or 0.0, max_error=limits)
     return replace(options, friction=found)
 
 
-class _Attempt(NamedTuple):
-    """A kind of model, validated on blocks of what is not held out; it can be fitted to all of that."""
-
-    validation: CrossValidation | None
-    fitted: Callable[[Progress], CalibrationModel]
-
-
 def _rows_of_kind(logs: Sequence[MotionLog], options: FitOptions, run: FitRun) -> tuple[Inputs, CalibrationData]:
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
     return inputs, _rows(logs, inputs.features, run)[0]
-
-
-def _attempt(inputs: Inputs, data: CalibrationData, options: FitOptions, run: FitRun, progress: Progress) -> _Attempt:
-    if not run.folds:
-        return _Attempt(None, lambda tell: fit(data, inputs, options, progress=tell))
-    share = run.folds / (run.folds + 1.0)
-    validation = cross_validate(
-        data,
-        lambda rows, tell: fit(rows, inputs, options, progress=tell),
-        folds=run.folds,
-        progress=lambda done: progress(share * done),
-    )
-    return _Attempt(validation, lambda tell: fit(data, inputs, options, progress=lambda done: tell(0.8 + 0.2 * done)))
 
 
 def _rows(

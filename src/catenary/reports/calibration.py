@@ -61,9 +61,7 @@ def write_calibration_report(
     gains = [joint.raw_rmse / joint.rmse if joint.rmse > 0.0 else 1.0 for joint in evaluation.joints]
     first = pictures.pop(gains.index(max(gains)))  # what the correction does, before any table
     note_blocks: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
-    over_blocks: list[Block] = (
-        [Heading("Cross-validation over blocks of time"), spread_table(spread, name)] if spread else []
-    )
+    validation_blocks: list[Block] = [Heading("Cross-validation"), spread_table(spread, name)] if spread else []
     blocks: list[Block] = [
         *first,
         *opening,
@@ -73,7 +71,7 @@ def write_calibration_report(
         *coverage_blocks(evaluation),
         *(block for picture in pictures for block in picture),
         *window_blocks(evaluation, name),
-        *over_blocks,
+        *validation_blocks,
         *further,
         Heading("The model"),
         Facts([("model", model_name(model)), *card_facts(card)]),
@@ -168,7 +166,7 @@ def gains_of(evaluation: Evaluation) -> list[JointGain]:
 
 
 def gains_on_blocks(spread: Sequence[Spread]) -> list[JointGain]:
-    """Return what the correction does for each joint on blocks of time, as a cross-validation saw it."""
+    """Return what the correction does for each joint, as a cross-validation saw it."""
     return [
         JointGain(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean, _against(s.rmse_mean, s.offset_rmse_mean))
         for s in spread
@@ -183,12 +181,12 @@ def headline(
     A correction is recommended for a joint where its error is at least 3 % below the fixed offset's, by the factor
     that a simpler kind of model is preferred within, and its inputs lie in the trained range.
 
-    Of data that the model was fitted to, which `unseen` denies, the errors over blocks of time in `spread` count.
+    Of data that the model was fitted to, which `unseen` denies, the errors of the cross-validation in `spread` count.
     """
     on_blocks = not unseen and bool(spread)
     gains = gains_on_blocks(spread) if on_blocks else gains_of(evaluation)
     if on_blocks:
-        start = "On blocks of time that it did not see, the correction brings joints' RMS error after the fixed offset"
+        start = "On data that it did not see, the correction brings joints' RMS error after the fixed offset"
     else:
         start = "The" if unseen else "No test, since the model was fitted to this data: the"
         start += " correction brings the RMS error of joints as reported"

@@ -118,7 +118,7 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
     if all(s.held_low is not None for s in spread):
         shares = "in intervals [% of rows]"
         columns.append(TableColumn(shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
-    return Table(columns, spread, "RMSE on blocks of time that the fit did not see, and on a stretch to come")
+    return Table(columns, spread, "RMSE on data that the fit did not see, and on a stretch to come")
 
 
 def left_out_table(found: Sequence[LeftOut]) -> Table:

@@ -309,10 +309,10 @@ def _check_model(path: Path) -> FileReport:
         if (one := blocks.get(name)) is not None:
             rmse, sd, offset = one["rmse_mean"], one["rmse_sd"], one["offset_rmse_mean"]
             joint["cross_validation"] = {"rmse": rmse, "rmse_sd": sd, "offset_rmse": offset}
-            spread = f"RMSE {rmse:.3f} ± {sd:.3f} {shown} on unseen blocks of time"
+            spread = f"RMSE {rmse:.3f} ± {sd:.3f} {shown} on unseen data"
             on_blocks.append((name, f"{spread} (fixed offset {offset:.3f})"))
             if rmse > offset * (1.0 + ROUNDING):
-                found.faults.append(f"{name}: worse than the fixed offset on unseen blocks of time")
+                found.faults.append(f"{name}: worse than the fixed offset on unseen data")
         if (one := last.get(name)) is not None:
             joint["held_out"] = {"rmse": one["rmse"], "offset_rmse": one["offset_rmse"]}
             error = f"RMSE {one['rmse']:.3f} {shown} on the last part of the recordings, which it did not see"
