@@ -59,8 +59,7 @@ def findings_of(
 def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
     """Find what is wrong between measurements and commands, each thing once, under its first cause.
 
-    Args:
-        wrong: Joints of which something is known to be wrong; they may stand still for that.
+    Joints of which something is known to be `wrong` may stand still for that.
     """
     turns = turn_findings(pairs)
     turned = {joint for each in turns for joint in each.joints}

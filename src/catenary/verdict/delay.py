@@ -99,11 +99,8 @@ def delay_of(log: MotionLog, place: Sequence[int] | Rows | None = None, about: f
     low, high = _interval(grid, total, CERTAIN**2 / LOOKS)
     near_low, near_high = _interval(grid, total, LIKELY**2 / LOOKS)
     sure: Literal["certain", "likely", "none"] = "none"
-    if best not in (0, len(grid) - 1):
-        if max(low, -high) > tolerance:
-            sure = "certain"
-        elif max(near_low, -near_high) > tolerance:
-            sure = "likely"
+    if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
+        sure = "certain" if max(low, -high) > tolerance else "likely"
     along = grid[np.argmin(costs[:, :, 1:].sum(axis=0), axis=0)]
     return Delay(float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]))
 

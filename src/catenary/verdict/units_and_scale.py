@@ -34,11 +34,7 @@ WITHIN = 2.0  # the same of what it becomes in the other unit
 
 
 def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find measurements, or commands, in another unit or of another scale.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find measurements, or commands, in another unit or of another scale."""
     wrong: dict[tuple[str, str], list[int]] = {}
     findings = []
     for i in np.flatnonzero(pairs.moved[place]):
