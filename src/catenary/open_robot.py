@@ -121,11 +121,7 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
 
 
 def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
-    """Refuse what a simulated robot of a kind cannot have.
-
-    Raises:
-        UnsupportedModelError: A seed, a payload, gravity compensation, or joint friction that it cannot have.
-    """
+    """Refuse what a simulated robot of a kind cannot have."""
     kind, name = _kind(robot), robot if isinstance(robot, str) else robot.name
     if kind is None and where.seed is not None:
         raise UnsupportedModelError(
@@ -142,16 +138,12 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
 
 
 def spoken_dialect(robot: str, dialect: str | None) -> DialectName:
-    """Return the dialect that a robot is spoken to in; its own when None.
-
-    Raises:
-        InputError: There is none of that name, or it does not speak it.
-    """
+    """Return the dialect that a robot is spoken to in; its own when None."""
     kind = _kind(robot)
     own: tuple[DialectName, ...] = ("crtk",) if kind is None else kind.dialects
-    if dialect is not None and dialect not in DIALECTS:
-        raise InputError(f'dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
     found = next((one for one in own if dialect in (None, one)), None)
+    if found is None and dialect not in DIALECTS:
+        raise InputError(f'dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
     if found is None:
         raise InputError(f'robot "{robot}": speaks {" or ".join(own)}, not {dialect}, which is a RAVEN-II\'s')
     return found

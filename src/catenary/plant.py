@@ -271,10 +271,8 @@ class MotionLog:
             )
         if rows == 0:
             raise InputError(f"{where}: is empty, expected at least one row")
-        for key in JOINT_ARRAYS:
-            self._freeze(where, key, (rows, n))
-        for key in ("time", "ok"):
-            self._freeze(where, key, (rows,))
+        for key in (*JOINT_ARRAYS, "time", "ok"):
+            self._freeze(where, key, (rows, n) if key in JOINT_ARRAYS else (rows,))
         if self.ok.dtype != np.bool_:
             raise InputError(f"{where}: ok: expected true or false on each row, got {self.ok.dtype}")
         for key, values in self.signals.items():
@@ -324,9 +322,6 @@ class MotionLog:
         """Return it with its joints in the order of others, the same ones by `places_of`; a note says what changed.
 
         Joints without names (J1, J2, ...) are taken in order.
-
-        Raises:
-            InputError: It has other joints, further ones or other units; the message names both sides.
         """
         whose = f'recording "{self.name}"'
         if len(self.joint_names) != len(wanted.joint_names):

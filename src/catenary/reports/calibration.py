@@ -158,19 +158,17 @@ def gains_of(evaluation: Evaluation) -> list[JointGain]:
     """Return what the correction does for each joint: against it speaks an error near the fixed offset's or above."""
     gains = []
     for joint in evaluation.joints:
-        against = _against(joint.rmse, joint.offset_rmse)
-        if not against and joint.outside_valid_range > MUCH_OUTSIDE:
-            against = f"{joint.outside_valid_range:.0%} of rows are outside its trained range"
+        far = f"{joint.outside_valid_range:.0%} of rows are outside its trained range"
+        beyond = far if joint.outside_valid_range > MUCH_OUTSIDE else ""
+        against = _against(joint.rmse, joint.offset_rmse) or beyond
         gains.append(JointGain(joint.name, joint.unit, joint.raw_rmse, joint.rmse, against))
     return gains
 
 
 def gains_on_blocks(spread: Sequence[Spread]) -> list[JointGain]:
-    """Return what the correction does for each joint, as a cross-validation saw it."""
-    return [
-        JointGain(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean, _against(s.rmse_mean, s.offset_rmse_mean))
-        for s in spread
-    ]
+    """Return what the correction does for each joint on blocks of time, as a cross-validation saw it."""
+    errors = [(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean) for s in spread]
+    return [JointGain(*each, _against(each[3], each[2])) for each in errors]
 
 
 def headline(
@@ -195,11 +193,8 @@ def headline(
         return f"{sentence}; whether to use it, other data must show."
     if tip is not None and unseen:
         sentence += f", and the tip's from {tip_rmse(tip)[0]:.3f} to {tip_rmse(tip)[1]:.3f} mm"
-    narrow = [
-        joint.name
-        for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
-        if verdict == "too narrow"
-    ] if unseen and evaluation.level is not None else []  # fmt: skip
+    verdicts = coverage_verdicts(evaluation) if unseen else ()  # none of a model without intervals either
+    narrow = [j.name for j, verdict in zip(evaluation.joints, verdicts, strict=False) if verdict == "too narrow"]
     intervals = f"; its intervals are too narrow for {_listed(narrow)}" if narrow else ""
     return f"{sentence}: {recommendation(gains)}{intervals}."
 
@@ -217,11 +212,8 @@ def recommendation(gains: Sequence[JointGain]) -> str:
     good = [gain for gain in gains if not gain.against]
     if len(good) == len(gains):
         return "recommended for every joint" if len(gains) > 1 else "recommended"
-    reasons: dict[str, list[str]] = {}
-    for gain in gains:
-        if gain.against:
-            reasons.setdefault(gain.against, []).append(gain.name)
-    said = "; ".join(f"{_listed(names)}: {reason}" for reason, names in reasons.items())
+    reasons = dict.fromkeys(gain.against for gain in gains if gain.against)
+    said = "; ".join(f"{_listed([g.name for g in gains if g.against == reason])}: {reason}" for reason in reasons)
     return f"recommended for {len(good) or 'none'} of {len(gains)} joints ({said})"
 
 

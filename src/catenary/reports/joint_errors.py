@@ -139,26 +139,25 @@ def left_out_table(found: Sequence[LeftOut]) -> Table:
 def coverage_table(evaluation: Evaluation) -> Table:
     """Return width and coverage of the intervals per joint, and whether they hold; for a model that has some."""
     unit = in_units(joint.unit for joint in evaluation.joints)
+    verdicts = dict(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
     columns = [
-        TableColumn("joint", lambda row: row[0].name),
-        TableColumn("unit", lambda row: row[0].unit),
-        TableColumn(f"half-width {unit}", lambda row: row[0].half_width, ".3f"),
-        TableColumn("held [% of rows]", lambda row: 100.0 * row[0].coverage, ".3g", " %"),
-        TableColumn("verdict", 1),
+        TableColumn("joint", "name"),
+        TableColumn("unit", "unit"),
+        TableColumn(f"half-width {unit}", "half_width", ".3f"),
+        TableColumn("held [% of rows]", lambda joint: 100.0 * joint.coverage, ".3g", " %"),
+        TableColumn("verdict", verdicts.__getitem__),
     ]
-    rows = list(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
     asked = 100.0 * (evaluation.level or 0.0)
-    return Table(columns, rows, f"Errors within the model's intervals, which are to hold {asked:.3g} %")
+    return Table(columns, evaluation.joints, f"Errors within the model's intervals, which are to hold {asked:.3g} %")
 
 
 def coverage_blocks(evaluation: Evaluation) -> list[Block]:
     """Return what a page says of a model's intervals."""
-    heading = Heading("Intervals")
     if evaluation.level is None:
         text = "The model has no intervals: they are estimated from a cross-validation of enough rows."
-        return [heading, Text(text)]
+        return [Heading("Intervals"), Text(text)]
     return [
-        heading,
+        Heading("Intervals"),
         coverage_table(evaluation),
         Text(
             f"Each corrected position comes with an interval that is to hold {100.0 * evaluation.level:.3g} % of "
@@ -211,18 +210,13 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, na
     for handle in legend.get_lines():
         handle.set_linewidth(3.0)
     joint = evaluation.joints[j]
-    caption = (
-        f"{joint.name}: RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed "
-        f"offset, {joint.rmse:.3f} {unit} after {shown}. Left: over time, no line where rows are missing; "
-        "right: how often each error occurs."
-    )
-    if beyond:
-        caption += f" Rows that lie beyond the picture: {beyond:,}."
+    errors = f"RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed offset"
+    caption = f"{joint.name}: {errors}, {joint.rmse:.3f} {unit} after {shown}. Left: over time, no line where rows are"
+    caption += " missing; right: how often each error occurs."
+    caption += f" Rows that lie beyond the picture: {beyond:,}." if beyond else ""
     if evaluation.level is not None:
-        caption += (
-            f" Dashed: the interval of {shown}, which is to hold {100.0 * evaluation.level:g} % of its errors; "
-            f"it holds {100.0 * joint.coverage:.1f} %."
-        )
+        level = f"which is to hold {100.0 * evaluation.level:g} % of its errors"
+        caption += f" Dashed: the interval of {shown}, {level}; it holds {100.0 * joint.coverage:.1f} %."
     return picture(figure, caption, f"Errors of joint {joint.name} over time, and their histogram.")
 
 

@@ -23,7 +23,7 @@ MIXED, MIXED_LESS = 0.1, 10.0
 
 
 def joints_in_place(pairs: Pairs) -> NDArray[np.int64]:
-    """Return which command each measured joint follows, (n,): its own number unless another fits clearly better."""
+    """Return `place`: which command each measurement follows, (n,), its own unless another fits clearly better."""
     place = np.arange(len(pairs.names))
     moving = np.flatnonzero(pairs.moved & pairs.seen_moving)
     if len(moving) < 2:
@@ -77,11 +77,7 @@ def _distances(pairs: Pairs) -> Floats:
 
 
 def correspondence_findings(pairs: Pairs, place: NDArray[np.int64]) -> tuple[list[Finding], list[Finding]]:
-    """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing."""
     findings = [*_copied(pairs), *_mixed(pairs, place)]
     for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
         r, name = float(pairs.correlation[i, place[i]]), pairs.names[i]

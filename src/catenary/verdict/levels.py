@@ -26,11 +26,7 @@ def turn_findings(pairs: Pairs) -> list[Finding]:
 
 
 def leap_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find errors that leap at one row and stay.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find errors that leap at one row and stay."""
     return [leap for i, k in enumerate(place) for leap in _leap(pairs, i, pairs.m[:, i] - pairs.q[:, k])]
 
 

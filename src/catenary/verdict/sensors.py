@@ -38,11 +38,7 @@ CATCHES_UP = 1.5  # times a command's step, by which the reading after a held on
 
 
 def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find measurements that stand still while their joint is moved.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find measurements that stand still while their joint is moved."""
     stuck: list[tuple[list[int], NDArray[np.bool_]]] = []  # joints that stand still on the same rows, these rows
     for i in range(len(pairs.names)):
         command, measured = pairs.q[:, place[i]], pairs.m[:, i]

@@ -21,7 +21,6 @@ TIGHT_LEAST, TIGHT = 0.85, 0.999
 MARGIN = 0.25  # of its range by which a joint may leave its limits
 LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a joint without limits is in no rad and no m
 CABLE_LARGEST = {"rad": 4.0 * np.pi, "m": 2.0}  # the same of an arm driven by cables, which wind up on drums
-FARTHEST = {"rad": 45.0, "m": 50.0}  # [deg, mm] offset that is worth a word: camera and homing leave some 20
 # what one rad or m becomes in other units that people record, by name
 FACTORS = {"rad": {"deg": np.rad2deg(1.0)}, "m": {"mm": 1e3, "cm": 1e2, "mdeg": np.rad2deg(1.0)}}
 SPOKEN = {
@@ -35,11 +34,7 @@ WITHIN = 2.0  # the same of what it becomes in the other unit
 
 
 def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
-    """Find measurements, or commands, in another unit or of another scale.
-
-    Args:
-        place: (n,) which command each measurement follows.
-    """
+    """Find measurements, or commands, in another unit or of another scale."""
     wrong: dict[tuple[str, str], list[int]] = {}
     findings = []
     for i in np.flatnonzero(pairs.moved[place]):
@@ -179,15 +174,3 @@ def _beyond(
         return [Finding("range", names, says, "another joint's column, another robot, or another zero")]
     spoken = " and ".join(sorted({SPOKEN[units[i]] for i in beyond}))
     return [Finding("units", names, says, f"numbers in {spoken}", _units_option(log, units))]
-
-
-def offset_findings(pairs: Pairs) -> list[Finding]:
-    """Note measurements that stand far from their commands everywhere."""
-    findings = []
-    for i, name in enumerate(pairs.names):
-        away = float(np.median(pairs.m[:, i] - pairs.q[:, i]))
-        if abs(away) > FARTHEST[pairs.log.joint_units[i]]:
-            says = f"the measurement stands {away:.4g} {pairs.unit(i)} from the command everywhere"
-            culprit = "another zero of the two kinematics, which a calibration takes away"
-            findings.append(Finding("offset", (name,), says, culprit, refuses=False))
-    return findings

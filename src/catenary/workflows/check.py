@@ -62,10 +62,6 @@ def check_file(
         robot: Catalogue name or file of the robot that a recording is of; its own when None.
         max_error: Per joint, deg and mm; rows of a recording with larger errors are left out.
         typed: Options that say how a recording is read, for the command to use next.
-
-    Raises:
-        FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
-        InputError: A recording or robot whose numbers cannot be used; the message says which.
     """
     path = Path(source)
     reading = reading if reading is not None else Reading()
@@ -236,11 +232,9 @@ def _still(model: RobotModel, samples: Samples, terms: str) -> list[str]:
 def _fit_in_words(result: Identification) -> Sequence[str]:
     left = result.training[0].relative_rms
     shares = ", ".join(f"{n} {v:.3f}" for n, v in zip(result.model.joint_names, left, strict=True))
-    return [
-        f"for identification: shows all {result.base.count} base parameters ({result.options.terms}), condition "
-        f"{result.condition:.3g}",
-        f"fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: {shares}",
-    ]
+    seen = f"shows all {result.base.count} base parameters ({result.options.terms}), condition {result.condition:.3g}"
+    by_itself = "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left"
+    return [f"for identification: {seen}", f"{by_itself}: {shares}"]
 
 
 def _with_card(check: Callable[[Path], FileReport], path: Path) -> FileReport:

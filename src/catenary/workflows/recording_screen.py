@@ -196,20 +196,19 @@ def _joints(log: MotionLog, robot: RobotModel | None, cured: MotionLog) -> list[
     told = []
     for j, (name, unit, shown) in enumerate(zip(log.joint_names, log.joint_units, hysteresis_of(cured), strict=True)):
         low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
-        share = rms = largest = wild = None
+        joint: dict[str, Any] = {"name": name, "unit": unit, "lowest": low, "highest": high, "share_of_limits": None}
+        joint |= {"reversals": shown.reversals, "error_unit": DISPLAY[unit][0]}
+        joint |= dict.fromkeys(("error_rms", "error_largest", "outliers"))
         if robot is not None and (name, unit) in zip(robot.joint_names, robot.joint_units, strict=True):
             k = robot.joint_names.index(name)
             reach = float(robot.upper[k] - robot.lower[k])
-            share = (high - low) / reach if 0.0 < reach < np.inf else None
+            joint["share_of_limits"] = (high - low) / reach if 0.0 < reach < np.inf else None
         if log.q_encoder is not None and log.ok.any():
             error = DISPLAY[unit][1] * (log.q_encoder - log.q_nominal)[log.ok, j]
-            rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-            wild = int(outliers(error[:, None])[0][0])
-        of_joint = {"name": name, "unit": unit, "lowest": low, "highest": high, "share_of_limits": share}
-        of_joint |= {"reversals": shown.reversals, "error_unit": DISPLAY[unit][0], "error_rms": rms}
-        of_joint |= {"error_largest": largest, "outliers": wild}
+            joint |= {"error_rms": float(np.sqrt(np.mean(error**2))), "error_largest": float(np.abs(error).max())}
+            joint["outliers"] = int(outliers(error[:, None])[0][0])
         widths = {"hysteresis": shown.loop, "slack": shown.slack}
-        told.append(of_joint | {key: float(x) if np.isfinite(x) else None for key, x in widths.items()})
+        told.append(joint | {key: float(x) if np.isfinite(x) else None for key, x in widths.items()})
     return told
 
 
