@@ -357,7 +357,7 @@ def turned(angle, rate, ramp, t):
 
 
 @pytest.mark.parametrize("angular", [True, False])
-@pytest.mark.parametrize("mounted_on", ["table", "cart", "vehicle", "ship"])
+@pytest.mark.parametrize("mounted_on", ["table", "vehicle", "ship"])
 @pytest.mark.parametrize(
     ("angle", "rate", "axis", "ramp"),
     [
