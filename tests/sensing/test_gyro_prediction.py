@@ -3,6 +3,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.sensing.gyro_prediction import RestRate
+from catenary.sensing.vector import tilted_gravity
 
 BIAS = np.array([0.03, -0.02, 0.01])
 
@@ -23,6 +24,13 @@ def test_a_bias_is_learnt_at_rest(rng):
 def test_nothing_is_learnt_of_a_base_that_rocks(amplitude):
     turning = amplitude * np.sin(0.2 * np.pi * np.arange(0.0, 20.0, 0.01))  # 0.1 Hz
     assert np.abs(drawn(np.outer(turning, [1.0, 0.0, 0.0]))).max() < 0.1 * amplitude
+
+
+def test_a_slow_even_turn_about_the_horizontal_is_no_bias():
+    rest, rate = RestRate(0.15), np.array([0.09, 0.0, 0.0])  # 5 deg/s
+    for t in np.arange(0.0, 10.0, 0.01):
+        rest.add(t, rate, tilted_gravity(0.09 * t, 0.0))
+    assert_array_equal(rest.bias, np.zeros(3))
 
 
 def test_nothing_is_learnt_while_gravity_moves_or_of_what_is_too_fast_for_a_bias():

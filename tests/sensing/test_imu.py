@@ -357,7 +357,7 @@ def turned(angle, rate, ramp, t):
 
 
 @pytest.mark.parametrize("angular", [True, False])
-@pytest.mark.parametrize("mounted_on", ["table", "cart", "vehicle", "ship"])
+@pytest.mark.parametrize("mounted_on", ["table", "vehicle", "ship"])
 @pytest.mark.parametrize(
     ("angle", "rate", "axis", "ramp"),
     [
@@ -365,6 +365,7 @@ def turned(angle, rate, ramp, t):
         (180, 60, (0.0, 1.0, 0.0), 0.2),
         (360, 200, (1.0, 1.0, 0.5), 0.2),
         (180, 200, (1.0, 0.0, 0.0), 0.02),  # as no base begins to
+        (360, 200, (1.0, 0.0, 0.0), 0.1),
         (360, 100, (0.0, 0.0, 1.0), 0.1),
     ],
 )
@@ -393,7 +394,8 @@ def test_a_base_that_turns_is_live_where_gravity_is_known_and_nowhere_else(
 
 
 @pytest.mark.parametrize(
-    ("scale", "angle", "rate"), [(0.5, 60, 5), (0.5, 45, 30), (0.5, 90, 200), (0.8, 90, 30), (1.25, 90, 60), (2.0, 45, 5)]
+    ("scale", "angle", "rate"),
+    [(0.5, 60, 5), (0.5, 45, 30), (0.5, 90, 200), (0.8, 90, 30), (1.25, 90, 60), (2.0, 45, 5)],
 )
 def test_a_wrong_scale_is_named_within_a_second_of_when_no_push_of_a_table_explains_it(scale, angle, rate, rng):
     # after rest for three seconds more, which tell the bias; gravity foretold is then off by (1 - scale) of the turn

@@ -98,9 +98,8 @@ class GravityEstimator(EstimatedGravity):
     forms are two laws: on the full Z each joint has parameters of its own and learns by itself, on the compact one
     joints share them, and what one learns changes what the others hold.
 
-    In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop` it takes
-    what the torque sent has beyond Z s_hat in place of the PD's torque: with the paper's controller that is the same
-    thing, and with any other one the estimate settles as well.
+    In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop`, beside any
+    controller, it takes what the torque sent has beyond Z s_hat in place of the PD's.
 
     Z^+ is Z^T (Z Z^T + lambda 1)^-1 with lambda = `damping` times the mean square of Z's rows: the pseudo-inverse,
     but for directions in which gravity hardly loads the joints, where that would take torques for huge parameters;

@@ -179,9 +179,8 @@ def carried_links(tree: Tree, joint: int) -> set[int]:
 def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:
     """Return a parameter vector as an array."""
     array = as_array(name, values, (len(labels),), finite=False)
-    bad = np.flatnonzero(~np.isfinite(array))
-    if len(bad):
-        raise InputError(f"{name}[{bad[0]}] ({labels[bad[0]]}) is {array[bad[0]]}: expected a finite number")
+    for k in np.flatnonzero(~np.isfinite(array)).tolist():
+        raise InputError(f"{name}[{k}] ({labels[k]}) is {array[k]}: expected a finite number")
     return array
 
 

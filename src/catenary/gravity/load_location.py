@@ -93,10 +93,9 @@ class LoadHypotheses:
         self._products += Z.T @ y
 
     def beliefs(self, q: Floats, gravity: Floats, noise: Floats, beforehand: float | None = None) -> LoadBeliefs:
-        """Return probabilities and masses; every frame is as likely beforehand.
+        """Return probabilities and masses; q (n,) is where the arm stands, from where a joint may move to tell more.
 
-        q (n,) is where the arm stands, from where a joint may move to tell more; beforehand is the probability that
-        there is a load: when None, none is as likely as each of the frames.
+        Every frame is as likely beforehand, which is the probability of a load; when None, of none as well.
         """
         none, *shares = self.shares(beforehand)
         carriers = []

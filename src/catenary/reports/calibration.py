@@ -166,7 +166,7 @@ def gains_of(evaluation: Evaluation) -> list[JointGain]:
 
 
 def gains_on_blocks(spread: Sequence[Spread]) -> list[JointGain]:
-    """Return what the correction does for each joint on blocks of time, as a cross-validation saw it."""
+    """Return what the correction does for each joint, as a cross-validation saw it."""
     errors = [(s.joint, s.unit, s.offset_rmse_mean, s.rmse_mean) for s in spread]
     return [JointGain(*each, _against(each[3], each[2])) for each in errors]
 

@@ -244,9 +244,10 @@ class SensedGravity:
             return fault
         if fault is Fault.RATE_TOO_FAST:
             self._predicted.forget()  # whatever it is, it does not say that the base stands still
+        elif fault in (Fault.NONE, Fault.RATE_SPIKE):  # nor does a base say so that begins to turn at once
+            self._predicted.turn(stamp, read)  # which has a bias of its own, and its mean must not leap
         if fault is not Fault.NONE or not self._check_rate.believed:
             return fault
-        self._predicted.turn(stamp, read)  # which has a bias of its own, and its mean must not leap
         if self._predicted.disagrees:
             return Fault.DISAGREEMENT
         dt = stamp - self._rate.newest

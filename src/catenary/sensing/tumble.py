@@ -1,6 +1,5 @@
 """Bias, scale and mounting of an accelerometer, from readings at rest: in unknown attitudes, or in known ones."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,13 +127,11 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
 def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> tuple[Floats, Floats]:
     """Return readings and directions of up for `align`, of a base that was level, then tilted by unknown angles.
 
-    Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive (x
-    side down), in its x-z plane. How far follows from the angle between the readings. Readings (3,) on the level base,
-    after the roll, and after a pitch from level, with which a mirrored sensor is found out; returns readings (N, 3) and
-    up (N, 3) in base axes.
+    Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis from level,
+    positive (x side down), in its x-z plane. How far follows from the angle between the readings (3,). Returns readings
+    (N, 3) and up (N, 3) in base axes.
     """
-    named = {"level": level, "roll": roll, "pitch": pitch}
-    rows = np.array([as_array(name, reading, (3,)) for name, reading in named.items()])
+    rows = np.array([as_array("reading", reading, (3,)) for reading in (level, roll, pitch)])
     a, b = _between(rows[0], rows[1]), _between(rows[0], rows[2])
     return rows, np.array([[0.0, 0.0, 1.0], [0.0, np.sin(a), np.cos(a)], [-np.sin(b), 0.0, np.cos(b)]])
 
@@ -169,12 +166,8 @@ def length_faults(y: Floats) -> list[str]:
 
 def _axes_text(matrix: Floats) -> str:
     """Return, in words, the nearest axis to each of the sensor's."""
-    parts: Sequence[str] = [
-        f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0.0 else '+'}{'xyz'[k]}"
-        for j in range(3)
-        for k in [int(np.argmax(np.abs(matrix[:, j])))]
-    ]
-    return ", ".join(parts)
+    nearest = np.argmax(np.abs(matrix), axis=0)
+    return ", ".join(f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0 else '+'}{'xyz'[k]}" for j, k in enumerate(nearest))
 
 
 def _between(a: Floats, b: Floats) -> Floats:

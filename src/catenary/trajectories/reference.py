@@ -99,8 +99,8 @@ class Rest(SampledTrajectory):
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times (N,) [s], all the same: q, qd, qdd, each (N, n)."""
         rows = len(as_array("times", times, (None,)))
-        shape = rows, len(self._q)
-        return np.tile(self._q, (rows, 1)), np.zeros(shape), np.zeros(shape)
+        q = np.tile(self._q, (rows, 1))
+        return q, np.zeros_like(q), np.zeros_like(q)
 
 
 class InTurn:
@@ -152,11 +152,9 @@ class Embedded(SampledTrajectory):
         """Place a trajectory at the numbers `joints` of a robot's, which stand at q_hold (n,) [rad or m]."""
         self._trajectory, self._joints, self.duration = trajectory, list(joints), trajectory.duration
         self._hold = as_array("q_hold", q_hold, (None,)).copy()
-        moving = len(trajectory(0.0).q)
-        if moving != len(self._joints) or len(set(self._joints)) != moving:
-            raise InputError(f"joints: expected {moving} different ones, got {self._joints}")
-        if any(not 0 <= j < len(self._hold) for j in self._joints):
-            raise InputError(f"joints: expected numbers of the robot's {len(self._hold)} joints, got {self._joints}")
+        moving, n = len(trajectory(0.0).q), len(self._hold)
+        if not len(self._joints) == len({*self._joints} & {*range(n)}) == moving:
+            raise InputError(f"joints: expected {moving} different ones of the robot's {n}, got {self._joints}")
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references of all joints at many times (N,) [s]: q, qd, qdd, each (N, n)."""

@@ -69,10 +69,10 @@ _NO_STRETCH = ((0.0, 1.0),) * 3
 
 
 def unit_zigzag(sparsity: float) -> Floats:
-    """Return the path in the unit cube, sweeping along its first axis.
+    """Return the path in the unit cube, sweeping along its first axis, as rows (rows, 3) 0.001 apart.
 
-    The sparsity is the distance between sweeps, 0.01 to 1; they lie a multiple of 0.001 apart, the next larger one.
-    Rows (rows, 3) lie 0.001 apart; the largest coordinates exceed 1 by what the sparsity does not divide.
+    The sparsity, 0.01 to 1, is the distance between sweeps, rounded up to a multiple of 0.001; the largest coordinates
+    exceed 1 by what it does not divide.
     """
     moves = _unit_moves(sparsity)
     rows = np.zeros((_corner_rows(moves)[-1] + 1, 3))

@@ -135,8 +135,7 @@ def rigid_arm(
     """Simulate any robot as rigid bodies, enabled, with gains by rule.
 
     It stands at `start` (n,) [rad|m] on a base, as `open_robot` has them when None, with a payload [kg] at its tip
-    of which the model knows nothing. Friction is `hardware`'s, rotors are `motor_inertia` (n,) at the joints
-    [kg m2|kg].
+    of which the model knows nothing. `hardware` is its friction, `motor_inertia` (n,) rotors at its joints [kg m2|kg].
     """
     model.require_inertia()
     n = model.n

@@ -37,8 +37,7 @@ def track(
     """Bring an arm to a motion's start, let it settle there [s], and follow the motion, all with the same controller.
 
     All is measured at the motors, as the paper did. Windows are the times of the motion that count in the measures,
-    from and to [s]. `gravity` says what gravity is; what the plant says when None. Observers get the motion's ticks
-    alone.
+    from and to [s]. `gravity` says what gravity is; what the plant says when None. Observers get the motion's ticks.
 
     Raises:
         LimitError: The motion leaves the joint limits; nothing has moved.
