@@ -34,7 +34,7 @@ def test_more_trials_show_more(motion):
 
 
 def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(motion):
-    assert motion.n_base == 64  # published by Gaz et al. 2019 with friction
+    assert motion.base.count == 64  # published by Gaz et al. 2019 with friction
     assert motion.condition < 100.0
 
 

@@ -171,7 +171,7 @@ def excitation(
         return
     what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
     print(f"{model.name}: {len(design.q)} {what}")
-    print(f"condition: {design.condition:.4g} for {design.n_base} base parameters")
+    print(f"condition: {design.condition:.4g} for {design.base.count} base parameters")
     for line in result.kept():
         print(line)
     print(f"file: {out}" if trajectory is None else f"file: {out}\ntrajectory: {trajectory}")

@@ -31,11 +31,6 @@ class Excitation:
     series: FourierSeries | None = None  # of a motion: what it is between its rows
     checked: CheckedMotion | None = None
 
-    @property
-    def n_base(self) -> int:
-        """How many base parameters there are."""
-        return self.base.count
-
 
 def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> Excitation:
     """Choose poses to hold, each the best of twenty random ones beside those before it (greedy log-determinant).

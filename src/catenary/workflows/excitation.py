@@ -84,7 +84,7 @@ class DesignedMotion:
             "robot": self.limits.model.name,
             "terms": design.terms,
             "rows": len(design.q),
-            "n_base": design.n_base,
+            "n_base": design.base.count,
             "condition": design.condition,
             "collisions": collisions,
             "torques_checked": self.limits.has_torques,
