@@ -190,7 +190,7 @@ def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
     free, stuck = (catenary(*HELD, *level, *more).json for more in ((), ("--friction", "50", "--kp", "100,50")))
     assert max(joint["drift"] for joint in free["joints"]) > 1.0
     assert max(joint["drift"] for joint in stuck["joints"]) < 1e-6
-    assert stuck["kp"] == "100,50"
+    assert stuck["kp"] == [100.0, 50.0]
     assert "gravity_ticks" not in stuck
 
 
@@ -201,8 +201,7 @@ def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
         (("--rock", "x,8"), "an amplitude, a frequency"),
         (("--heave", "2,-1"), "frequency of 0 Hz or more"),
         (("--heave", "nan,1"), "finite"),
-        (("--rock", "x,8,0.1", "--rock-deg", "0,5"), "--rock-deg: does not go with --rock"),
-        (("--mounting-on", "boat"), "expected one of table, cart, vehicle, ship"),
+        (("--mounting-on", "boat"), "expected table, cart, vehicle or ship"),
         (("--rule", "max_pull=3"), "no rule max_pull"),
         (("--rule", "max_push"), "expected NAME=VALUE"),
         (("--kp", "1,2,3"), "kp"),
@@ -245,7 +244,9 @@ def test_every_command_that_takes_a_payload_computes_with_it(tmp_path: Path) -> 
     assert catenary("export", "ur10e", "--c", heavy, *LOAD).code == 0
     assert catenary("export", "ur10e", "--c", light).code == 0
     assert heavy.read_text() != light.read_text()
-    assert "--payload is for --c" in refusal("export", "run.parquet", "--mcap", tmp_path / "x.mcap", *LOAD)
+    assert "--payload, --friction and --viscous are for --c" in refusal(
+        "export", "run.parquet", "--mcap", tmp_path / "x.mcap", *LOAD
+    )
     assert catenary("plot", "ur10e", "--out", tmp_path / "arm.png", *LOAD).code == 0
 
 

@@ -12,7 +12,7 @@ def test_regressor_prints_what_is_identifiable() -> None:
     text = catenary("regressor", "raven2").out
     assert "m(insertion)   by itself       by itself            0.231    kg" in text
     assert "b1  mx(shoulder)" in text
-    assert "without effect on any torque:  m(shoulder), mz(shoulder), m(elbow)" in text
+    assert "without effect on any torque: m(shoulder), mz(shoulder), m(elbow)" in text
 
 
 def test_compact_form_of_the_planar_arm_is_the_papers() -> None:
