@@ -69,21 +69,10 @@ def test_table_shows_the_difference_to_a_level_base() -> None:
     assert float(shoulder[3]) == pytest.approx(float(shoulder[1]) - float(shoulder[2]), abs=2e-4)
 
 
-def test_gravity_takes_a_file(tmp_path: Path) -> None:
-    path = tmp_path / "arm.toml"
-    path.write_text(simulated_arm.DH_TABLE)
-    content = catenary("gravity", path, "--q", "0,0.1", "--gravity", "0,-9.81,0", "--json").json
-    assert_allclose(content["tau"], [0.2 * 9.81, 0.0], rtol=1e-12)  # 1 kg, 0.2 m along x
-
-
 def test_gravity_refuses_a_robot_without_inertia_by_its_links(tmp_path: Path) -> None:
     path = tmp_path / "bare.urdf"
     path.write_text(simulated_arm.URDF_WITHOUT_INERTIA)
     assert '"upper", "fore"' in refusal("gravity", path, "--q", "0,0.1")
-
-
-def test_gravity_notes_a_joint_beyond_its_limits() -> None:
-    assert "insertion" in catenary("gravity", "raven2", "--q", "0,1.57,32", "--json").err
 
 
 def test_track_tells_error_and_pd_share_and_writes_a_page(tmp_path: Path) -> None:
@@ -118,12 +107,6 @@ def test_any_other_robot_is_held_as_rigid_bodies(tmp_path: Path) -> None:
     assert "The arm where it was put, and, paler, at the end" in page.read_text()
     assert "0, 90" in page.read_text()  # the base's tilt
     assert max(joint["drift"] for joint in catenary(*line, "--json").json["joints"]) < 1e-3
-
-
-@pytest.mark.slow
-def test_nineteen_joints_are_moved() -> None:
-    moved = catenary("track", "dual_arm_19", "--motion", "random", "--seconds", "2", "--json").json
-    assert len(moved["joints"]) == 19
 
 
 @pytest.mark.parametrize(
