@@ -41,9 +41,7 @@ class Topic:
     joint_names: tuple[str, ...] = ()  # sent along in a JointState
 
 
-def joint_topic(
-    name: str, column: str, joints: tuple[str, ...], *, rate: float, bag: str, unit: str = ""
-) -> Topic:
+def joint_topic(name: str, column: str, joints: tuple[str, ...], *, rate: float, bag: str, unit: str = "") -> Topic:
     """Return a topic of a JointState, whose messages may lack velocity and effort.
 
     `unit` is that of all positions; without one those of an insertion are in m, others in rad.

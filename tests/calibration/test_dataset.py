@@ -97,7 +97,10 @@ def test_held_out_share_that_is_none_or_leaves_a_side_empty_is_refused(held_out:
 @pytest.mark.parametrize("count", [2, 5, 7])
 def test_blocks_of_one_recording_are_contiguous(count: int) -> None:
     log = run(2, rows=81)
-    for logs in ([log], [log, run(1, rows=14)]):  # without one that holds nearly all rows, there is little to learn from
+    for logs in (
+        [log],
+        [log, run(1, rows=14)],
+    ):  # without one that holds nearly all rows, there is little to learn from
         data = calibration_data(logs, PLAIN)
         for number in range(len(logs)):
             numbers = data.blocks(count)[data.recording == number]

@@ -160,7 +160,7 @@ def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_no_pictures")
 def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
-    assert catenary("evaluate", model, run, "--report", page).out.endswith(f"page: {page}\n")
+    assert catenary("evaluate", model, run, "--report", page).out.endswith(f"page:  {page}\n")
     assert "no test: the model was fitted to run" in page.read_text()
     catenary("fit", run, "--model", "offset", "--out", tmp_path / "m.npz", "--report", page)
     assert "the data that it was fitted to" in page.read_text()

@@ -11,12 +11,7 @@ from catenary.errors import InputError
 from catenary.identification.motion_limits import room_of
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
-from catenary.workflows.excitation import (
-    MotionSurroundings,
-    design_excitation,
-    write_excitation,
-    write_trajectory,
-)
+from catenary.workflows.excitation import MotionSurroundings, design_excitation, write_excitation, write_trajectory
 from catenary.workflows.robot.followed_file import read_followed_file
 from colliding_arm import PANDA, write_arm
 

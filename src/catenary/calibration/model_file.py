@@ -55,7 +55,9 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
                 raise ValueError(f"{key} holds NaN or infinity")
         found = json_table(str(arrays["structure"]), "structure")
         if (version := found.pop("format", None)) != FORMAT:
-            raise FileFormatError(f"{path}: model format {shortened(version)}, expected {FORMAT!r}")
+            raise FileFormatError(
+                f"{path}: model format {shortened(version)}, expected {FORMAT!r}: another version wrote it; {remedy}"
+            )
         model = parse_settings(found, CalibrationModel, "structure", arrays)
         check_names("joint", model.joint_names)
         check_different("joint", model.joint_names)

@@ -28,7 +28,7 @@ class FileKind:
     """A kind of file that a command writes."""
 
     name: str
-    endings: tuple[str, ...]  # that its name may have, beside none and unknown ones
+    endings: tuple[str, ...]  # known endings that its name may have
     is_one: Callable[[Path], bool]  # whether an existing file is one
     beside: "tuple[str, Callable[[Path], Path], FileKind | None] | None" = None  # written with it: what, where, kind
 

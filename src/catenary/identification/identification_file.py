@@ -116,7 +116,7 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
     try:
         found = json_table(str(arrays["structure"]), "structure")
         if found.get("format") != FORMAT:
-            raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}")
+            raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}: identify it again")
         record = parse_settings(found, IdentificationRecord, "structure")
         parameters = Parameters(robot_from_record(record.robot), record.options.terms)
         b, k, n = len(arrays["beta"]), len(parameters.names), parameters.model.n

@@ -89,7 +89,9 @@ def pipeline(seed: int, folder: Path) -> None:
         return [motion_log_path(opened(), "train")], [motion_log_path(opened(), "test")]
 
     def fit() -> None:
-        calibrate.fit_models(opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None, Reading())
+        calibrate.fit_models(
+            opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None, Reading()
+        )
 
     def conclude() -> None:
         calibrate.conclude(opened(), models, *logs(), None, Reading(), FitRun())
