@@ -184,7 +184,7 @@ def elsewhere(recording: str, data: Path) -> Result:
     by_regions: dict[str, CrossValidation] = {}
     tests: dict[str, dict[str, Plain]] = {name: {} for name in RECORDINGS if name != recording}
     for kind in SIMPLEST_FIRST:
-        options = FitOptions(kind=kind)  # type: ignore[arg-type]
+        options = FitOptions(kind=kind)
         inputs, rows = rows_of(recording, options, data, 0.0)
         for found, block in ((by_blocks, rows.blocks(FOLDS)), (by_regions, regions(rows.q_nominal))):
             errors = np.empty_like(rows.error)
