@@ -13,7 +13,7 @@ from catenary.calibration.conformal import estimate_intervals, expected, fewest_
 from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits, in_one_order
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.fit_options import FitOptions, FitRun, Kind, Progress, part_of, require_folds, silent
+from catenary.calibration.fit_options import FitOptions, FitRun, Progress, part_of, require_folds, silent
 from catenary.calibration.fit_rows import SMALLEST_DATA, Inputs, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.friction_states import FoundFriction
@@ -66,13 +66,13 @@ def fit_logs(
     found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
     options = _with_friction(logs, options, run)
     names = SIMPLEST_FIRST if options.kind == "auto" else (options.kind,)
-    kinds = {kind: options.of_kind(kind, options.preset) for kind in names}
+    kinds: dict[str, FitOptions] = {kind: options.of_kind(kind, options.preset) for kind in names}
     of_kinds = {kind: _rows_of_kind(logs, of_kind, run) for kind, of_kind in kinds.items()}
     shared = reduce(np.intersect1d, (data.places for _, data in of_kinds.values()))  # all kinds are asked about these
     rows = {kind: data.rows(np.isin(data.places, shared)) for kind, (_, data) in of_kinds.items()}
     parts = [part_of(progress, k, len(kinds) + 1) for k in range(len(kinds) + 1)]
 
-    def fitted(kind: Kind, data: CalibrationData, tell: Progress) -> CalibrationModel:
+    def fitted(kind: str, data: CalibrationData, tell: Progress) -> CalibrationModel:
         return fit(data, of_kinds[kind][0], kinds[kind], progress=tell)
 
     validations = {

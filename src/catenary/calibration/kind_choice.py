@@ -36,8 +36,8 @@ class JointChoice:
 
     joint: str
     unit: str
-    chosen: Kind
-    errors: Mapping[Kind, float]  # of every kind that was tried, the simplest first
+    chosen: str
+    errors: Mapping[str, float]  # of every kind that was tried, the simplest first
 
     def __str__(self) -> str:
         """Return the choice in one sentence."""
@@ -46,7 +46,7 @@ class JointChoice:
         return f"{self.joint}: {self.chosen}, {error}; {others}"
 
 
-def choose(validations: Mapping[Kind, CrossValidation]) -> tuple[JointChoice, ...]:
+def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...]:
     """Choose a kind for every joint by its errors on data that models of the kind did not see."""
     first, *others = validations.values()
     if any(not np.array_equal(each.recording, first.recording) for each in others):
@@ -80,7 +80,7 @@ def _within_error(excess: Floats) -> bool:
     return bool(excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)))
 
 
-def joined(validations: Mapping[Kind, CrossValidation], choices: Sequence[JointChoice]) -> CrossValidation:
+def joined(validations: Mapping[str, CrossValidation], choices: Sequence[JointChoice]) -> CrossValidation:
     """Return the cross-validation of the chosen model: each joint's from its kind."""
     of_joints = [validations[choice.chosen] for choice in choices]
     parts = {
@@ -91,7 +91,7 @@ def joined(validations: Mapping[Kind, CrossValidation], choices: Sequence[JointC
     return CrossValidation(spread, **parts, recording=of_joints[0].recording)
 
 
-def composed(models: Mapping[Kind, CalibrationModel], choices: Sequence[JointChoice]) -> CalibrationModel:
+def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoice]) -> CalibrationModel:
     """Return a model that gives each joint what the model of its chosen kind gives it."""
     taken = {choice.chosen: models[choice.chosen] for choice in choices}
     first = next(iter(taken.values()))
