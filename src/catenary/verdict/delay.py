@@ -23,7 +23,8 @@ from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.verdict.pairs import MOVED, play, scales
 
-Rows, Flags = NDArray[np.int64], NDArray[np.bool_]
+Rows = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 PLAYS = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)  # radii, as shares of a joint's range
 LOOKS = 6.0
 CERTAIN, LIKELY = 3.0, 2.0  # deviations of the interval, and of a note
