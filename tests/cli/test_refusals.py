@@ -16,7 +16,7 @@ POSE = "raven2 --q 0,1.57,0.32"
 UP = "raven2_full --position-mm 0,0,1"
 
 A_ROBOT_THAT_CANNOT_BE = {
-    "--seed=-1": "'--seed': -1 is not in the range",
+    "--seed=-1": "Invalid value for '--seed'",
     "--side=middle": "expected left or right",
     "--payload=-0.5": "payload: expected",
     "--payload=nan": "payload: expected",
