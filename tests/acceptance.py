@@ -107,13 +107,15 @@ def say(line: str) -> None:
 
 def into_page(page: Path, rows: dict[str, str], head: str) -> None:
     """Put rows into a page's table, in place of those that it has of the same name."""
-    before, _, rest = page.read_text(encoding="utf-8").partition(BEFORE)
-    table, _, after = rest.lstrip("\n").partition("\n\n")
+    before, _, rest = page.read_text(encoding="utf-8").partition(f"{BEFORE}\n")
+    lines = rest.splitlines(keepends=True)
+    count = next(k for k, line in enumerate([*lines, ""]) if not line.startswith("|"))
+    table, after = "".join(lines[:count]), "".join(lines[count:])
     known = (
         {line.split(" | ")[0].strip("| "): line for line in table.splitlines()[2:]} if table.startswith(head) else {}
     )
     found = [line for name in OVER if (line := {**known, **rows}.get(name))]
-    page.write_text(f"{before}{BEFORE}\n" + "\n".join([head, *found]) + f"\n\n{after}", encoding="utf-8")
+    page.write_text(f"{before}{BEFORE}\n" + "\n".join([head, *found]) + f"\n{after}", encoding="utf-8")
 
 
 def main() -> int:

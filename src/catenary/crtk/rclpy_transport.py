@@ -28,7 +28,7 @@ from catenary.crtk.dds.arguments import BEGIN, RosArguments
 from catenary.crtk.inbox import Origin, Request
 from catenary.crtk.message import HEADER, Message
 from catenary.crtk.message_bytes import CDR, codec
-from catenary.crtk.transport import SETTLE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
+from catenary.crtk.transport import SETTLE, UNNAMED, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
 
@@ -37,7 +37,7 @@ _AGAIN = 1000  # messages among which one that came to two readers is known agai
 _IDLE = 0.0005  # [s] between two looks for messages where none came
 _LOOK = 0.2  # [s] between two looks at who is there: a twentieth of a millisecond a topic
 _NAMING = 1.0  # [s] until a program counts as one without a node
-_UNNAMED = "_"  # with which rclpy's words of such a one begin
+_NAMELESS = "_"  # with which rclpy's words of such a one begin
 _WAIT = 1.0  # [s] for a service to be found
 _PROGRAM = 12  # first bytes of the number of a topic's end, which DDS gives to all ends of a program
 _logger = logging.getLogger(__name__)
@@ -54,8 +54,8 @@ def _ends(listed: list[Any]) -> _Ends:
     for one in listed:
         gid = bytes(one.endpoint_gid)
         node = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
-        if one.node_name.startswith(_UNNAMED):
-            node = f"participant_{gid[:_PROGRAM].hex()}"
+        if one.node_name.startswith(_NAMELESS):
+            node = f"{UNNAMED}{gid[:_PROGRAM].hex()}"
         offered = one.qos_profile.reliability, one.qos_profile.durability
         origin = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), offered[1] == _LATCHED[1])
         found[gid] = origin, offered if offered[0] == _USUAL[0] else _POOR
@@ -131,7 +131,7 @@ class _ReadTopic(HeardTopic):
         listed = [one for one in listed if _type(one.topic_type) == self.type_name]
         with self._lock:
             # one whose node is told later must not be two programs
-            named = [one for one in listed if not one.node_name.startswith(_UNNAMED)]
+            named = [one for one in listed if not one.node_name.startswith(_NAMELESS)]
             named += [one for one in listed if now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING]
             self._publishers = _ends(named)
             offered = {quality for _, quality in self._publishers.values()} or {_USUAL}

@@ -28,6 +28,7 @@ Answer = Callable[[bytes], bytes]  # to a request
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 DEPTH = 1000  # messages that wait for the program: 1 s
+UNNAMED = "participant_"  # before the number of a program of DDS whose node is not known, or not yet
 SETTLE = 0.5  # [s] without news of other programs, until those of ROS 2 that are there count as known
 _LONGEST_SETTLE = 3.0  # [s] to wait for that
 

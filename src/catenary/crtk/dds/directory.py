@@ -19,6 +19,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 
 from catenary.crtk.dds.types import array, ros_topic, ros_type, sequence
+from catenary.crtk.transport import UNNAMED
 
 _NEVER = 0  # [ns] that a publisher waits for its readers
 
@@ -149,7 +150,7 @@ class Directory:
         """Return the name of the node that an end belongs to; its program's number where that is no ROS node."""
         if end.participant == self._own[0]:
             return self._own[1]
-        return self._nodes.get(end.participant, {}).get(end.guid, f"participant_{end.participant.hex()}")
+        return self._nodes.get(end.participant, {}).get(end.guid, f"{UNNAMED}{end.participant.hex()}")
 
     def process(self, end: Endpoint) -> str:
         """Return the node's name, a space, and what differs when it is started again."""
