@@ -3,6 +3,7 @@
 import json
 import os
 import threading
+from collections import deque
 from pathlib import Path
 
 import pytest
@@ -23,18 +24,23 @@ pytestmark = [
 
 
 class Tool:
-    """A command whose output is read as it comes, so that none waits for a full pipe; the last line is kept."""
+    """A command whose output is read as it comes, so that none waits for a full pipe; its last lines are kept."""
 
     def __init__(self, meeting: Meeting, *arguments: str) -> None:
         self.program = Program(meeting.network, PATIENT_COMMAND, *arguments, "--ros", meeting.ros, "--json")
-        self.process, self.last, self.megabytes = self.program.process, "", list[float]()
+        self.process, self.lines, self.megabytes = self.program.process, deque([""], 400), list[float]()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            self.last = line
+            self.lines.append(line)
+
+    @property
+    def last(self) -> str:
+        """The last line."""
+        return self.lines[-1]
 
     def weigh(self) -> None:
         """Note the memory that is its own."""
@@ -48,7 +54,9 @@ class Tool:
             self.program.interrupt()
         self.process.wait(PATIENCE)
         self._reader.join(PATIENCE)
-        return json.loads(self.last)
+        lines = list(self.lines)
+        first = max(k for k, line in enumerate(lines) if line.startswith("{"))  # one line, or one that is laid out
+        return json.loads("".join(lines[first:]))
 
     def grew(self) -> float:
         """Megabytes by which it grew after a quarter of the time."""
