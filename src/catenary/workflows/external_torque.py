@@ -92,10 +92,11 @@ class ExternalTorques:
             f"{name} [{TORQUE_UNIT[unit]}]"
             for name, unit in zip(self.model.joint_names, self.model.joint_units, strict=True)
         ]
-        parts = [("external", named, self.torque), ("within", named, np.tile(self.half_width, (len(self.time), 1)))]
+        within = np.tile(self.half_width, (len(self.time), 1))
+        parts: list[tuple[str, Sequence[str], Floats]] = [("external", named, self.torque), ("within", named, within)]
         if self.observed is not None:
             parts.append(("momentum", named, self.observed))
-        parts += [("tip", WRENCH, self.wrench), ("within:tip", WRENCH, self.wrench_half_width)]  # type: ignore[list-item]
+        parts += [("tip", WRENCH, self.wrench), ("within:tip", WRENCH, self.wrench_half_width)]
         header = ["t [s]", *(f"{kind}:{name}" for kind, names, _ in parts for name in names)]
         rows = np.column_stack([self.time, *(values for _, _, values in parts)])
         lines = [",".join(header), *(",".join(f"{v:.9g}" for v in row) for row in rows)]
