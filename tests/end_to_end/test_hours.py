@@ -1,4 +1,4 @@
-"""Several tools beside one served robot for a minute, or ENDURANCE_MINUTES: memory flat, nothing lost, losers named."""
+"""Several tools beside one served robot for ENDURANCE_MINUTES: memory flat, nothing lost, losers named."""
 
 import json
 import os
@@ -13,11 +13,12 @@ from meeting import Meeting
 from patience import PATIENCE, until
 from ros import PATIENT_COMMAND, Program
 
-MINUTES = float(os.environ.get("ENDURANCE_MINUTES", "1"))
+MINUTES = float(os.environ.get("ENDURANCE_MINUTES", "0"))
 # [MB] of a program beyond what it had after a quarter of the time; an hour's messages of 200 Hz alone take 200
 GROWTH = 30.0
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.skipif(MINUTES == 0.0, reason="wants a calm machine for the minutes of ENDURANCE_MINUTES"),
     pytest.mark.timeout(600.0 + 90.0 * MINUTES),
     pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"]),
 ]

