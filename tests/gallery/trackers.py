@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
-from lab_bags import JOINT_STATE, KINDS, POSE, Kind, Message, joint_state, pose, write_bag
+from tests.lab_bags import JOINT_STATE, KINDS, POSE, Kind, Message, joint_state, pose, write_bag
 
 from . import Sample
 
